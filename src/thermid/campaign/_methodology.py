@@ -23,7 +23,7 @@ from thermid.campaign._stages import Campaign
 from thermid.fit.calibration import SensorTrace
 from thermid.model.deck import load_model
 from thermid.model.elements import literal
-from thermid.model.tree import Model, Names, node_boxes, part_boxes
+from thermid.model.tree import Model, Names
 from thermid.physics.constants import ICE_POINT
 from thermid.simulation.runs import Solution
 from thermid.simulation.solver import Options
@@ -177,12 +177,12 @@ class Study(Shown):
     @property
     def boxes(self) -> dict[str, str]:
         """Node -> box colour of the part that it belongs to."""
-        return node_boxes(self.model)
+        return self.model.node_boxes
 
     @property
     def part_boxes(self) -> dict[str, str]:
         """Submodel -> its box colour with those of everything in it; the empty path is the whole."""
-        return part_boxes(self.model)
+        return self.model.part_boxes
 
     def find(self, name: str) -> str:
         """Return the path of a submodel or node by any of its names: a component, an alias, with or without a name of the whole before it.
@@ -325,7 +325,7 @@ def load_study(path: str | os.PathLike[str]) -> Study:
 def _component(model: Model, name: str, table: ComponentTable, where: str) -> Component:
     """Return a component of a study from its table; a place that the model does not have is refused."""
     path = model.canonical(table.at)
-    places = {*part_boxes(model), *Names(model).nodes} - {""}
+    places = {*model.part_boxes, *Names(model).nodes} - {""}
     refuse_unknown([path], places, where, f"'{name}' has the place '{table.at}', which the model does not have.", NameNotFoundError)
     low, high = (literal(t, TEMPERATURE, where) if t else None for t in (table.lowest, table.highest))
     return Component(path, table.what, low, high, table.basis)

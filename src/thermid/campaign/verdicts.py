@@ -18,7 +18,6 @@ from thermid.campaign._judge.criteria import (
     Criteria as Criteria,
     CriteriaSet as CriteriaSet,
     heading as heading,
-    largest as largest,
     metric as metric,
 )
 from thermid.campaign._judge.limits import (

@@ -19,7 +19,7 @@ from thermid.base.dual import real_power, value_of
 from thermid.base.errors import DeckError, ScenarioError
 from thermid.base.files import FileKinds, write_text
 from thermid.base.units import si_unit
-from thermid.model.elements import HINGES, Constant, Curve, Drawn, TableSignal, slopes, whole
+from thermid.model.elements import HINGES, Constant, Curve, Drawn, TableSignal
 from thermid.model.tree import Model
 from thermid.simulation.network import SMOOTHING, ConductorRow, Network, Numbers, refuse_controls, signal_of
 from thermid.simulation.runs import Scenario, network_for
@@ -441,8 +441,8 @@ def table_points(curve: Curve) -> tuple[list[float], list[float], bool]:
     Third: whether it is held outside; a table that is refused has no values there.
     """
     if curve.film:
-        return curve.x.tolist(), slopes(curve).tolist(), curve.limits is None
-    x, y, _ = whole(curve)
+        return curve.x.tolist(), curve.slopes.tolist(), curve.limits is None
+    x, y, _ = curve.table
     return x.tolist(), y.tolist(), curve.limits is None
 
 

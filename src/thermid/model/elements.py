@@ -1,13 +1,6 @@
 """Elements of a network, the parameters that they have, and what their laws are made of: signals, curves, stores."""
 
-from thermid.model._laws.curves import (
-    EXTENSION_REACH as EXTENSION_REACH,
-    Curve as Curve,
-    evaluate as evaluate,
-    slopes as slopes,
-    value_and_slope as value_and_slope,
-    whole as whole,
-)
+from thermid.model._laws.curves import EXTENSION_REACH as EXTENSION_REACH, Curve as Curve
 from thermid.model._laws.law import law as law
 from thermid.model._laws.signal import (
     Constant as Constant,

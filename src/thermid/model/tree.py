@@ -11,7 +11,7 @@ from thermid.model._tree.flat import (
     flatten as flatten,
     streams_of as streams_of,
 )
-from thermid.model._tree.model import Model as Model, identities as identities, node_boxes as node_boxes, part_boxes as part_boxes
+from thermid.model._tree.model import Model as Model, identities as identities
 from thermid.model._tree.rules import Finding as Finding, unlumped as unlumped
 from thermid.model._tree.tree import (
     SET as SET,
@@ -20,7 +20,4 @@ from thermid.model._tree.tree import (
     ParameterSet as ParameterSet,
     Submodel as Submodel,
     Tree as Tree,
-    deck_text as deck_text,
-    own_tables as own_tables,
-    parameter_table as parameter_table,
 )

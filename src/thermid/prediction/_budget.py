@@ -22,7 +22,7 @@ from thermid.fit.discrepancy import MAX_GAS_CONDUCTANCE, Discrepancy, contacts_i
 from thermid.fit.error_model import ROOM, RUN, START, STRUCTURE, UNEXPLAINED, VALUES, ErrorModel, KeptWay, SeenValue
 from thermid.inference.criticism import asks
 from thermid.model.elements import UNJUDGED, Standing
-from thermid.model.tree import Model, parameter_table
+from thermid.model.tree import Model
 from thermid.prediction._known import Knowledge, Rows, known_of, normal_sources, rows_of
 from thermid.prediction._split import split_values
 from thermid.simulation.network import Network, compile_network
@@ -234,7 +234,7 @@ def expanded(stated: Mapping[str, Any], model: Model) -> list[tuple[list[str], A
     """
     if not any(c in model.canonical(raw) for raw in stated for c in "*?["):
         return [([raw], how) for raw, how in stated.items()]
-    table = parameter_table(model)
+    table = model.parameter_table()
     taken = {model.canonical(raw) for raw in stated}
     out: list[tuple[list[str], Any]] = []
     for raw, how in stated.items():
@@ -829,7 +829,7 @@ def assumed_values(model: Model, scenario: Scenario, taken: Collection[str]) -> 
     A range in the deck counts as a uniform distribution: ``(max - min) / sqrt(12)``. Without one it is a tenth of the value. Values of
     zero, values that the scenario drives and those in `taken` are left out.
     """
-    table = parameter_table(model)
+    table = model.parameter_table()
     network = compile_network(model, media=scenario.media(), prescribed=tuple(scenario.prescribed))
     moved = scenario.driven(network.flat)
     loose = [p for p, e in table.items() if e.parameter.source == "assumed" and e.parameter.is_literal and p not in moved]

@@ -869,6 +869,28 @@ class Foresight(Result):
         """Return those of the prediction."""
         return self.prediction._as_rows()
 
+    def widen(self, sizes: Mapping[str, float], cause: str, words: str) -> Foresight:
+        """Return what is expected with a further standard deviation for what the model could not follow.
+
+        Nodes without a reading of their own get the root mean square of those that have one; boundaries get none. What is counted of this
+        already, under another of the two causes, is not added up but the larger one taken.
+
+        Parameters
+        ----------
+        foresight : Foresight
+        sizes : dict        Node -> standard deviation; empty for none. [K]
+        cause, words : str  What it is called, and what it stands for.
+        """
+        if not any(sizes.values()):
+            return self
+        other = float(np.sqrt(np.mean(np.square(list(sizes.values())))))
+        boundaries = self.solution._run.network.boundaries
+        bands = {
+            path: _wider(b, 0.0 if path in boundaries else sizes.get(path, other) ** 2, cause) for path, b in self.prediction.bands.items()
+        }
+        wider_prediction = replace(self.prediction, bands=bands, causes={**self.prediction.causes, cause: words})
+        return replace(self, prediction=wider_prediction)
+
 
 @takes_objects
 def foresee(
@@ -929,29 +951,6 @@ def _size_before(v: State) -> float:
     if v.log and low >= 0 and np.isfinite(high) and v.start > 0:
         return float(min(1.0, (high - low) / 12**0.5 / v.start))
     return 0.0
-
-
-def widened(foresight: Foresight, sizes: Mapping[str, float], cause: str, words: str) -> Foresight:
-    """Return what is expected with a further standard deviation for what the model could not follow.
-
-    Nodes without a reading of their own get the root mean square of those that have one; boundaries get none. What is counted of this
-    already, under another of the two causes, is not added up but the larger one taken.
-
-    Parameters
-    ----------
-    foresight : Foresight
-    sizes : dict        Node -> standard deviation; empty for none. [K]
-    cause, words : str  What it is called, and what it stands for.
-    """
-    if not any(sizes.values()):
-        return foresight
-    other = float(np.sqrt(np.mean(np.square(list(sizes.values())))))
-    boundaries = foresight.solution._run.network.boundaries
-    bands = {
-        path: _wider(b, 0.0 if path in boundaries else sizes.get(path, other) ** 2, cause) for path, b in foresight.prediction.bands.items()
-    }
-    wider_prediction = replace(foresight.prediction, bands=bands, causes={**foresight.prediction.causes, cause: words})
-    return replace(foresight, prediction=wider_prediction)
 
 
 def _wider(band: Band, variance: float, cause: str) -> Band:

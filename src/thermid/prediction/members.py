@@ -4,7 +4,6 @@ from thermid.prediction._monte_carlo.hold import (
     Hold as Hold,
     HoldQuestion as HoldQuestion,
     clock as clock,
-    driven_by as driven_by,
     hold as hold,
     load_hold as load_hold,
 )

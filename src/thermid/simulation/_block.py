@@ -15,7 +15,7 @@ from thermid.base.linear_algebra import Array
 from thermid.base.memo import Memo
 from thermid.base.results import Result
 from thermid.base.units import TEMPERATURE
-from thermid.model.blocks import FACES, Block, Exchange, exchange_cells, links
+from thermid.model.blocks import FACES, Block, Exchange
 from thermid.model.elements import Constant, Drawn, Signal, common_cycle, in_run, literal, multiplied
 from thermid.physics.convection import convection_conductance
 from thermid.physics.radiation import radiation_coefficient
@@ -402,7 +402,7 @@ def compile_block(block: Block, scenario: Scenario) -> SparseNetwork:
         coefficients[0] = (power.value if isinstance(power, Constant) else 1.0) / nodes.size
         loads.append(LoadGroup("signal", tag, nodes, coefficients, place(power)))
     names = tuple(block.heaters)
-    grid = Grid(np.array(block.cells, dtype=np.int32), *links(block))
+    grid = Grid(np.array(block.cells, dtype=np.int32), *block.links)
     return SparseNetwork(block.capacities(), grid, rows, loads, names, boundaries, places, offsets, tuple(inputs))
 
 
@@ -434,7 +434,7 @@ def _check(block: Block, scenario: Scenario, where: str) -> None:
 
 def _rows(block: Block, exchange: Exchange, boundaries: tuple[str, ...]) -> list[RowGroup]:
     """Return the conductors of an exchange as groups of one law, convection and radiation apart; an edge cell has one for all its faces."""
-    places, area, conductance = exchange_cells(block, exchange)
+    places, area, conductance = block.exchange_cells(exchange)
     second = np.zeros_like(places)
     to = boundaries.index(exchange.to) if exchange.to in boundaries else NONE
     if exchange.held:

@@ -18,7 +18,7 @@ from thermid.base.files import NETCDF_SOURCE, FileKinds, replacing
 from thermid.base.linear_algebra import Array
 from thermid.base.memo import Memo
 from thermid.base.results import PlottedTrace, Result, Row
-from thermid.model.elements import degrees, evaluate, literal
+from thermid.model.elements import degrees, literal
 from thermid.physics.constants import ICE_POINT
 from thermid.physics.correlations import GapLaw, correlation
 from thermid.simulation._network.network import Network
@@ -388,7 +388,7 @@ def correlation_range_remarks(run: Run) -> tuple[str, ...]:
             continue
         hot, cold = (run.traces.temperature(end) for end in row.ends)
         strength = run.wiring.signals[row.second].at(run.times) if row.second else 1.0
-        root = value_of(row.coefficients[1]) * strength * evaluate(row.curve.film[1], 0.5 * (hot + cold))
+        root = value_of(row.coefficients[1]) * strength * row.curve.film[1].evaluate(0.5 * (hot + cold))
         highest = float(np.max(root**4 * np.abs(hot - cold), initial=0.0))
         fields = words[row.name]
         if "tilt" in fields:

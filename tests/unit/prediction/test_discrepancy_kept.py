@@ -10,7 +10,7 @@ import pytest
 
 import thermid as td
 from thermid.fit.error_model import UNEXPLAINED
-from thermid.prediction._predict import IN_TESTS, widened
+from thermid.prediction._predict import IN_TESTS
 from thermid.values.fitted import load_values
 from unit.qualify.things import UNIT, soak, unit
 
@@ -46,7 +46,7 @@ def test_values_keep_it_and_predictions_from_them_count_it(fit: td.Calibration, 
 def test_of_two_accounts_of_it_the_larger_counts(fit: td.Calibration) -> None:
     seen = td.design.foresee(td.design.Knowledge(fit.model, (fit.values,)), soak(40.0), nodes=["proc"])
     for size, cause in ((2.0, IN_TESTS), (0.01, UNEXPLAINED)):
-        wide = widened(seen, {"proc": size}, IN_TESTS, "x").prediction["proc"].parts
+        wide = seen.widen({"proc": size}, IN_TESTS, "x").prediction["proc"].parts
         assert {c for c in (UNEXPLAINED, IN_TESTS) if c in wide} == {cause}
         assert wide[cause][-1] == pytest.approx(max(size**2, seen.prediction["proc"].parts[UNEXPLAINED][-1]))
 

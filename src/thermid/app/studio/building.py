@@ -42,7 +42,7 @@ from thermid.measure.readers import name_and_unit, read_record
 from thermid.measure.records import Record
 from thermid.model.deck import Edit
 from thermid.model.elements import literal
-from thermid.model.tree import Model, parameter_table
+from thermid.model.tree import Model
 from thermid.reporting.diagrams import card_places
 from thermid.reporting.objects import fit_object
 from thermid.simulation.network import compile_network
@@ -157,7 +157,7 @@ class Building:
     def _parameters(self) -> list[dict[str, Any]]:
         """Return the values that a fit may find, and whether it is asked to."""
         free, switching = set(self._stage().get("free", [])), schedules(self.draft.deck.content)
-        table = parameter_table(self.model)
+        table = self.model.parameter_table()
         return [
             {"path": path, "text": e.parameter.text, "free": path in free}
             for path, e in table.items()

@@ -35,7 +35,6 @@ from thermid.measure._record.channel import (
     gap_from,
     gap_limit,
     strays,
-    stretch,
     with_sensor,
 )
 from thermid.measure._record.sensor import ICE, KEYS, SensorCertificate, SensorPart
@@ -201,7 +200,7 @@ class Record(Samples, Result):
         ------
         RecordError   When fewer than two samples remain, or a channel keeps no valid one.
         """
-        inside, text = stretch(self, start, end, "trim")
+        inside, text = self.stretch(start, end, "trim")
         count = int(inside.sum())
         if count < 2:
             raise RecordError(f"only {count} sample lies from {text}; at least two are needed.", "trim", code="record.too-short")
@@ -400,7 +399,7 @@ class Record(Samples, Result):
         RecordError   When no valid sample would remain.
         """
         measured = self.channel(channel)
-        inside, text = stretch(self, start, end, f"mask of '{channel}'")
+        inside, text = self.stretch(start, end, f"mask of '{channel}'")
         masked = measured.masked(inside, reason)
         return self._noted(f"mask: {channel} from {text} ({self._masked_since(masked)} samples), {reason}", masked)
 
@@ -786,12 +785,23 @@ class Record(Samples, Result):
         """Return the names of the channels."""
         return list(self.channels)
 
+    def thin(self) -> Record:
+        """Return a record of at most `MAX_SEARCHED_READINGS` readings, switching of powers kept."""
+        if self.times.size <= MAX_SEARCHED_READINGS:
+            return self
+        return self.resample(thinned_step(self.duration))
 
-def thinned(record: Record) -> Record:
-    """Return a record of at most `MAX_SEARCHED_READINGS` readings, switching of powers kept."""
-    if record.times.size <= MAX_SEARCHED_READINGS:
-        return record
-    return record.resample(thinned_step(record.duration))
+    def drop_strays(self) -> tuple[Record, tuple[str, ...]]:
+        """Return a record with codes of faults masked, and a sentence for each channel on what was masked."""
+        remarks, cleaned = [], self
+        for name, channel in self.channels.items():
+            codes = strays(channel)
+            if not codes:
+                continue
+            cleaned = cleaned.flag_faults(codes_to_mask(codes, channel), channels=[name])
+            count = counted(int(np.count_nonzero(channel.valid & ~cleaned[name].valid)), "reading")
+            remarks.append(f"{name}: {count} masked: {', '.join(dict.fromkeys(codes.values()))}")
+        return cleaned, tuple(remarks)
 
 
 def thinned_step(duration: float) -> float:
@@ -799,19 +809,6 @@ def thinned_step(duration: float) -> float:
     step = duration / (MAX_SEARCHED_READINGS - 1)
     scale = 10.0 ** (np.floor(np.log10(step)) - 1)
     return float(np.ceil(step / scale) * scale)
-
-
-def without_strays(record: Record) -> tuple[Record, tuple[str, ...]]:
-    """Return a record with codes of faults masked, and a sentence for each channel on what was masked."""
-    remarks, cleaned = [], record
-    for name, channel in record.channels.items():
-        codes = strays(channel)
-        if not codes:
-            continue
-        cleaned = cleaned.flag_faults(codes_to_mask(codes, channel), channels=[name])
-        count = counted(int(np.count_nonzero(channel.valid & ~cleaned[name].valid)), "reading")
-        remarks.append(f"{name}: {count} masked: {', '.join(dict.fromkeys(codes.values()))}")
-    return cleaned, tuple(remarks)
 
 
 def _spread(channel: Channel, places: np.ndarray, samples: int) -> Channel:

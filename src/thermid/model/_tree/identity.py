@@ -19,7 +19,7 @@ from thermid.model._parts.enclosures import enclosure_to
 from thermid.model._parts.facing import facing_to
 from thermid.model._parts.kinds import KINDS
 from thermid.model._parts.parameter import UNJUDGED, Parameter, parameter
-from thermid.model._tree.tree import Layer, M, Tree, parameter_table
+from thermid.model._tree.tree import Layer, M, Tree
 
 APART = "set for this instance"
 """Why a value is not that of its twins."""
@@ -123,7 +123,7 @@ def _local_identities(model: Tree, owner: str) -> dict[str, Identity]:
 
 def lay_values(model: M, values: Mapping[str, Any], origin: str) -> M:
     """Return a model with values laid over it; see `Model.with_values`."""
-    table = parameter_table(model)
+    table = model.parameter_table()
     layer: dict[str, Parameter] = {}
     shared: dict[int, list[str]] = {}
     for raw, value in values.items():
@@ -145,7 +145,7 @@ def cut(model: M, places: Sequence[str]) -> M:
     """Return a model in which some instances or values share with no other; see `Model.cut`."""
     if not places:
         return model
-    allowed = {*(prefix.removesuffix(".") for prefix, _ in instances(model)), *parameter_table(model)}
+    allowed = {*(prefix.removesuffix(".") for prefix, _ in instances(model)), *model.parameter_table()}
     cuts, layers = dict.fromkeys(model.cuts), model.layers
     for raw in places:
         place = model.canonical(raw)

@@ -15,7 +15,6 @@ import numpy as np
 from thermid.base.codes import CodedText, code_of
 from thermid.base.dual import value_of
 from thermid.base.errors import ThermidError, quoted
-from thermid.model._laws.curves import evaluate
 from thermid.model._parts.controls import named_control
 from thermid.model._parts.kinds import CARRIED_BY
 from thermid.model._parts.takes import exposed_area
@@ -115,7 +114,7 @@ class _View:
         """Return the heat that a load gives, averaged over its cycle; a controlled heater at full power. [W]"""
         f = {name: self.values[path] for name, path in load.fields.items()}
         if load.curve is not None:
-            return float(f.get("scale", 1.0) * evaluate(load.curve, np.array([AMBIENT_DEFAULT]))[0])
+            return float(f.get("scale", 1.0) * load.curve.evaluate(np.array([AMBIENT_DEFAULT]))[0])
         cycle = load.cycle.mean_over(0.0, load.cycle.cycle or 1.0) if load.cycle is not None else 1.0
         return float(f["power"] * f.get("periodic.duty", 1.0) * cycle)
 

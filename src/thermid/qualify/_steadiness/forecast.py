@@ -23,7 +23,7 @@ from thermid.base.linear_algebra import Bools
 from thermid.base.memo import Memo
 from thermid.base.results import Result, Row
 from thermid.measure.amounts import duration_text, positive_seconds, short
-from thermid.measure.records import FloatArray, Record, stretch, within_log
+from thermid.measure.records import FloatArray, Record
 from thermid.measure.steadiness import StabilityRule, effective_samples, rule_of
 from thermid.model.tree import Model
 from thermid.physics.constants import ICE_POINT
@@ -635,8 +635,8 @@ def _readings(
         words = f"name the channel: {', '.join(record.measured) or 'there is no temperature'}."
         raise RecordError(words, record.name, code="value.incomplete")
     name = channel or record.measured[0]
-    within_log(record, until, f"{record.name}, forecast")
-    inside, _ = stretch(record, since, until, f"{record.name}, forecast")
+    record.refuse_beyond(until, f"{record.name}, forecast")
+    inside, _ = record.stretch(since, until, f"{record.name}, forecast")
     measured, where = record.channel(name), f"{record.name}, {name}"
     if measured.quantity != "temperature":
         raise RecordError(f"it is a {measured.quantity}; temperatures are forecast.", where, code="record.does-not-apply")

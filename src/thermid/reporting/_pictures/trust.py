@@ -20,7 +20,7 @@ from thermid.inference.criticism import Criticism, cumulated_periodogram
 from thermid.inference.intervals import Profile
 from thermid.measure.looks import Look
 from thermid.physics.constants import ICE_POINT
-from thermid.prediction.members import Hold, clock, driven_by
+from thermid.prediction.members import Hold, clock
 from thermid.qualify.profiles import ProfileRun
 from thermid.reporting._blocks.extras import extra
 from thermid.reporting._pictures.chart import DASHES, SERIES, time_unit
@@ -187,7 +187,7 @@ def draw_hold(figure: Figure, hold: Hold) -> None:
     axis.set_ylim(0.0, top)
     axis.set_xlabel(f"time, {name}")
     axis.set_ylabel("probability that the limit was exceeded, %")
-    driven = ", ".join(driven_by(hold.together).split(", ")[:3])
+    driven = ", ".join(hold.together.drivers_text.split(", ")[:3])
     axis.set_title(hold.sentence + (f"\ndriven by {driven}" if driven else ""), loc="left")
     axis.legend(loc="best")
 
