@@ -9,19 +9,18 @@ from thermid.base.linear_algebra import (
     MAX_PART_WITHOUT_INFORMATION,
     NOTHING,
     RANK_TOLERANCE,
-    back_substitution,
     covariance,
     finite,
-    forward_substitution,
     inverse_square_root,
     null_space,
     pseudo_inverse,
-    rank,
     sandwich,
     square_root,
     symmetric_inverse,
     variance,
 )
+from thermid.fit._error_model.gaussian import back_substitution, forward_substitution
+from thermid.fit._uncertainty.information import rank
 
 ROWS = np.random.default_rng(1).standard_normal((40, 4)) * np.array([1.0, 1e-6, 1e5, 3.0])
 """Derivatives with respect to unknowns in very different units."""

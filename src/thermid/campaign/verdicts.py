@@ -10,7 +10,6 @@ from thermid.campaign._judge.correlation import (
     difference as difference,
     overlays as overlays,
     paired as paired,
-    read_two as read_two,
 )
 from thermid.campaign._judge.criteria import (
     CRITERIA as CRITERIA,

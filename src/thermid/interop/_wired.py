@@ -21,7 +21,7 @@ from thermid.base.files import FileKinds, write_text
 from thermid.base.units import si_unit
 from thermid.model.elements import HINGES, Constant, Curve, Drawn, TableSignal
 from thermid.model.tree import Model
-from thermid.simulation.network import SMOOTHING, ConductorRow, Network, Numbers, refuse_controls, signal_of
+from thermid.simulation.network import SMOOTHING, ConductorRow, Network, Numbers, signal_of
 from thermid.simulation.runs import Scenario, network_for
 from thermid.simulation.solver import Engine, Wiring
 
@@ -688,3 +688,14 @@ def exported(w: Wired, lines: Iterable[str], path: str | os.PathLike[str] | None
     if path is not None:
         write_text(path, text, FileKinds.EXPORT, comment)
     return text
+
+
+def refuse_controls(named: Sequence[str], what: str, cure: str) -> None:
+    """Refuse any control of a deck for what does not support them; `what` names it and `cure` says what to do.
+
+    Raises
+    ------
+    DeckError
+    """
+    if named:
+        raise DeckError(f"{what} does not support controls, and '{named[0]}' is in use. {cure}", code="model.element-not-supported")

@@ -10,7 +10,6 @@ from thermid.model._laws.signal import (
     Signal as Signal,
     Sine as Sine,
     TableSignal as TableSignal,
-    added as added,
     check_span as check_span,
     common_cycle as common_cycle,
     conducted as conducted,
@@ -19,7 +18,6 @@ from thermid.model._laws.signal import (
     literal as literal,
     multiplied as multiplied,
     own_signal as own_signal,
-    pulses as pulses,
     signal as signal,
     together as together,
 )

@@ -21,8 +21,8 @@ from thermid.base.linear_algebra import Array, symmetric_inverse
 from thermid.base.results import Row, Shown
 from thermid.base.units import counted
 from thermid.model.elements import UNJUDGED, Parameter, Standing, exact, worst
-from thermid.model.identity import Dropped, Identity, depth, inside, instances, local_identities, outside, rows_of_decks
-from thermid.model.tree import SET, Entry, Model
+from thermid.model.identity import Dropped, Identity, inside, instances, local_identities, outside
+from thermid.model.tree import SET, Entry, Model, Tree
 
 Kind = Literal["data", "instrument", "stated", "structural", "misfit", "variant"]
 MAX_NAMED_VALUES = 8
@@ -268,16 +268,6 @@ def uniforms(seed: int, name: str, first: int, members: int) -> Array:
     raw = np.random.Philox(key=key, counter=first).random_raw(4 * members)[::4]
     out: Array = ((raw >> np.uint64(11)).astype(float) + 0.5) * 2.0**-53
     return out
-
-
-def domain(low: float, high: float, dimensionless: bool) -> tuple[float, float]:
-    """Return the range that physics allows of a value by the bounds of its deck. [SI]
-
-    0 to 1 for a dimensionless value bounded within 0 and 1 (a share), 0 to infinity where low >= 0, else minus to plus infinity.
-    """
-    if dimensionless and 0.0 <= low and high <= 1.0:
-        return 0.0, 1.0
-    return (0.0, np.inf) if low >= 0.0 else (-np.inf, np.inf)
 
 
 def deviated(value: Array | float, deviation: Array, ends: tuple[float, float]) -> Array:
@@ -977,3 +967,28 @@ def structural_under(structural: Mapping[str, Any], ahead: str) -> dict[str, Any
     )
     separated = [ahead + p for p in structural["separated"]]
     return {**structural, **placed, "names": names, "separated": separated, "assumed": assumed, "of_assumed": of_assumed}
+
+
+def depth(place: str) -> int:
+    """Return how many levels a place lies below the root of its assembly; the root is the empty place."""
+    return place.count(".") + 1 if place else 0
+
+
+def rows_of_decks(model: Tree) -> Mapping[str, tuple[str, tuple[str, ...]]]:
+    """Return path -> (its name in the deck that writes it, all paths that this one row of the deck stands for)."""
+    of = dict(instances(model))
+    rows: dict[tuple[str, str], list[str]] = {}
+    for part, prefix in model.walk():
+        for name, _, _ in part.own_parameters():
+            rows.setdefault((of.get(prefix, ""), name), []).append(prefix + name)
+    return {p: (name, tuple(paths)) for (_, name), paths in rows.items() for p in paths}
+
+
+def domain(low: float, high: float, dimensionless: bool) -> tuple[float, float]:
+    """Return the range that physics allows of a value by the bounds of its deck. [SI]
+
+    0 to 1 for a dimensionless value bounded within 0 and 1 (a share), 0 to infinity where low >= 0, else minus to plus infinity.
+    """
+    if dimensionless and 0.0 <= low and high <= 1.0:
+        return 0.0, 1.0
+    return (0.0, np.inf) if low >= 0.0 else (-np.inf, np.inf)

@@ -686,24 +686,9 @@ def multiplied(*factors: Signal) -> Signal:
     return whole if number == 1.0 else whole.scaled(number)
 
 
-def added(*terms: Signal) -> Signal:
-    """Return the sum of signals: of constants a constant, of constants and one signal that signal raised, else a `Mixed`."""
-    number = math.fsum(s.value for s in terms if isinstance(s, Constant))
-    rest = [s for s in terms if not isinstance(s, Constant)]
-    if not rest:
-        return Constant(number)
-    whole: Signal = rest[0] if len(rest) == 1 else Mixed(_sum, tuple(rest))
-    return whole if number == 0.0 else whole.raised(number)
-
-
 def _product(*values: Array) -> Array:
     """Return the product (times,) of values (times,) of several signals."""
     return np.asarray(np.prod(values, axis=0))
-
-
-def _sum(*values: Array) -> Array:
-    """Return the sum (times,) of values (times,) of several signals."""
-    return np.asarray(np.sum(values, axis=0))
 
 
 def joined(before: Signal, instant: float, then: Signal) -> Signal:
@@ -773,13 +758,6 @@ def _samples(count: float, period: float) -> int:
             code="cap.exceeded",
         )
     return int(np.ceil(count)) + 1
-
-
-def pulses(period: float, duty: float) -> Signal:
-    """Return a signal that is 1 for the first `duty` (0 .. 1) of every `period` [s] and 0 for the rest."""
-    if duty in (0.0, 1.0):
-        return Constant(duty)
-    return TableSignal(np.array([0.0, duty * period, period]), np.array([1.0, 0.0, 1.0]), hold=True, after="repeat")
 
 
 def averages(times: Array, values: Array, **more: Any) -> TableSignal:

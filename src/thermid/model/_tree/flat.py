@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, Final
@@ -9,7 +10,7 @@ from typing import Any, Final
 import numpy as np
 
 from thermid.base.codes import CodedText
-from thermid.base.dual import is_finite, value_of
+from thermid.base.dual import Number, value_of
 from thermid.base.errors import DeckError, NameNotFoundError, errors_at, nearest, quoted
 from thermid.base.units import require, require_unit
 from thermid.model._laws.curves import Curve
@@ -756,3 +757,9 @@ def _flow_text(streams: Sequence[FlatConductor], flow: Any, values: Mapping[str,
     plain = float(np.asarray(getattr(size, "values", size)).ravel()[0])
     text = f"{6e4 * plain:.4g} l/min" if volume else f"{1e3 * plain:.4g} g/s"
     return f"{text} ({', '.join(repr(c.path) for c in streams)})"
+
+
+def is_finite(number: Number) -> bool:
+    """Return whether a number is finite; of numbers of members all must agree."""
+    value: Any = value_of(number)
+    return bool(value > -math.inf and value < math.inf)

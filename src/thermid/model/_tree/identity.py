@@ -81,21 +81,6 @@ def outside(paths: Iterable[str], places: Collection[str]) -> tuple[str, ...]:
     return tuple(p for p in paths if not any(inside(p, place) for place in places))
 
 
-def depth(place: str) -> int:
-    """Return how many levels a place lies below the root of its assembly; the root is the empty place."""
-    return place.count(".") + 1 if place else 0
-
-
-def rows_of_decks(model: Tree) -> Mapping[str, tuple[str, tuple[str, ...]]]:
-    """Return path -> (its name in the deck that writes it, all paths that this one row of the deck stands for)."""
-    of = dict(instances(model))
-    rows: dict[tuple[str, str], list[str]] = {}
-    for part, prefix in model.walk():
-        for name, _, _ in part.own_parameters():
-            rows.setdefault((of.get(prefix, ""), name), []).append(prefix + name)
-    return {p: (name, tuple(paths)) for (_, name), paths in rows.items() for p in paths}
-
-
 def local_identities(model: Tree, owner: str = "") -> Mapping[str, Identity]:
     """Return path -> `Identity` of every value, with a name for the uppermost deck in place of its hash, which takes a while to find."""
     out: Mapping[str, Identity] = model.memo.value(("identities", owner), lambda: _local_identities(model, owner))

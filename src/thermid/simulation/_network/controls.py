@@ -377,36 +377,3 @@ _RECIPES: Final = {"thermostat": _thermostat, "modes": _modes, "table": _table, 
 def control_names(controls: Sequence[str]) -> list[str]:
     """Return the names of controls without the ``1 - `` that takes the rest of one."""
     return [named_control(name)[0] for name in controls]
-
-
-def refuse_controllers(controls: Mapping[str, FlatControl], named: Sequence[str], what: str) -> None:
-    """Refuse controls with a history (thermostats, modes, PID, sampled ones) for what has none, such as an export.
-
-    Parameters
-    ----------
-    controls : dict     Control path -> the control.
-    named : sequence    Those that something follows.
-    what : str          What is asked for.
-
-    Raises
-    ------
-    DeckError
-    """
-    for name in named:
-        if controls[name].has_history:
-            raise DeckError(
-                f"the state of the control '{name}' depends on its history, which {what} does not have. Use a table or a proportional "
-                "control, or simulate.",
-                code="model.element-not-supported",
-            )
-
-
-def refuse_controls(named: Sequence[str], what: str, cure: str) -> None:
-    """Refuse any control of a deck for what does not support them; `what` names it and `cure` says what to do.
-
-    Raises
-    ------
-    DeckError
-    """
-    if named:
-        raise DeckError(f"{what} does not support controls, and '{named[0]}' is in use. {cure}", code="model.element-not-supported")
