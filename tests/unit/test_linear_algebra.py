@@ -14,7 +14,6 @@ from thermid.base.linear_algebra import (
     inverse_square_root,
     null_space,
     pseudo_inverse,
-    sandwich,
     square_root,
     symmetric_inverse,
     variance,
@@ -89,10 +88,10 @@ def test_roots_give_their_matrices_back() -> None:
     assert square_root(np.zeros((0, 0))).shape == (0, 0)
 
 
-def test_the_sandwich_of_white_scores_is_the_covariance() -> None:
+def test_the_covariance_is_what_white_scores_leave() -> None:
     found = covariance(ROWS)
     size = np.sqrt(np.outer(np.diag(found), np.diag(found)))
-    np.testing.assert_allclose(sandwich(found, ROWS.T @ ROWS) / size, found / size, atol=1e-9)
+    np.testing.assert_allclose(found @ ROWS.T @ ROWS @ found / size, found / size, atol=1e-9)
 
 
 def test_nothing_is_asked_of_nothing() -> None:

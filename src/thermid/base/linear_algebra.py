@@ -1,4 +1,4 @@
-"""Linear algebra of information: covariance, null space, pseudo-inverse, roots and the sandwich, with the tolerances of two questions.
+"""Linear algebra of information: covariance, null space, pseudo-inverse and roots, with the tolerances of two questions.
 
 Can an unknown be told from the others (RANK_TOLERANCE), and has it any effect at all (NOTHING)?
 
@@ -9,9 +9,11 @@ are scaled to length one first, so that no unit decides what counts as nothing.
 from __future__ import annotations
 
 import sys
+from collections.abc import Sequence
 from contextlib import AbstractContextManager
 from functools import lru_cache
 from importlib import import_module
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -139,9 +141,23 @@ def quadratic_forms(rows: Array, matrix: Array) -> Array:
     return np.asarray(np.sum((rows @ matrix) * rows, axis=1))
 
 
-def sandwich(bread: Array, meat: Array) -> Array:
-    """Return ``C E C``: what a covariance E of the score J'r makes of the unknowns, C the inverse of the information (Huber 1967)."""
-    return np.asarray(bread @ meat @ bread)
+def anderson_step(states: Sequence[Array], steps: Sequence[Array], tolerance: float) -> Array:
+    """Return the next state of a fixed-point iteration by Anderson's method: x + f - (dX + dF) g, g of least squares of dF g = f.
+
+    Whole steps may overshoot; the combination of the last ones whose linear forecast of what is left is smallest does not: Walker and Ni,
+    SIAM J. Numer. Anal. 49 (2011) 1715, eq. 1.3.
+
+    Parameters
+    ----------
+    states, steps : sequences of arrays   The last states, of any shape, and the step from each; x and f are the last of them, dX and dF
+                                          differences of successive ones.
+    tolerance : float                     Singular values of dF, beside the largest, that count as zero. [-]
+    """
+    if len(states) < 2:
+        return np.asarray(states[-1] + steps[-1])
+    moved, changed = (np.column_stack([(b - a).ravel() for a, b in pairwise(sequence)]) for sequence in (states, steps))
+    share = np.linalg.lstsq(changed, steps[-1].ravel(), rcond=tolerance)[0]
+    return np.asarray(states[-1] + steps[-1] - ((moved + changed) @ share).reshape(states[-1].shape))
 
 
 _libraries = lru_cache(maxsize=4)(lambda *loaded: import_module("threadpoolctl").ThreadpoolController())

@@ -12,7 +12,6 @@ from thermid.model._laws.signal import (
     TableSignal as TableSignal,
     check_span as check_span,
     common_cycle as common_cycle,
-    conducted as conducted,
     in_run as in_run,
     joined as joined,
     literal as literal,

@@ -14,7 +14,7 @@ from thermid.base.linear_algebra import Array, square_root
 from thermid.base.results import Result, Row
 from thermid.fit.calibration import Calibration, fitted_values
 from thermid.fit.discrepancy import KEY, Discrepancy, kept_in
-from thermid.fit.error_model import KEY as ERRORS, STRUCTURE, ErrorModel
+from thermid.fit.error_model import KEY as ERRORS, BandCause, ErrorModel
 from thermid.model.elements import Standing, worst
 from thermid.model.tree import Model, flatten
 from thermid.values.fitted import FittedValue, FittedValues
@@ -229,7 +229,7 @@ class Rows:
         used = np.flatnonzero(matrix.any(axis=0))
         also = {name: s.acts[1:] for name, s in states.items() if len(s.acts) > 1}
         sources = tuple(store.sources[k] for k in used)
-        causes = tuple(STRUCTURE if s.kind == "structural" else cause for s in sources)
+        causes = tuple(BandCause.STRUCTURE if s.kind == "structural" else cause for s in sources)
         return cls(tuple(states), tuple(s.log for s in states.values()), also, sources, causes, matrix[:, used])
 
     @property

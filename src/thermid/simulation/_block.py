@@ -5,13 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from thermid.base.errors import NameNotFoundError, ScenarioError, SolverError, nearest, refuse_unknown
-from thermid.base.linear_algebra import Array
+from thermid.base.linear_algebra import Array, anderson_step
 from thermid.base.memo import Memo
 from thermid.base.results import Result
 from thermid.base.units import TEMPERATURE
@@ -531,19 +530,7 @@ def _periodic(
             return end, {"method": "Anderson", "periods": run + 1, "missed": size}
         states.append(state)
         steps.append(FAST_MODE_SHARE * missed + solve(network.capacities * missed / period))
-        state = np.maximum(_anderson_step(states[-REMEMBERED_STEPS:], steps[-REMEMBERED_STEPS:]), 0.1)
+        state = np.maximum(anderson_step(states[-REMEMBERED_STEPS:], steps[-REMEMBERED_STEPS:], 1e-12), 0.1)
     raise SolverError(
         f"no state was found that comes back after {period:g} s; it missed by {size:.3g} K.", where, code="run.no-periodic-state"
     )
-
-
-def _anderson_step(states: list[Array], steps: list[Array]) -> Array:
-    """Return the next state of Anderson's method: x + f - (dX + dF) g, with g the least-squares solution of dF g = f.
-
-    x is the last of the states (nodes,), f the last of the steps from them, dX and dF the differences of successive states and steps.
-    """
-    if len(states) < 2:
-        return np.asarray(states[-1] + steps[-1])
-    moved, changed = (np.column_stack([b - a for a, b in pairwise(sequence)]) for sequence in (states, steps))
-    share = np.linalg.lstsq(changed, steps[-1], rcond=1e-12)[0]
-    return np.asarray(states[-1] + steps[-1] - (moved + changed) @ share)

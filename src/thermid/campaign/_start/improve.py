@@ -153,7 +153,7 @@ def improve(path: Path, stage: str = "", evaluations: int = EVALUATIONS, data: P
     refuse_unseen(request.model, "a search for another structure")
     may = _may_delay(source, request)
     first = search_structure(
-        request, changes=lambda s: [c for c in s.missing_elements() if may or not c.delay], evaluations=evaluations, executor=executor
+        request, changes=lambda s: [c for c in s.changes() if may or not c.delay], evaluations=evaluations, executor=executor
     )
     if first.proposed is first.start:
         return Improved(first, before, before, ())
@@ -173,7 +173,7 @@ def improve(path: Path, stage: str = "", evaluations: int = EVALUATIONS, data: P
     remaining = max(evaluations - first.evaluations, evaluations // 2)
     then = search_structure(
         late,
-        changes=lambda s: [c for c in s.missing_elements() if _beside_a_delay(c, late.records)],
+        changes=lambda s: [c for c in s.changes() if _beside_a_delay(c, late.records)],
         evaluations=remaining,
         executor=executor,
     )

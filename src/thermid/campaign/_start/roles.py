@@ -13,7 +13,7 @@ import numpy as np
 
 from thermid.base.errors import NameNotFoundError, RecordError, ThermidError, refuse_unknown
 from thermid.base.units import unit
-from thermid.measure.readers import Column, clock_column, columns_of, decimal_sign, log_cells, name_and_unit, read_record
+from thermid.measure.readers import Column, log_cells, log_columns, name_and_unit, read_record
 from thermid.measure.records import Channel, FloatArray, Record
 
 ACCURACY = 0.5
@@ -216,9 +216,7 @@ def roles_of(
     RecordError             When the log has no temperature.
     NameNotFoundError       When it has no column of a name.
     """
-    cells = log_cells(path)
-    sign = decimal_sign(cells, None)
-    columns = {c.name: c for c in columns_of(cells, sign, clock_column(cells, time).places)}
+    columns = {c.name: c for c in log_columns(path, time)}
     scales, formulas = full_scale or {}, formulas or {}
     named = [*(t.partition("=")[0] for t in temperatures), *(n for t in powers if (n := t.partition("=")[0]) not in formulas)]
     named += full_scale or {}

@@ -288,7 +288,7 @@ class Fitted:
         rises = {b.node: float(b.predicted.max() - b.predicted.min()) for b in problem.blocks(fitted)}
         return cls(replace(request, model=laid_open(request.model)), problem.experiments, values, rises)
 
-    def missing_elements(self) -> Iterator[MissingElement]:
+    def changes(self) -> Iterator[MissingElement]:
         """Changes of structure of a whole network: those at one place, between two, over all places alike, and of the commands' timing."""
         places = _places(self)
         for place in places:

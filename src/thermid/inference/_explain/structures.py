@@ -301,7 +301,7 @@ def search_structure(
     IdentificationError, SolverError    When the structure at the beginning cannot be fitted.
     """
     with one_thread():
-        catalogue = changes or (lambda structure: list(structure.missing_elements()))
+        catalogue = changes or (lambda structure: list(structure.changes()))
         budget = evaluations if isinstance(evaluations, EvaluationBudget) else EvaluationBudget(evaluations)
         return _Searching(request, catalogue, budget, executor).run(rounds, begin or {})
 

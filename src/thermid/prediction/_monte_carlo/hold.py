@@ -17,7 +17,7 @@ from thermid.base.extensions import by_grammar
 from thermid.base.linear_algebra import Array
 from thermid.base.results import PlottedTrace, Result, Shown
 from thermid.base.toml_files import Places, read_toml, resolve_inside
-from thermid.fit.error_model import UNEXPLAINED
+from thermid.fit.error_model import BandCause
 from thermid.model.deck import load_model
 from thermid.model.elements import UNJUDGED, Standing
 from thermid.model.tree import Model
@@ -259,7 +259,7 @@ class Hold(Result):
     @property
     def counted(self) -> str:
         """Whether the model's discrepancy is in the bands, in words."""
-        others = [c for c in self.causes if c != UNEXPLAINED and not c.startswith("fit of ")]
+        others = [c for c in self.causes if c != BandCause.UNEXPLAINED and not c.startswith("fit of ")]
         also = f"counted besides: {', '.join(others)}; " if others else ""
         if self.discrepancy is None:
             why = next((x.what.partition(", because ")[2] for x in self.left_out if x.what in (UNFITTED, SILENT)), "")

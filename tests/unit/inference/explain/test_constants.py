@@ -355,6 +355,6 @@ def test_a_round_of_a_search_for_structures_refits_four_changes() -> None:
 
     rounds = iter([True])
     request = asked(box(BARE | INNER), samples=101)
-    found = search_structure(request, changes=lambda seen: list(seen.missing_elements()) if next(rounds, False) else [], rounds=1)
+    found = search_structure(request, changes=lambda seen: list(seen.changes()) if next(rounds, False) else [], rounds=1)
     assert found.scored > 4
     assert [len(s.changes) for s in found.structures] == [0, 1, 1, 1, 1]

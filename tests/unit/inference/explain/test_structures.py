@@ -111,7 +111,7 @@ def test_changes_of_a_pair_reach_both_and_what_is_between() -> None:
     record = td.Record.from_arrays("r", run.times, channels)
     request = Request(model, (record,), ("a.capacitance",), {"*": td.Scenario("s", boundaries={"room": "20 [degC]"})})
     one = fitted_structure((), request, {})
-    changes = {c.name: c for c in Fitted.of_problem(request, one.problem, one.end.fitted).missing_elements()}
+    changes = {c.name: c for c in Fitted.of_problem(request, one.problem, one.end.fitted).changes()}
     for words in (
         "a contact between 'a' and 'b'",
         "a mass that 'a', 'b' stand on",
