@@ -270,7 +270,7 @@ def test_a_read_only_file_stays(tmp_path: Path, monkeypatch: pytest.MonkeyPatch)
 def test_leftovers_of_dead_processes_are_swept_and_no_others(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     code = (
         "import os, sys, thermid.base.files as f\n"
-        "with f.replacing(sys.argv[1], f.RESULTS_FILE) as h:\n    h.write_text('x')\n    os._exit(9)"
+        "with f.replacing(sys.argv[1], f.FileKinds.RESULTS_FILE) as h:\n    h.write_text('x')\n    os._exit(9)"
     )
     subprocess.run([sys.executable, "-c", code, str(tmp_path / "a.csv")], check=False)
     (left,) = names(tmp_path)

@@ -172,10 +172,7 @@ def improve(path: Path, stage: str = "", evaluations: int = EVALUATIONS, data: P
     )
     remaining = max(evaluations - first.evaluations, evaluations // 2)
     then = search_structure(
-        late,
-        changes=lambda s: [c for c in s.changes() if _beside_a_delay(c, late.records)],
-        evaluations=remaining,
-        executor=executor,
+        late, changes=lambda s: [c for c in s.changes() if _beside_a_delay(c, late.records)], evaluations=remaining, executor=executor
     )
     new, longest = then.proposed.full_request, max(longest, float(f"{2.0 * max(value for value, _ in delays_found.values()):.3g}"))
     new = replace(new, records=tuple(_rebound(_ranged(old, longest), one) for old, one in zip(request.records, new.records, strict=True)))
