@@ -26,7 +26,7 @@ from thermid.campaign._start.roles import SURROUNDINGS, Power, with_noise
 from thermid.campaign.start import Roles, propose
 from thermid.fit.calibration import Request, build_problem, starting_point
 from thermid.inference._explain.structures import TIE
-from thermid.inference.criticism import FittedStructure, adopted, fitted_structure
+from thermid.inference.criticism import FittedStructure, fitted_structure
 
 RATIO, NOISE, LENGTH = (2.0, 30.0), (0.05, 0.3), (1.0, 5.0)
 SLOWEST, RISE, SAMPLES = (600.0, 14400.0), (20.0, 60.0), (300, 600)
@@ -140,7 +140,7 @@ def _log(model: td.Model, roles: Roles, rng: np.random.Generator, span: float, s
 
 def error_on(one: FittedStructure, other: td.Record) -> float:
     """Return the RMSE of a structure on another log: its parameters fixed, its starts and the errors of instruments fitted. [K]"""
-    asked = adopted(one)
+    asked = one.full_request
     seats = {c.name: c.target for c in asked.records[0].channels.values()}
     moved = replace(other, name=asked.records[0].name)
     known = asked.records[0].channels

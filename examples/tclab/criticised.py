@@ -19,7 +19,7 @@ from structures import HERE, LOOSE, SENSORS, TRAINING, UNSEEN, bound, request
 import thermid as td
 from thermid.campaign.stages import CampaignSource, read_campaign
 from thermid.fit.calibration import LocalSpec, fit
-from thermid.inference.criticism import FittedStructure, StructureSearch, adopted, search_structure
+from thermid.inference.criticism import FittedStructure, StructureSearch, search_structure
 
 COARSE, FINE, JUDGED = 30.0, 15.0, 5.0
 """Grids of the search, of the fit and of the verdict. [s]"""
@@ -49,7 +49,7 @@ def unseen(source: CampaignSource, one: FittedStructure) -> dict[str, Any]:
     like = one.request.records[0]
     names = source.pick([p for patterns in TRAINING.values() for p in patterns], "training")
     records = [seated(bound(source, n, which, FINE), like) for n in names]
-    asked = adopted(one)
+    asked = one.full_request
     whole = request(source, which, records)
     base = asked.scenarios["*"]
     hidden = {n: table for n, table in asked.record_local.items()}

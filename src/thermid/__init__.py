@@ -29,7 +29,7 @@ _TOP = {
     "Solution": "simulation.runs",
     "Channel": "measure.records",
     "Record": "measure.records",
-    "look": "reporting.looks",
+    "look": "measure.looks",
     "read_record": "measure.readers",
     "compare": "campaign.verdicts",
     "calibrate": "fit.calibration",
@@ -133,7 +133,7 @@ _NAMESPACES = {
         "Stability": "qualify.steadiness",
         "forecast": "qualify.steadiness",
         "Forecast": "qualify.steadiness",
-        "Look": "reporting.looks",
+        "Look": "measure.looks",
     },
     "qualify": {
         "profile_of": "qualify.profiles",

@@ -18,13 +18,13 @@ from thermid.campaign.stages import Campaign as Campaign, run_stages as run_stag
 from thermid.campaign.verdicts import Criteria as Criteria, Verdict as Verdict, compare as compare, validate as validate
 from thermid.fit.calibration import Calibration as Calibration, calibrate as calibrate
 from thermid.inference.intervals import identifiability as identifiability
+from thermid.measure.looks import look as look
 from thermid.measure.readers import read_record as read_record
 from thermid.measure.records import Channel as Channel, Record as Record
 from thermid.model.blocks import Block as Block
 from thermid.model.deck import load_model as load_model, model_from_dict as model_from_dict, save_model as save_model
 from thermid.model.tree import Model as Model
 from thermid.prediction.bands import Prediction as Prediction, predict as predict
-from thermid.reporting.looks import look as look
 from thermid.reporting.pages import report as report
 from thermid.simulation.runs import (
     Scenario as Scenario,

@@ -9,7 +9,6 @@ import numpy as np
 
 import thermid as td
 from strategies import SWITCHED, Case, Deck, build, cases, decks, random_models
-from thermid.model.tree import parameter_table
 
 
 def _parts(model: td.Model, prefix: str = "") -> list[str]:
@@ -44,11 +43,11 @@ def test_a_new_part_has_the_values_of_its_own_deck(deck: Deck) -> None:
     for path in _parts(model):
         part = model.submodel(path)
         swapped, what = model.replaced(path, part)
-        alone, now = parameter_table(part), parameter_table(swapped)
+        alone, now = part.parameter_table(), swapped.parameter_table()
         for name, entry in alone.items():
             if f"{path}.{name}" not in what.kept:
                 assert now[f"{path}.{name}"].parameter == entry.parameter
-        outside = {p: e.parameter for p, e in parameter_table(model).items() if not p.startswith(f"{path}.")}
+        outside = {p: e.parameter for p, e in model.parameter_table().items() if not p.startswith(f"{path}.")}
         assert outside == {p: now[p].parameter for p in outside}
         assert all(p.path.startswith(f"{path}.") for p in what.dropped)
 

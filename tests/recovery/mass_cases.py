@@ -17,7 +17,7 @@ import thermid as td
 from recovery.mismatch import BOX, ICE, STEP, lawful
 from thermid.base.errors import ThermidError
 from thermid.fit.calibration import Calibration, fit
-from thermid.inference.criticism import adopted, criticise, search_structure
+from thermid.inference.criticism import criticise, search_structure
 from thermid.measure.records import Channel, Record
 from thermid.model.elements import TableSignal
 from thermid.model.tree import Model
@@ -105,7 +105,7 @@ def searched(first: Calibration) -> Calibration:
     """Return the fit of the structure that a search proposes, as `thermid improve` takes it."""
     assert first.request is not None
     search = search_structure(first.request)
-    return fit(adopted(search.proposed)) if search.proposed is not search.start else first
+    return fit(search.proposed.full_request) if search.proposed is not search.start else first
 
 
 def criticised(first: Calibration) -> Calibration:

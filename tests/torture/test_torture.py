@@ -14,7 +14,6 @@ from typing import Any
 import pytest
 
 import thermid as td
-from thermid.model.tree import parameter_table
 from torture import elements, hostile, logs, outputs, physical, values
 
 TESTS = Path(__file__).parents[1]
@@ -74,7 +73,7 @@ def test_every_number_of_the_decks_has_a_row_and_is_allowed_as_it_stands() -> No
             assert number is not None
             assert physical.forbidden(deck, place, number, values.read) == "", place
             rows.add(physical.row_of(deck, place)[0])
-        table = parameter_table(td.model_from_dict(deck))
+        table = td.model_from_dict(deck).parameter_table()
         rows |= {physical.row_of(deck, path.split("."))[0] for path in table if table[path].parameter.is_literal}
     assert rows == {*physical.ROWS}
 

@@ -26,7 +26,7 @@ from thermid.base.expression import parse
 from thermid.measure.amounts import pairs
 from thermid.model._tree.flat import allows
 from thermid.model._tree.rules import findings
-from thermid.model.tree import flatten, parameter_table
+from thermid.model.tree import flatten
 from torture.files import _limit, _over, judged
 from torture.physical import forbidden
 
@@ -247,7 +247,7 @@ def made(rng: random.Random) -> Case:
         why = "" if value is None else forbidden(good, place, EXPRESSIONS.get(way, 1.0) * value, read)
         return Case(f"{'.'.join(map(str, place))} = {text}, {route}", route, td.model_from_dict(deck), SCENARIO, {}, why)
     model = td.model_from_dict(deck)
-    table = parameter_table(model)
+    table = model.parameter_table()
     path = rng.choice([p for p in table if table[p].parameter.is_literal])
     text, plain = _hostile(rng, table[path].parameter.text)
     said, value = f"{path} = {text}, {route}", read(text)

@@ -19,18 +19,8 @@ from by_code import raises_code
 from thermid.base import files
 from thermid.base.errors import OutputError
 from thermid.base.files import (
-    COPY,
-    CREDIBILITY,
-    DECK,
-    EXPORT,
-    LOG,
-    NETCDF,
-    PAGE,
-    PAPER,
-    PICTURE,
-    RESULTS_FILE,
-    TABLE,
     FileKind,
+    FileKinds,
     command,
     folder_replacing,
     may_write,
@@ -50,13 +40,13 @@ PNG = (
     b"\0\0\0\0IEND\xaeB`\x82"
 )
 TEXTS: list[tuple[FileKind, str, str]] = [
-    (DECK, 'title = "plate"\n', "#"),
-    (DECK, 'title = "plate"', "#"),
-    (EXPORT, "function f\nend\n", "%"),
-    (EXPORT, "title\n.end\n", "*"),
-    (PAGE, "<!DOCTYPE html>\n<html></html>\n", "#"),
-    (PICTURE, '<svg xmlns="http://www.w3.org/2000/svg"></svg>\n', "#"),
-    (CREDIBILITY, '{\n "schema": 1\n}', "#"),
+    (FileKinds.DECK, 'title = "plate"\n', "#"),
+    (FileKinds.DECK, 'title = "plate"', "#"),
+    (FileKinds.EXPORT, "function f\nend\n", "%"),
+    (FileKinds.EXPORT, "title\n.end\n", "*"),
+    (FileKinds.PAGE, "<!DOCTYPE html>\n<html></html>\n", "#"),
+    (FileKinds.PICTURE, '<svg xmlns="http://www.w3.org/2000/svg"></svg>\n', "#"),
+    (FileKinds.CREDIBILITY, '{\n "schema": 1\n}', "#"),
 ]
 
 
@@ -65,13 +55,13 @@ def names(folder: Path) -> list[str]:
 
 
 def cut_short(path: Path) -> None:
-    with replacing(path, RESULTS_FILE) as half:
+    with replacing(path, FileKinds.RESULTS_FILE) as half:
         half.write_text("one line of ma")
         raise KeyboardInterrupt
 
 
 def full_disk(path: Path) -> None:
-    with replacing(path, RESULTS_FILE):
+    with replacing(path, FileKinds.RESULTS_FILE):
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))  # as `write` has it: without a name
 
 
@@ -88,7 +78,7 @@ def test_a_file_that_is_interrupted_leaves_what_was_there(tmp_path: Path) -> Non
         assert names(tmp_path) == (["run.csv"] if before else [])
         assert not before or path.read_text() == before
     path.chmod(0o640)
-    with replacing(path, RESULTS_FILE) as half:
+    with replacing(path, FileKinds.RESULTS_FILE) as half:
         assert half.name.endswith("run.csv")
         half.write_text("new")
     assert path.read_text() == "new"
@@ -98,7 +88,7 @@ def test_a_file_that_is_interrupted_leaves_what_was_there(tmp_path: Path) -> Non
 
 def test_an_error_names_the_file_that_was_requested(tmp_path: Path) -> None:
     for path in (tmp_path / "no folder" / "run.csv", tmp_path):
-        with pytest.raises(OSError, match=path.name) as caught, replacing(path, RESULTS_FILE):
+        with pytest.raises(OSError, match=path.name) as caught, replacing(path, FileKinds.RESULTS_FILE):
             pass
         assert caught.value.filename == str(path)
 
@@ -106,11 +96,11 @@ def test_an_error_names_the_file_that_was_requested(tmp_path: Path) -> None:
 @pytest.mark.skipif(os.name != "posix", reason="links and devices as POSIX has them")
 def test_links_are_followed_and_devices_written_to(tmp_path: Path) -> None:
     (tmp_path / "link").symlink_to(tmp_path / "real.csv")
-    with replacing(tmp_path / "link", RESULTS_FILE) as half:
+    with replacing(tmp_path / "link", FileKinds.RESULTS_FILE) as half:
         half.write_text("x")
     assert (tmp_path / "link").is_symlink()
     assert (tmp_path / "real.csv").read_text() == "x"
-    with replacing(os.devnull, TABLE) as place:
+    with replacing(os.devnull, FileKinds.TABLE) as place:
         assert place == Path(os.devnull)
 
 
@@ -135,7 +125,7 @@ def test_a_sealed_text_is_replaced_until_somebody_changes_it(tmp_path: Path, kin
 
 
 def test_pictures_and_printed_pages_carry_their_seal_where_readers_allow_it(tmp_path: Path) -> None:
-    for data, kind in ((PNG, PICTURE), (b"%PDF-1.4\n%%EOF\n", PAPER)):
+    for data, kind in ((PNG, FileKinds.PICTURE), (b"%PDF-1.4\n%%EOF\n", FileKinds.PAPER)):
         path = tmp_path / f"{kind.name}{kind.endings[0]}"
         for _ in range(2):
             write_bytes(path, data, kind)
@@ -144,7 +134,7 @@ def test_pictures_and_printed_pages_carry_their_seal_where_readers_allow_it(tmp_
         with pytest.raises(OutputError):
             may_write(path, kind)
     image = pytest.importorskip("matplotlib.image")
-    write_bytes(tmp_path / "x.png", PNG, PICTURE)
+    write_bytes(tmp_path / "x.png", PNG, FileKinds.PICTURE)
     assert image.imread(tmp_path / "x.png").shape[:2] == (1, 1)
 
 
@@ -169,7 +159,7 @@ def test_tables_are_known_by_their_header_and_read_as_before(tmp_path: Path) -> 
         record.to_csv(path)
     for line in ("time_s,b [degC]", '"time_s","b [degC]"', 'time_s,"b [degC]"', '"t","b"', ""):
         path.write_text(f"{line}\n0,20\n")
-        for kind in (TABLE, LOG):
+        for kind in (FileKinds.TABLE, FileKinds.LOG):
             with pytest.raises(OutputError):
                 may_write(path, kind)
 
@@ -221,34 +211,34 @@ def test_netcdf_is_known_by_its_source(tmp_path: Path) -> None:
     path = tmp_path / "run.nc"
     for source, own in (("thermid", True), ("a colleague", False), (None, False)):
         xarray.Dataset(attrs={} if source is None else {"source": source}).to_netcdf(path, engine="h5netcdf")
-        assert NETCDF.wrote(path) is own
+        assert FileKinds.NETCDF.wrote(path) is own
     path.write_text("no netCDF at all")
-    assert not NETCDF.wrote(path)
+    assert not FileKinds.NETCDF.wrote(path)
 
 
 def test_what_a_command_read_is_not_written_over(tmp_path: Path) -> None:
     path, link, twin = (tmp_path / name for name in ("deck.toml", "link.toml", "twin.toml"))
-    write_text(path, "a = 1\n", DECK)
+    write_text(path, "a = 1\n", FileKinds.DECK)
     link.symlink_to(path)
     os.link(path, twin)
     for read in (read_text, read_bytes):
         for one in (path, link, twin):
             with command():
                 for target in (path, link, twin):
-                    may_write(target, DECK)
+                    may_write(target, FileKinds.DECK)
                 read(one)
                 for target in (path, link, twin):
                     with raises_code("output.over-input", OutputError):
-                        write_text(target, "b = 2\n", DECK)
+                        write_text(target, "b = 2\n", FileKinds.DECK)
     with command(force=True):
         read_text(path)
-        write_text(path, "b = 2\n", DECK)
+        write_text(path, "b = 2\n", FileKinds.DECK)
     read_text(path)
-    write_text(path, "c = 3\n", DECK)  # outside of a command nothing is remembered
+    write_text(path, "c = 3\n", FileKinds.DECK)  # outside of a command nothing is remembered
     assert unsealed(path.read_text()) == "c = 3\n"
     assert "a = 1" in twin.read_text()
     with pytest.raises(OutputError):
-        write_bytes(path, b"x", COPY)
+        write_bytes(path, b"x", FileKinds.COPY)
 
 
 @pytest.mark.parametrize(
@@ -271,16 +261,16 @@ def test_a_toml_text_without_measure_is_refused_at_once(text: str) -> None:
 
 
 def test_a_read_only_file_stays(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    path = write_text(tmp_path / "deck.toml", "a = 1\n", DECK)
+    path = write_text(tmp_path / "deck.toml", "a = 1\n", FileKinds.DECK)
     monkeypatch.setattr(os, "access", lambda *_: False)  # who runs the tests as root may write anything
     with pytest.raises(PermissionError, match=r"deck\.toml"), command(force=True):
-        write_text(path, "b = 2\n", DECK)
+        write_text(path, "b = 2\n", FileKinds.DECK)
 
 
 def test_leftovers_of_dead_processes_are_swept_and_no_others(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     code = (
         "import os, sys, thermid.base.files as f\n"
-        "with f.replacing(sys.argv[1], f.RESULTS_FILE) as h:\n    h.write_text('x')\n    os._exit(9)"
+        "with f.replacing(sys.argv[1], f.FileKinds.RESULTS_FILE) as h:\n    h.write_text('x')\n    os._exit(9)"
     )
     subprocess.run([sys.executable, "-c", code, str(tmp_path / "a.csv")], check=False)
     (left,) = names(tmp_path)
@@ -289,7 +279,7 @@ def test_leftovers_of_dead_processes_are_swept_and_no_others(tmp_path: Path, mon
     strange = [f".{'0' * 6}-{pid}-00000000.half.b", left.replace(pid, str(os.getpid())), left.replace(pid, "1"), ".half.c"]
     for name in strange:
         (tmp_path / name).write_text("x")
-    write_text(tmp_path / "b.toml", "x = 1\n", DECK)
+    write_text(tmp_path / "b.toml", "x = 1\n", FileKinds.DECK)
     assert names(tmp_path) == sorted([*strange, "b.toml"])
     old = time.time() - 2 * 86400.0
     for name in strange:

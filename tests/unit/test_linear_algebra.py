@@ -9,19 +9,17 @@ from thermid.base.linear_algebra import (
     MAX_PART_WITHOUT_INFORMATION,
     NOTHING,
     RANK_TOLERANCE,
-    back_substitution,
     covariance,
     finite,
-    forward_substitution,
     inverse_square_root,
     null_space,
     pseudo_inverse,
-    rank,
-    sandwich,
     square_root,
     symmetric_inverse,
     variance,
 )
+from thermid.fit._error_model.gaussian import back_substitution, forward_substitution
+from thermid.fit._uncertainty.information import rank
 
 ROWS = np.random.default_rng(1).standard_normal((40, 4)) * np.array([1.0, 1e-6, 1e5, 3.0])
 """Derivatives with respect to unknowns in very different units."""
@@ -90,10 +88,10 @@ def test_roots_give_their_matrices_back() -> None:
     assert square_root(np.zeros((0, 0))).shape == (0, 0)
 
 
-def test_the_sandwich_of_white_scores_is_the_covariance() -> None:
+def test_the_covariance_is_what_white_scores_leave() -> None:
     found = covariance(ROWS)
     size = np.sqrt(np.outer(np.diag(found), np.diag(found)))
-    np.testing.assert_allclose(sandwich(found, ROWS.T @ ROWS) / size, found / size, atol=1e-9)
+    np.testing.assert_allclose(found @ ROWS.T @ ROWS @ found / size, found / size, atol=1e-9)
 
 
 def test_nothing_is_asked_of_nothing() -> None:

@@ -15,7 +15,6 @@ from thermid.base.errors import DeckError, SolverError
 from thermid.model._laws.curves import curve
 from thermid.model._laws.stores import store
 from thermid.model._tree.identity import to_dict
-from thermid.model.elements import evaluate, slopes
 
 CONDUCTANCE = [(0.0, 0.1), (10.0, 0.1), (20.0, 0.5), (40.0, 0.3)]
 LARGE = ["RKC2", "TR-BDF2"]
@@ -64,7 +63,7 @@ def exact(times: Any, start: float = 0.0, air: float = 0.0) -> Any:
 def test_a_table_is_numpys_interp() -> None:
     given = curve("temperature", CONDUCTANCE)
     at = np.linspace(-20.0, 100.0, 4001)
-    assert np.abs(evaluate(given, at) - lines(CONDUCTANCE, at)).max() < 1e-14
+    assert np.abs(given.evaluate(at) - lines(CONDUCTANCE, at)).max() < 1e-14
 
 
 def test_a_conductivity_of_10_to_20_gives_the_mean_and_no_bend() -> None:
@@ -93,7 +92,7 @@ def test_smooth_is_asked_for() -> None:
     assert "interpolation" not in to_dict(box())["conductors"]["link"]["table"]
     given = box(smooth).conductors["link"].curve
     assert given is not None
-    assert slopes(given)[0] == 0.0
+    assert given.slopes[0] == 0.0
     assert box(smooth).identity() != box().identity()
     run = td.simulate(box(smooth), bench())
     assert np.abs(run["x"].celsius - exact(run.times)).max() > 0.05
@@ -297,7 +296,7 @@ def test_a_specific_heat_by_lines_is_integrated_exactly() -> None:
 def test_temperatures_over_enthalpy_are_inverted_to_1e_12() -> None:
     shape = store("specific_heat", curve("temperature", [(273.15 + t, c) for t, c in C]))
     at = np.linspace(273.15, 573.15, 20_011)
-    assert np.abs(evaluate(shape.curve, shape.level(at)) - at).max() < 2e-12
+    assert np.abs(shape.curve.evaluate(shape.level(at)) - at).max() < 2e-12
 
 
 @pytest.mark.parametrize("melt", [27.0, 29.0])

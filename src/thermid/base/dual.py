@@ -122,12 +122,6 @@ def value_of(number: Number) -> float:
     return number.value if isinstance(number, Dual) else float(number)
 
 
-def is_finite(number: Number) -> bool:
-    """Return whether a number is finite; of numbers of members all must agree."""
-    value: Any = value_of(number)
-    return bool(value > -math.inf and value < math.inf)
-
-
 def gradient_of(number: Number, free: int) -> NDArray[np.float64]:
     """Return the gradient (free,), zero for a plain number."""
     return number.gradient if isinstance(number, Dual) else np.zeros(free)

@@ -104,29 +104,32 @@ FORMATS: Final = {
 _TEXTS: Final = (".csv", ".toml", ".json")
 
 
-DECK: Final = FileKind("deck", endings=(".toml",))
-VALUES: Final = FileKind("values file", endings=(".toml",))
-SCENARIO: Final = FileKind("scenario", endings=(".toml",))
-PROFILE: Final = FileKind("profile", endings=(".toml",))
-STUDY: Final = FileKind("study", endings=(".toml",))
-CREDIBILITY: Final = FileKind("credibility record", endings=(".json", ".toml"))
-PAGE: Final = FileKind("page", endings=(".html", ".htm"))
-PAPER: Final = FileKind("printed page", endings=(".pdf",), named=True)
-PICTURE: Final = FileKind("picture", endings=(".png", ".svg", ".pdf"), named=True)
-DRAWING: Final = FileKind("picture", endings=(".svg",), named=True)
-"""A picture that is drawn as SVG alone."""
-EXPORT: Final = FileKind("export", endings=_TEXTS)
-EQUATIONS: Final = FileKind("equations file", endings=_TEXTS)
-DELIVERY: Final = FileKind("delivery", endings=(".json",))
-TABLE: Final = FileKind("table of temperatures", lambda path: _header(path, rb"time_s"), (".csv",))
-LOG: Final = FileKind("log", lambda path: _header(path, rb".*\[s\]"), (".csv",))
-NETCDF: Final = FileKind("netCDF file", _from_netcdf, (".nc", ".h5", ".hdf5"))
-SHEET: Final = FileKind("table of a report", lambda path: path.parent.name.endswith(".tables"), (".csv",))
-"""In the folder of a report's tables, which nobody else names so."""
-COPY: Final = FileKind("copy", lambda path: False)
-"""Bytes as they are; what is there is never replaced."""
-RESULTS_FILE: Final = FileKind("file of results", lambda path: True)
-"""What only thermid writes, by names of its own, and what carries on the content of the file that it replaces."""
+class FileKinds:
+    """The kinds of files that thermid writes."""
+
+    DECK: Final = FileKind("deck", endings=(".toml",))
+    VALUES: Final = FileKind("values file", endings=(".toml",))
+    SCENARIO: Final = FileKind("scenario", endings=(".toml",))
+    PROFILE: Final = FileKind("profile", endings=(".toml",))
+    STUDY: Final = FileKind("study", endings=(".toml",))
+    CREDIBILITY: Final = FileKind("credibility record", endings=(".json", ".toml"))
+    PAGE: Final = FileKind("page", endings=(".html", ".htm"))
+    PAPER: Final = FileKind("printed page", endings=(".pdf",), named=True)
+    PICTURE: Final = FileKind("picture", endings=(".png", ".svg", ".pdf"), named=True)
+    DRAWING: Final = FileKind("picture", endings=(".svg",), named=True)
+    """A picture that is drawn as SVG alone."""
+    EXPORT: Final = FileKind("export", endings=_TEXTS)
+    EQUATIONS: Final = FileKind("equations file", endings=_TEXTS)
+    DELIVERY: Final = FileKind("delivery", endings=(".json",))
+    TABLE: Final = FileKind("table of temperatures", lambda path: _header(path, rb"time_s"), (".csv",))
+    LOG: Final = FileKind("log", lambda path: _header(path, rb".*\[s\]"), (".csv",))
+    NETCDF: Final = FileKind("netCDF file", _from_netcdf, (".nc", ".h5", ".hdf5"))
+    SHEET: Final = FileKind("table of a report", lambda path: path.parent.name.endswith(".tables"), (".csv",))
+    """In the folder of a report's tables, which nobody else names so."""
+    COPY: Final = FileKind("copy", lambda path: False)
+    """Bytes as they are; what is there is never replaced."""
+    RESULTS_FILE: Final = FileKind("file of results", lambda path: True)
+    """What only thermid writes, by names of its own, and what carries on the content of the file that it replaces."""
 
 
 @dataclass

@@ -21,7 +21,6 @@ from pydantic import (
     Tag,
     ValidationError,
     WithJsonSchema,
-    WrapValidator,
 )
 from pydantic_core import PydanticCustomError, core_schema
 
@@ -44,11 +43,6 @@ def reads(form: Any, make: Callable[[Any], Any]) -> GetPydanticSchema:
             raise PydanticCustomError("thermid", "{message}", {"message": error.message, "error": error}) from None
 
     return GetPydanticSchema(lambda _, handler: core_schema.no_info_after_validator_function(validated, handler.generate_schema(form)))
-
-
-def or_instance(kind: type) -> WrapValidator:
-    """Return the mark of a field in whose place a caller in Python may give an object."""
-    return WrapValidator(lambda value, check: value if isinstance(value, kind) else check(value))
 
 
 def _amount(written: Any) -> Any:

@@ -1,4 +1,4 @@
-"""Linear algebra of information: covariance, null space, pseudo-inverse, roots and the sandwich, with the tolerances of two questions.
+"""Linear algebra of information: covariance, null space, pseudo-inverse and roots, with the tolerances of two questions.
 
 Can an unknown be told from the others (RANK_TOLERANCE), and has it any effect at all (NOTHING)?
 
@@ -9,9 +9,11 @@ are scaled to length one first, so that no unit decides what counts as nothing.
 from __future__ import annotations
 
 import sys
+from collections.abc import Sequence
 from contextlib import AbstractContextManager
 from functools import lru_cache
 from importlib import import_module
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -94,17 +96,6 @@ def null_space(rows: Array) -> Array:
     return out
 
 
-def rank(rows: Array, beside: Array | None = None) -> int:
-    """Return of how many combinations of unknowns the rows state thismething; `beside` are the columns of others that are open too."""
-    part = scaled(rows)[0][: len(rows)]
-    largest = float(np.linalg.norm(part, 2)) if part.size else 0.0
-    if beside is not None and beside.shape[1]:
-        basis, s, _ = np.linalg.svd(scaled(beside)[0][: len(rows)], full_matrices=False)
-        basis = basis[:, s > RANK_TOLERANCE * max(s[0], 1e-300)]
-        part = part - basis @ (basis.T @ part)
-    return int((np.linalg.svd(part, compute_uv=False) > RANK_TOLERANCE * largest).sum())
-
-
 def _eigen(matrix: Array) -> tuple[Array, Array, Array]:
     """Return eigenvalues and vectors of a symmetric matrix scaled to a diagonal of ones, and the scale."""
     scale = np.sqrt(np.where(np.diag(matrix) > 0, np.diag(matrix), 1.0))
@@ -150,61 +141,23 @@ def quadratic_forms(rows: Array, matrix: Array) -> Array:
     return np.asarray(np.sum((rows @ matrix) * rows, axis=1))
 
 
-def sandwich(bread: Array, meat: Array) -> Array:
-    """Return ``C E C``: what a covariance E of the score J'r makes of the unknowns, C the inverse of the information (Huber 1967)."""
-    return np.asarray(bread @ meat @ bread)
+def anderson_step(states: Sequence[Array], steps: Sequence[Array], tolerance: float) -> Array:
+    """Return the next state of a fixed-point iteration by Anderson's method: x + f - (dX + dF) g, g of least squares of dF g = f.
 
-
-def solve_conserving(gains: Array, leaving: Array, right: Array) -> Array | None:
-    """Return x of A x = right, where A has -gains beside its diagonal and columns that sum to what leaves; None where A has no inverse.
-
-    Elimination without a difference, so that every entry of x keeps its digits however many decades the entries of A span: the diagonal
-    is never formed but as a sum of what leaves and what goes to the others (Grassmann, Taksar and Heyman, Oper. Res. 33 (1985) 1107; Alfa,
-    Xue and Ye, Math. Comp. 71 (2002) 217).
+    Whole steps may overshoot; the combination of the last ones whose linear forecast of what is left is smallest does not: Walker and Ni,
+    SIAM J. Numer. Anal. 49 (2011) 1715, eq. 1.3.
 
     Parameters
     ----------
-    gains : array (n, n)            What row i gains from column j, none below zero; the diagonal is not read. Such as W/K between nodes.
-    leaving : array (n,)            What leaves each column for good, none below zero. Such as W/K to boundaries.
-    right : array (n,) or (n, k)
+    states, steps : sequences of arrays   The last states, of any shape, and the step from each; x and f are the last of them, dX and dF
+                                          differences of successive ones.
+    tolerance : float                     Singular values of dF, beside the largest, that count as zero. [-]
     """
-    size = leaving.size
-    g, out, b = gains.astype(float), leaving.astype(float), right.astype(float).reshape(size, -1)
-    np.fill_diagonal(g, 0.0)
-    pivots = np.zeros(size)
-    for k in range(size):
-        rest = slice(k + 1, size)
-        pivots[k] = out[k] + g[rest, k].sum()
-        if not pivots[k] > 0.0:
-            return None
-        share = g[rest, k] / pivots[k]
-        g[rest, rest] += share[:, None] * g[k, rest]
-        out[rest] += g[k, rest] * (out[k] / pivots[k])
-        b[rest] += share[:, None] * b[k]
-    x = np.zeros_like(b)
-    for k in reversed(range(size)):
-        x[k] = (b[k] + g[k, k + 1 :] @ x[k + 1 :]) / pivots[k]
-    return x.reshape(right.shape) if np.isfinite(x).all() else None
-
-
-def forward_substitution(lower: Array, right: Array) -> Array:
-    """Return ``L^-1 B`` (members, n, k) of lower triangular L (members, n, n) and B (members, n, k).
-
-    `numpy.linalg.solve` would factorise each L again.
-    """
-    from scipy.linalg.lapack import dtrtrs
-
-    out = np.empty(right.shape)
-    for k in range(len(right)):
-        out[k], _ = dtrtrs(lower[k].T, right[k], lower=0, trans=1)  # the transpose lies in LAPACK's order
-    return out
-
-
-def back_substitution(lower: Array, right: Array) -> Array:
-    """Return ``L'^-1 b`` (members, n) of lower triangular L (members, n, n) and b (members, n)."""
-    from scipy.linalg.lapack import dtrtrs
-
-    return np.stack([dtrtrs(one.T, b, lower=0)[0] for one, b in zip(lower, right, strict=True)])
+    if len(states) < 2:
+        return np.asarray(states[-1] + steps[-1])
+    moved, changed = (np.column_stack([(b - a).ravel() for a, b in pairwise(sequence)]) for sequence in (states, steps))
+    share = np.linalg.lstsq(changed, steps[-1].ravel(), rcond=tolerance)[0]
+    return np.asarray(states[-1] + steps[-1] - ((moved + changed) @ share).reshape(states[-1].shape))
 
 
 _libraries = lru_cache(maxsize=4)(lambda *loaded: import_module("threadpoolctl").ThreadpoolController())

@@ -14,7 +14,7 @@ from typing import Any
 from thermid.base.errors import MissingDataError, RecordError
 from thermid.base.expression import amount
 from thermid.base.extensions import by_grammar
-from thermid.base.files import RESULTS_FILE, parse_toml, was_read, write_text
+from thermid.base.files import FileKinds, parse_toml, was_read, write_text
 from thermid.base.toml_files import Places
 from thermid.bench._wire import rom_is_good
 from thermid.measure.sensors import ICE, SensorCertificate
@@ -138,7 +138,7 @@ def save_sensor(path: str | Path, sensor: MappedSensor) -> None:
     for name in [name for name, sensor_table in tables.items() if sensor_table.get("rom") == sensor.rom and name != sensor.name]:
         del tables[name]  # the sensor has a new name
     tables[sensor.name] = table
-    write_text(place, tomlkit.dumps(content), RESULTS_FILE)
+    write_text(place, tomlkit.dumps(content), FileKinds.RESULTS_FILE)
 
 
 @dataclass(frozen=True)

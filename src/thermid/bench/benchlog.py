@@ -22,7 +22,7 @@ import numpy as np
 
 from thermid.base.errors import OutputError, RecordError
 from thermid.base.expression import Kelvin
-from thermid.base.files import COPY, write_bytes
+from thermid.base.files import FileKinds, write_bytes
 from thermid.bench._wire import COUNTER_RANGE, MAGIC, BoardLine, parse_line, sealed, unsealed
 from thermid.measure.readers import UNFINISHED, Cells, is_bench_log
 from thermid.measure.sensors import SensorCertificate
@@ -185,7 +185,7 @@ class LogFile:
         for folder in (Path(tempfile.gettempdir()), Path.home()) if self._waiting else ():
             place = folder / f"{self.path.name}.{os.getpid()}.rest"
             try:
-                write_bytes(place, bytes(self._waiting), COPY)
+                write_bytes(place, bytes(self._waiting), FileKinds.COPY)
             except (OSError, OutputError):
                 continue
             self.rest = place

@@ -11,7 +11,7 @@ from typing import Any
 
 from thermid.base.arguments import takes_objects
 from thermid.base.errors import look_up
-from thermid.base.files import CREDIBILITY, write_text
+from thermid.base.files import FileKinds, write_text
 from thermid.base.results import Result
 from thermid.base.units import NAMES, counted, from_si, unit
 from thermid.campaign._stages import Campaign
@@ -114,8 +114,8 @@ class CredibilityRecord(Result, Mapping[str, ValueRecord]):
         if target.suffix == ".toml":
             import tomlkit
 
-            return write_text(target, tomlkit.dumps(self.to_dict()), CREDIBILITY)
-        return write_text(target, json.dumps(self.to_dict(), indent=1), CREDIBILITY)
+            return write_text(target, tomlkit.dumps(self.to_dict()), FileKinds.CREDIBILITY)
+        return write_text(target, json.dumps(self.to_dict(), indent=1), FileKinds.CREDIBILITY)
 
     def __str__(self) -> str:
         """Return it as text, a line a value."""

@@ -13,7 +13,7 @@ from thermid.base.arguments import takes_objects
 from thermid.base.errors import DeckError, NameNotFoundError, nearest, refuse_unknown
 from thermid.base.expression import Kelvin
 from thermid.base.extensions import by_grammar
-from thermid.base.files import STUDY, write_text
+from thermid.base.files import FileKinds, write_text
 from thermid.base.results import Shown
 from thermid.base.toml_files import Places, read_toml, resolve_inside
 from thermid.base.units import TEMPERATURE
@@ -23,7 +23,7 @@ from thermid.campaign._stages import Campaign
 from thermid.fit.calibration import SensorTrace
 from thermid.model.deck import load_model
 from thermid.model.elements import literal
-from thermid.model.tree import Model, Names, node_boxes, part_boxes
+from thermid.model.tree import Model, Names
 from thermid.physics.constants import ICE_POINT
 from thermid.simulation.runs import Solution
 from thermid.simulation.solver import Options
@@ -177,12 +177,12 @@ class Study(Shown):
     @property
     def boxes(self) -> dict[str, str]:
         """Node -> box colour of the part that it belongs to."""
-        return node_boxes(self.model)
+        return self.model.node_boxes
 
     @property
     def part_boxes(self) -> dict[str, str]:
         """Submodel -> its box colour with those of everything in it; the empty path is the whole."""
-        return part_boxes(self.model)
+        return self.model.part_boxes
 
     def find(self, name: str) -> str:
         """Return the path of a submodel or node by any of its names: a component, an alias, with or without a name of the whole before it.
@@ -234,7 +234,7 @@ class Study(Shown):
         """Write the study as a file and return its path; put it beside the campaign and decks that it names."""
         import tomlkit
 
-        return write_text(path, tomlkit.dumps(dict(self._data)), STUDY)
+        return write_text(path, tomlkit.dumps(dict(self._data)), FileKinds.STUDY)
 
 
 def _reference_points(model: Model, prefix: str = "") -> list[tuple[str, Any]]:
@@ -325,7 +325,7 @@ def load_study(path: str | os.PathLike[str]) -> Study:
 def _component(model: Model, name: str, table: ComponentTable, where: str) -> Component:
     """Return a component of a study from its table; a place that the model does not have is refused."""
     path = model.canonical(table.at)
-    places = {*part_boxes(model), *Names(model).nodes} - {""}
+    places = {*model.part_boxes, *Names(model).nodes} - {""}
     refuse_unknown([path], places, where, f"'{name}' has the place '{table.at}', which the model does not have.", NameNotFoundError)
     low, high = (literal(t, TEMPERATURE, where) if t else None for t in (table.lowest, table.highest))
     return Component(path, table.what, low, high, table.basis)

@@ -19,12 +19,12 @@ from thermid.base.units import counted
 from thermid.campaign._file import CampaignSource, read_campaign
 from thermid.campaign._joint import Level, places_of
 from thermid.campaign._stages import Campaign, Notice, progress_of, request_of
-from thermid.fit.calibration import MOVED, Calibration, Request, as_found, fit, key_of, moved_instruments
+from thermid.fit.calibration import MOVED, Calibration, Request, as_found, fit, moved_instruments
 from thermid.fit.error_model import KEY as ERRORS, errors_after, errors_without
 from thermid.model.deck import load_model
 from thermid.model.elements import Constant, Standing, exact
 from thermid.model.identity import PlaceStart, Replacement, definition_of, inside, instances, short_text, touching
-from thermid.model.tree import Model, Names, ParameterSet, deck_text, ledger
+from thermid.model.tree import Model, Names, ParameterSet, ledger
 from thermid.physics.constants import ICE_POINT
 from thermid.simulation.network import compile_network
 from thermid.simulation.runs import Scenario, steady
@@ -532,7 +532,7 @@ def retuned(
                 anew = () if stage.alone or again else (*_replaced_places(stage), *stage.free)
                 request, done[stage.name] = _fitted(request, before[stage.of], anew, progress_of(notice, stage.name))
             requests[stage.name] = request
-            keys[stage.name] = key_of(request, [keys[n] for i in changed_table.inherit.values() for n in i.stages])
+            keys[stage.name] = request.stage_key([keys[n] for i in changed_table.inherit.values() for n in i.stages])
     count = 0 if part_only else len(plan.freed)
     tests, values = counted(len(due), "test"), counted(count, "value")
     note = f"After {plan.old} was replaced by {plan.new} at {plan.part}: {tests} repeated, {values} retuned."
@@ -800,7 +800,7 @@ def starts_of(before: Store, old: Model, new: Model, starts: Sequence[PlaceStart
         at, origin = literal.value, ValueOrigin("twin", stage)
         ends = (low, high)
         states[one.path] = State(
-            one.path, at, True, written.unit, ends, origin, paths=(one.path,), deck=deck_text(table[one.path]), start=at
+            one.path, at, True, written.unit, ends, origin, paths=(one.path,), deck=table[one.path].deck_text, start=at
         )
     return Store(states, (*before.sources, *new_sources), root)
 

@@ -44,7 +44,6 @@ from thermid.fit.calibration import (
     digest,
     fit,
     freed,
-    ingredients_of,
     priors_of,
     shared_paths,
     weighing,
@@ -56,7 +55,7 @@ from thermid.measure.amounts import duration_text, short
 from thermid.measure.records import Record, stray_readings
 from thermid.model.elements import Standing, literal, worst
 from thermid.model.identity import definition_of, instances
-from thermid.model.tree import Model, ParameterSet, parameter_table
+from thermid.model.tree import Model, ParameterSet
 from thermid.simulation.runs import STEADY, KeptTasks, Scenario, Workers, in_tasks
 from thermid.values.store import Store, graft
 from thermid.values.value_files import hand_values
@@ -242,7 +241,7 @@ def plain_readings(tables: Mapping[str, Any]) -> dict[str, Any]:
 def keyed(request: Request, stage: StageTable, keys: Mapping[str, str]) -> tuple[Request, dict[str, str]]:
     """Return a stage's request with its key, and the ingredients of that; `keys` are those of the stages below."""
     below = [keys[name] for i in stage.inherit.values() for name in i.stages]
-    ingredients = ingredients_of(request, below)
+    ingredients = request.ingredients(below)
     return replace(request, key=digest(ingredients)), ingredients
 
 
@@ -403,7 +402,7 @@ class Campaign(Result):
         out: dict[str, dict[str, float]] = {}
         for stage, calibration in self.stages.items():
             values = ParameterSet(calibration.model).evaluate({})
-            for path in parameter_table(calibration.model):
+            for path in calibration.model.parameter_table():
                 if path == field_name or path.endswith(f".{field_name}"):
                     part = path.removesuffix(field_name).rstrip(".") or calibration.given_model.title
                     out.setdefault(part, {})[stage] = float(values[path])

@@ -18,10 +18,4 @@ from thermid.campaign._start.project import (
     write_template as write_template,
 )
 from thermid.campaign._start.proposal import StatedFacts as StatedFacts, known_masses as known_masses, propose as propose, seated as seated
-from thermid.campaign._start.roles import (
-    ACCURACY as ACCURACY,
-    Roles as Roles,
-    read_as as read_as,
-    roles_of as roles_of,
-    word as word,
-)
+from thermid.campaign._start.roles import ACCURACY as ACCURACY, Roles as Roles, roles_of as roles_of, word as word

@@ -1,6 +1,6 @@
 """Verdicts on hold-out records, correlation, limits, margins, metrics."""
 
-from thermid.campaign._judge.changes import Change as Change, Changes as Changes, compare_models as compare_models
+from thermid.campaign._judge.changes import Changes as Changes, compare_models as compare_models
 from thermid.campaign._judge.correlation import (
     Correlation as Correlation,
     Difference as Difference,
@@ -10,7 +10,6 @@ from thermid.campaign._judge.correlation import (
     difference as difference,
     overlays as overlays,
     paired as paired,
-    read_two as read_two,
 )
 from thermid.campaign._judge.criteria import (
     CRITERIA as CRITERIA,
@@ -18,7 +17,6 @@ from thermid.campaign._judge.criteria import (
     Criteria as Criteria,
     CriteriaSet as CriteriaSet,
     heading as heading,
-    largest as largest,
     metric as metric,
 )
 from thermid.campaign._judge.limits import (
@@ -40,4 +38,4 @@ from thermid.campaign._judge.margins import (
 from thermid.campaign._judge.predictions import CampaignPrediction as CampaignPrediction
 from thermid.campaign._judge.sizing import Sizing as Sizing, size as size
 from thermid.campaign._judge.verdict import Verdict as Verdict, compare as compare, validate as validate
-from thermid.campaign._judge.worst import WorstCase as WorstCase, WorstCases as WorstCases, worst_case as worst_case
+from thermid.campaign._judge.worst import WorstCases as WorstCases, worst_case as worst_case

@@ -48,9 +48,9 @@ from thermid.measure.amounts import short, some
 from thermid.measure.records import Record, open_questions
 from thermid.model.elements import CREDIBLE, Standing, TableSignal, worst
 from thermid.model.identity import identity_of
-from thermid.model.tree import Model, deck_text, parameter_table, unlumped
+from thermid.model.tree import Model, unlumped
 from thermid.simulation.runs import Scenario, Workers
-from thermid.values.fitted import FittedValue, FittedValues, as_store, view
+from thermid.values.fitted import FittedValue, FittedValues, view
 from thermid.values.store import INPUT, LaterTable, State, Store, ValueOrigin, graft
 
 _version = cache(version)  # half a millisecond, once
@@ -147,7 +147,7 @@ def rests_on(request: Request, values: FittedValues) -> dict[str, Standing]:
     with_prior |= {p for p, one in request.priors.items() if not mean_of(one)}  # a prior about the value that was there
     freed = {q for p, v in values.parameters.items() if p not in with_prior for q in (p, *v.also)}
     out: dict[str, list[Standing]] = {}
-    for path, entry in parameter_table(request.model).items():
+    for path, entry in request.model.parameter_table().items():
         if path not in freed and entry.parameter.standing is not None:
             out.setdefault(entry.origin, []).append(entry.parameter.standing)
     for s in request.store.states.values():
@@ -172,7 +172,7 @@ def stored(request: Request, problem: Problem, values: FittedValues, responses_o
     rows, sources = responses_of_fit.with_noise(positions, key[:16], f"noise of stage '{values.stage}'")
     is_limited = [not responses_of_fit.unlimited[k] for k in positions]
     origin = ValueOrigin("fit", values.stage, tuple(values.provenance["records"]), key, values.provenance["date"])
-    decks = {p: deck_text(entry) for p, entry in parameter_table(request.model).items()}
+    decks = {p: entry.deck_text for p, entry in request.model.parameter_table().items()}
     states = {
         v.path: replace(state_of(v, origin, decks), known=sure, of_logs=v.path in request.of_logs)
         for v, sure in zip(values.values(), is_limited, strict=True)
@@ -828,7 +828,7 @@ def requested(
     where = name or model.title
     store, remarks = Store(), tuple[str, ...]()
     if inherit:
-        below = [(part, v.store or as_store(v)) for part, fits in inherit.items() for v in fitted_values(fits, f"{where}, {part}")]
+        below = [(part, v.store or v.as_store()) for part, fits in inherit.items() for v in fitted_values(fits, f"{where}, {part}")]
         store, remarks = graft(model, below)
         model = store.laid_over(model)
         store, hidden = store.acting_in(model)

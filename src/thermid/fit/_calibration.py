@@ -25,7 +25,7 @@ from thermid.fit._uncertainty.noise import Autocorrelation
 from thermid.measure.amounts import digits, short
 from thermid.model.elements import UNJUDGED, Standing, worst
 from thermid.model.identity import cuts_of
-from thermid.model.tree import Model, parameter_table
+from thermid.model.tree import Model
 from thermid.physics.constants import ICE_POINT
 from thermid.values.fitted import FittedValue, FittedValues, load_values, save_store
 from thermid.values.ranges import range_shares, without_spread
@@ -72,7 +72,7 @@ def _bracketed(fit: Calibration) -> list[str]:
     """Return what a fit held and has no spread: set points of thermostats, and assumed values whose deck has min and max."""
     given = {p for s in fit.store.states.values() for p in s.acts}
     given |= {p for e in fit.experiments for p in e.scenario.driven(e.network.flat)}
-    held = {p: e.parameter for p, e in parameter_table(fit.given_model).items() if p not in given}
+    held = {p: e.parameter for p, e in fit.given_model.parameter_table().items() if p not in given}
     bare = [p for p, x in held.items() if x.is_literal and x.stated_range is None]
     # a set point is known to some tenths of a kelvin at best, and offsets of sensors take up what it is wrong by
     points = [p for p in bare if ".thermostat." in p or p.endswith(".setpoint")]
@@ -85,7 +85,7 @@ def far_from_sheet(model: Model, values: FittedValues) -> tuple[str, ...]:
     Asked of values whose source is a data sheet, a publication, a measurement or a derivation, and of masses and heat capacities unless
     they are assumed.
     """
-    table, out = parameter_table(model), []
+    table, out = model.parameter_table(), []
     for path, v in values.parameters.items():
         if path not in table or not (v.log and v.start > 0.0 and v.value > 0.0):
             continue
@@ -427,7 +427,7 @@ class Calibration(Result):
             bias = f"   bias {v.value:+.2f} +- {short(v.error)} K" if (v := self.values.sensors.get(name)) is not None else held
             sizes = f"RMSE {short(s.rmse, 3)} K   largest {short(abs(s.largest), 3)} K"
             lines.append(f"  {name}: {sizes}   residuals white: {white}{worth}{bias}")
-        lines += [f"  {share}" for share in (*sensor_shares(self), *instrument_shares(self))]
+        lines += [f"  {share}" for share in (*self.sensor_shares, *self.instrument_shares)]
         if self.local:
             lines.append("  per record:")
             lines += [f"    {i.record}: {i.name} {i.words}" for i in self.local]
@@ -481,6 +481,37 @@ class Calibration(Result):
     def _ipython_key_completions_(self) -> list[str]:
         """Return the paths of the fitted values."""
         return list(self.values)
+
+    @property
+    def sensor_shares(self) -> tuple[SensorShare, ...]:
+        """Return what the constant error of every sensor that has an accuracy means for a fit.
+
+        The share is the squared correlation of parameter and constant error in their joint covariance.
+        """
+        swings: dict[str, float] = {}
+        accuracy: dict[str, float] = {}
+        for e in self.experiments:
+            for o in e.observations:
+                swings[o.sensor] = max(swings.get(o.sensor, 0.0), float(np.ptp(o.measured)) if o.measured.size else 0.0)
+                accuracy[o.sensor] = o.accuracy or 0.0
+        order = list(self.values)
+        out = []
+        for sensor in self.values.sensors:
+            best, share = _largest_contributor(self, order.index(f"sensor {sensor}"))
+            if accuracy.get(sensor):
+                out.append(SensorShare(sensor, accuracy[sensor], swings[sensor], best, share))
+        return tuple(out)
+
+    @property
+    def instrument_shares(self) -> tuple[InstrumentShare, ...]:
+        """Return what the scales and lags that were looked for mean for a fit; shares as in `sensor_shares`."""
+        out = []
+        for j, (name, v) in enumerate(self.values.items()):
+            if v.kind == "instrument" and v.prior is not None:
+                mean, sd = v.prior
+                stated = (float(np.exp(mean)), float(np.exp(mean)) * sd) if v.log else (mean, sd)
+                out.append(InstrumentShare(name, v.unit, stated, (v.value, v.error), *_largest_contributor(self, j)))
+        return tuple(out)
 
 
 def _value_line(v: FittedValue, width: int, estimate: FittedValue, ranges: Mapping[str, float]) -> str:
@@ -553,26 +584,6 @@ class SensorShare:
         return f"constant error of {self.sensor}: {self.accuracy:.2g} K (accuracy) {part}{sets}"
 
 
-def sensor_shares(fit: Calibration) -> tuple[SensorShare, ...]:
-    """Return what the constant error of every sensor that has an accuracy means for a fit.
-
-    The share is the squared correlation of parameter and constant error in their joint covariance.
-    """
-    swings: dict[str, float] = {}
-    accuracy: dict[str, float] = {}
-    for e in fit.experiments:
-        for o in e.observations:
-            swings[o.sensor] = max(swings.get(o.sensor, 0.0), float(np.ptp(o.measured)) if o.measured.size else 0.0)
-            accuracy[o.sensor] = o.accuracy or 0.0
-    order = list(fit.values)
-    out = []
-    for sensor in fit.values.sensors:
-        best, share = _largest_contributor(fit, order.index(f"sensor {sensor}"))
-        if accuracy.get(sensor):
-            out.append(SensorShare(sensor, accuracy[sensor], swings[sensor], best, share))
-    return tuple(out)
-
-
 def _largest_contributor(fit: Calibration, j: int) -> tuple[str, float]:
     """Return the parameter whose error an unknown at position `j` sets most, and its share of the variance; nothing below `WORTH`."""
     order, best, share = list(fit.values), "", WORTH
@@ -611,17 +622,6 @@ class InstrumentShare:
         before, after = (f"{factor * mean:.3g} +- {factor * sd:.2g} {unit}" for mean, sd in (self.stated, self.found))
         sets = f", and sets {100 * self.share:.0f} % of the variance of {self.parameter}" if self.parameter else ""
         return f"{self.name}: {before} as stated, {after} found{sets}"
-
-
-def instrument_shares(fit: Calibration) -> tuple[InstrumentShare, ...]:
-    """Return what the scales and lags that were looked for mean for a fit; shares as in `sensor_shares`."""
-    out = []
-    for j, (name, v) in enumerate(fit.values.items()):
-        if v.kind == "instrument" and v.prior is not None:
-            mean, sd = v.prior
-            stated = (float(np.exp(mean)), float(np.exp(mean)) * sd) if v.log else (mean, sd)
-            out.append(InstrumentShare(name, v.unit, stated, (v.value, v.error), *_largest_contributor(fit, j)))
-    return tuple(out)
 
 
 def fitted_values(fits: Any, where: str) -> tuple[FittedValues, ...]:

@@ -19,7 +19,7 @@ from typing import NamedTuple, Protocol
 import numpy as np
 
 from thermid.base.errors import IdentificationError, SolverError, refuse_unknown
-from thermid.base.linear_algebra import NOTHING, Array, covariance, finite, sandwich
+from thermid.base.linear_algebra import NOTHING, Array, covariance, finite
 from thermid.base.units import counted
 from thermid.fit._problem.residuals import Compressed, Sums, Unknown, refuse_not_finite, starting_point
 
@@ -418,5 +418,5 @@ def covariances(fit: Fit, level: float = 1.0, excess: Array | None = None) -> tu
     weights = covariance(np.concatenate([data, fit.priors]), NOTHING)
     weight_covariance = finite(weights)
     spread = data @ weight_covariance
-    added = sandwich(weight_covariance, excess) / level**2 if excess is not None else np.zeros_like(weight_covariance)
+    added = weight_covariance @ excess @ weight_covariance / level**2 if excess is not None else np.zeros_like(weight_covariance)
     return weights + added, np.where(np.isinf(weights), np.inf, spread.T @ spread + added), weights

@@ -13,8 +13,6 @@ from thermid.fit._calibration import (
     Calibration as Calibration,
     blame_of as blame_of,
     fitted_values as fitted_values,
-    instrument_shares as instrument_shares,
-    sensor_shares as sensor_shares,
 )
 from thermid.fit._inputs import Input as Input, InputTable as InputTable, input_lines as input_lines, inputs_of as inputs_of
 from thermid.fit._minimisation import (
@@ -46,9 +44,7 @@ from thermid.fit._problem.request import (
     counted_twice as counted_twice,
     digest as digest,
     freed as freed,
-    ingredients_of as ingredients_of,
     is_glob as is_glob,
-    key_of as key_of,
     matching as matching,
     priors_of as priors_of,
     shared_paths as shared_paths,
@@ -64,9 +60,7 @@ from thermid.fit._problem.residuals import (
     SensorTrace as SensorTrace,
     Sums as Sums,
     Unknown as Unknown,
-    prior_rows as prior_rows,
     starting_point as starting_point,
-    wanders as wanders,
 )
 from thermid.fit._search import box_of as box_of
 from thermid.fit._uncertainty.groups import (

@@ -19,12 +19,7 @@ from thermid.fit._error_model.kept import (
     errors_without as errors_without,
 )
 from thermid.fit._error_model.records import (
-    ROOM as ROOM,
-    RUN as RUN,
-    START as START,
-    STRUCTURE as STRUCTURE,
-    UNEXPLAINED as UNEXPLAINED,
-    VALUES as VALUES,
+    BandCause as BandCause,
     BesideRow as BesideRow,
     RecordRun as RecordRun,
     problem_of_record as problem_of_record,

@@ -1,6 +1,6 @@
 """What is missing in a model: candidates, hidden defects, mistakes in a log, a search for structures."""
 
-from thermid.inference._explain.candidates import Fitted as Fitted, MissingElement as MissingElement, changes_of as changes_of
+from thermid.inference._explain.candidates import Fitted as Fitted, MissingElement as MissingElement
 from thermid.inference._explain.criticism import (
     Criticism as Criticism,
     criticise as criticise,
@@ -12,9 +12,7 @@ from thermid.inference._explain.structures import (
     EvaluationBudget as EvaluationBudget,
     FittedStructure as FittedStructure,
     StructureSearch as StructureSearch,
-    adopted as adopted,
     fitted_structure as fitted_structure,
-    promises as promises,
     search_structure as search_structure,
 )
 from thermid.inference._explain.thresholds import CHALLENGES as CHALLENGES, EVALUATIONS as EVALUATIONS

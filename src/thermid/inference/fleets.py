@@ -1,5 +1,4 @@
 """Fleets: the population of the units of one design."""
 
 from thermid.inference._fleet.fleet import Fleet as Fleet
-from thermid.inference._fleet.population import PopulationFit as PopulationFit
 from thermid.inference._fleet.units import fleet as fleet, fleet_of as fleet_of

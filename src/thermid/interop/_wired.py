@@ -17,11 +17,11 @@ import numpy as np
 
 from thermid.base.dual import real_power, value_of
 from thermid.base.errors import DeckError, ScenarioError
-from thermid.base.files import EXPORT, write_text
+from thermid.base.files import FileKinds, write_text
 from thermid.base.units import si_unit
-from thermid.model.elements import HINGES, Constant, Curve, Drawn, TableSignal, slopes, whole
+from thermid.model.elements import HINGES, Constant, Curve, Drawn, TableSignal
 from thermid.model.tree import Model
-from thermid.simulation.network import SMOOTHING, ConductorRow, Network, Numbers, refuse_controls, signal_of
+from thermid.simulation.network import SMOOTHING, ConductorRow, Network, Numbers, signal_of
 from thermid.simulation.runs import Scenario, network_for
 from thermid.simulation.solver import Engine, Wiring
 
@@ -441,8 +441,8 @@ def table_points(curve: Curve) -> tuple[list[float], list[float], bool]:
     Third: whether it is held outside; a table that is refused has no values there.
     """
     if curve.film:
-        return curve.x.tolist(), slopes(curve).tolist(), curve.limits is None
-    x, y, _ = whole(curve)
+        return curve.x.tolist(), curve.slopes.tolist(), curve.limits is None
+    x, y, _ = curve.table
     return x.tolist(), y.tolist(), curve.limits is None
 
 
@@ -686,5 +686,16 @@ def exported(w: Wired, lines: Iterable[str], path: str | os.PathLike[str] | None
     idle = [f"{comment.strip()} left out, because nothing flows through it in this scenario: {one_line(name)}" for name in w.idle]
     text = "\n".join([*lacking, *idle, *lines]) + "\n"
     if path is not None:
-        write_text(path, text, EXPORT, comment)
+        write_text(path, text, FileKinds.EXPORT, comment)
     return text
+
+
+def refuse_controls(named: Sequence[str], what: str, cure: str) -> None:
+    """Refuse any control of a deck for what does not support them; `what` names it and `cure` says what to do.
+
+    Raises
+    ------
+    DeckError
+    """
+    if named:
+        raise DeckError(f"{what} does not support controls, and '{named[0]}' is in use. {cure}", code="model.element-not-supported")

@@ -1,9 +1,3 @@
 """Blocks of a regular grid of cells."""
 
-from thermid.model._blocks.block import (
-    FACES as FACES,
-    Block as Block,
-    Exchange as Exchange,
-    exchange_cells as exchange_cells,
-    links as links,
-)
+from thermid.model._blocks.block import FACES as FACES, Block as Block, Exchange as Exchange

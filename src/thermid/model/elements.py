@@ -1,13 +1,6 @@
 """Elements of a network, the parameters that they have, and what their laws are made of: signals, curves, stores."""
 
-from thermid.model._laws.curves import (
-    EXTENSION_REACH as EXTENSION_REACH,
-    Curve as Curve,
-    evaluate as evaluate,
-    slopes as slopes,
-    value_and_slope as value_and_slope,
-    whole as whole,
-)
+from thermid.model._laws.curves import EXTENSION_REACH as EXTENSION_REACH, Curve as Curve
 from thermid.model._laws.law import law as law
 from thermid.model._laws.signal import (
     Constant as Constant,
@@ -17,16 +10,13 @@ from thermid.model._laws.signal import (
     Signal as Signal,
     Sine as Sine,
     TableSignal as TableSignal,
-    added as added,
     check_span as check_span,
     common_cycle as common_cycle,
-    conducted as conducted,
     in_run as in_run,
     joined as joined,
     literal as literal,
     multiplied as multiplied,
     own_signal as own_signal,
-    pulses as pulses,
     signal as signal,
     together as together,
 )

@@ -4,14 +4,12 @@ from thermid.model._tree.identity import (
     Identity as Identity,
     cuts_of as cuts_of,
     definition_of as definition_of,
-    depth as depth,
     identity_of as identity_of,
     inside as inside,
     instances as instances,
     local_identities as local_identities,
     made_to as made_to,
     outside as outside,
-    rows_of_decks as rows_of_decks,
 )
 from thermid.model._tree.replacement import (
     Dropped as Dropped,

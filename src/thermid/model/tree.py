@@ -8,21 +8,10 @@ from thermid.model._tree.flat import (
     FlatLoad as FlatLoad,
     FlatNode as FlatNode,
     FlatSurface as FlatSurface,
-    bare as bare,
-    by_volume as by_volume,
     flatten as flatten,
-    flow_of as flow_of,
-    fluid_of as fluid_of,
-    gas_nodes as gas_nodes,
-    into_gas as into_gas,
-    radiates_into as radiates_into,
-    still as still,
     streams_of as streams_of,
-    surrounding as surrounding,
-    unclosed as unclosed,
-    unfed as unfed,
 )
-from thermid.model._tree.model import Model as Model, identities as identities, node_boxes as node_boxes, part_boxes as part_boxes
+from thermid.model._tree.model import Model as Model, identities as identities
 from thermid.model._tree.rules import Finding as Finding, unlumped as unlumped
 from thermid.model._tree.tree import (
     SET as SET,
@@ -31,7 +20,4 @@ from thermid.model._tree.tree import (
     ParameterSet as ParameterSet,
     Submodel as Submodel,
     Tree as Tree,
-    deck_text as deck_text,
-    own_tables as own_tables,
-    parameter_table as parameter_table,
 )

@@ -19,10 +19,10 @@ from thermid.base.linear_algebra import Array, Indices, quadratic_forms, symmetr
 from thermid.base.results import Shown
 from thermid.fit.calibration import Calibration
 from thermid.fit.discrepancy import MAX_GAS_CONDUCTANCE, Discrepancy, contacts_in_other_gas, told_first
-from thermid.fit.error_model import ROOM, RUN, START, STRUCTURE, UNEXPLAINED, VALUES, ErrorModel, KeptWay, SeenValue
+from thermid.fit.error_model import BandCause, ErrorModel, KeptWay, SeenValue
 from thermid.inference.criticism import asks
 from thermid.model.elements import UNJUDGED, Standing
-from thermid.model.tree import Model, parameter_table
+from thermid.model.tree import Model
 from thermid.prediction._known import Knowledge, Rows, known_of, normal_sources, rows_of
 from thermid.prediction._split import split_values
 from thermid.simulation.network import Network, compile_network
@@ -55,11 +55,11 @@ DEFECTS = "hidden defects"
 """Cause: which of several defects that explain a fit its unit has; also what `without` calls them."""
 CAUSES = (
     *get_args(Kind),
-    *(VALUES, START, STRUCTURE, RUN, ROOM, UNEXPLAINED),
+    *(BandCause.VALUES, BandCause.START, BandCause.STRUCTURE, BandCause.RUN, BandCause.ROOM, BandCause.UNEXPLAINED),
     *(SPLIT, GAS_IN_JOINTS, STATED_RANGES, AVERAGED, DEFECTS),
 )
 """What `without` may name whether or not a question has such a source."""
-ELEMENTS = ("structural", STRUCTURE)
+ELEMENTS = ("structural", BandCause.STRUCTURE)
 """Kinds and causes without which nothing departs: the answer is that of the model's own structure, with the errors of its fits."""
 ROOM_HATS = 25
 """Numbers by which a logged room may wander in a run, at most."""
@@ -234,7 +234,7 @@ def expanded(stated: Mapping[str, Any], model: Model) -> list[tuple[list[str], A
     """
     if not any(c in model.canonical(raw) for raw in stated for c in "*?["):
         return [([raw], how) for raw, how in stated.items()]
-    table = parameter_table(model)
+    table = model.parameter_table()
     taken = {model.canonical(raw) for raw in stated}
     out: list[tuple[list[str], Any]] = []
     for raw, how in stated.items():
@@ -479,7 +479,7 @@ class Budget:
         fitted_names = {n for e in errors for n in e.seen}
         held = [k for k, t in enumerate(self.targets) if t.name not in fitted_names]
         columns = np.flatnonzero(self.gain[held].any(axis=0)).tolist()
-        sources, causes = tuple(self.sources[k] for k in columns), (VALUES,) * len(columns)
+        sources, causes = tuple(self.sources[k] for k in columns), (BandCause.VALUES,) * len(columns)
         told = [[k not in held and not s.name.startswith(RANGE_OF) for s in sources] for k in range(len(self.targets))]
         gain = np.where(np.reshape(told, (len(self.targets), len(columns))), 0.0, self.gain[:, columns])
         return replace(self, sources=sources, causes=causes, alike=np.eye(len(columns)), gain=gain)
@@ -496,20 +496,24 @@ class Budget:
         out = self
         for e in errors:
             size, most = len(e.seen), max(len(w.places) for w in e.ways)
-            numbered = [Source(f"errors of {e.stage}: {k}", "data" if k < size else "structural", Normal(), VALUES) for k in range(most)]
+            numbered = [
+                Source(f"errors of {e.stage}: {k}", "data" if k < size else "structural", Normal(), BandCause.VALUES) for k in range(most)
+            ]
             sure = Source(f"expected of {e.stage}", "structural", Normal(1.0, 0.0), "where elements are expected")
             columns = dict.fromkeys(c.name for w in e.ways for c in w.columns)
-            out = out.beside(numbered[:size], VALUES)
-            out = out.beside([*numbered[size:], sure], STRUCTURE, [Target(n, "heat") for n in columns])
+            out = out.beside(numbered[:size], BandCause.VALUES)
+            out = out.beside([*numbered[size:], sure], BandCause.STRUCTURE, [Target(n, "heat") for n in columns])
         target_names = {t.name for t in out.targets}
         driven = {*self.scenario.boundaries, *(f"scale.{n}" for n in self.scenario.loads)} if as_logged else set()
         acting = dict.fromkeys(n for e in errors for v in e.seen.values() for n, _, _ in v.acts if n in driven - target_names)
-        out = out.beside([], VALUES, [Target(n, "add") for n in acting], np.zeros((len(acting), 0)))
+        out = out.beside([], BandCause.VALUES, [Target(n, "add") for n in acting], np.zeros((len(acting), 0)))
         for cause, name in _departures_of_run(errors, network, self.scenario, as_logged):
             out = out.with_one(Source(name, "structural", Normal(), name), cause, Target(name, "heat"))
         elements = {c.source for e in errors for w in e.ways for c in w.columns} or {*network.nodes}
         for n in (n for n in network.nodes if n in elements):
-            out = out.with_one(Source(f"left over at {n}", "misfit", Normal(), UNEXPLAINED), UNEXPLAINED, Target(n, "node"))
+            out = out.with_one(
+                Source(f"left over at {n}", "misfit", Normal(), BandCause.UNEXPLAINED), BandCause.UNEXPLAINED, Target(n, "node")
+            )
         names = list(dict.fromkeys(w.name for e in errors if len(e.ways) > 1 for w in e.ways)) or [errors[0].ways[0].name]
         # a deck may have said since what carries the heat
         names = [n for n in names if all(w.agrees(network) for e in errors for w in e.ways if w.name == n)] or names
@@ -666,8 +670,8 @@ def _departures_of_run(errors: Sequence[ErrorModel], network: Network, scenario:
     }
     loads = [x for x in network.flat.loads if x.node in with_departures and (as_logged or x.path not in scenario.loads)]
     paths = [*(c.path for c in network.flat.conductors), *network.nodes]
-    out = [(RUN, f"{p} in this run") for p in (*(p for p in paths if p in with_departures), *(x.path for x in loads))]
-    return out + [(ROOM, f"{b} wanders {k}") for b in (network.boundaries if as_logged else ()) for k in range(ROOM_HATS)]
+    out = [(BandCause.RUN, f"{p} in this run") for p in (*(p for p in paths if p in with_departures), *(x.path for x in loads))]
+    return out + [(BandCause.ROOM, f"{b} wanders {k}") for b in (network.boundaries if as_logged else ()) for k in range(ROOM_HATS)]
 
 
 def combined(weights: Array, rows: Array) -> Array:
@@ -776,7 +780,7 @@ def left_out_of(knowledge: Knowledge, whole: Budget, errors: Sequence[ErrorModel
     """Return what the budget of a question leaves out by what is known, and what the caller switched off."""
     out = []
     off = dict.fromkeys(c for s, c in zip(whole.sources, whole.causes, strict=True) if {s.kind, c, s.name} & {*without})
-    off |= {STRUCTURE: None} if {*ELEMENTS} & {*without} and knowledge.values else {}
+    off |= {BandCause.STRUCTURE: None} if {*ELEMENTS} & {*without} and knowledge.values else {}
     if off:
         out.append(LeftOut(f"{', '.join(off)} {OFF}"))
     elif knowledge.values and (not errors or any(e.why for e in errors)):
@@ -829,7 +833,7 @@ def assumed_values(model: Model, scenario: Scenario, taken: Collection[str]) -> 
     A range in the deck counts as a uniform distribution: ``(max - min) / sqrt(12)``. Without one it is a tenth of the value. Values of
     zero, values that the scenario drives and those in `taken` are left out.
     """
-    table = parameter_table(model)
+    table = model.parameter_table()
     network = compile_network(model, media=scenario.media(), prescribed=tuple(scenario.prescribed))
     moved = scenario.driven(network.flat)
     loose = [p for p, e in table.items() if e.parameter.source == "assumed" and e.parameter.is_literal and p not in moved]

@@ -14,10 +14,10 @@ from thermid.base.linear_algebra import Array, square_root
 from thermid.base.results import Result, Row
 from thermid.fit.calibration import Calibration, fitted_values
 from thermid.fit.discrepancy import KEY, Discrepancy, kept_in
-from thermid.fit.error_model import KEY as ERRORS, STRUCTURE, ErrorModel
+from thermid.fit.error_model import KEY as ERRORS, BandCause, ErrorModel
 from thermid.model.elements import Standing, worst
 from thermid.model.tree import Model, flatten
-from thermid.values.fitted import FittedValue, FittedValues, as_store
+from thermid.values.fitted import FittedValue, FittedValues
 from thermid.values.store import (
     INPUT,
     Kind,
@@ -101,7 +101,7 @@ class Knowledge(Result):
     @property
     def stores(self) -> tuple[Store, ...]:
         """What is known at every depth behind each of `values`, by the paths of the model."""
-        stores = [self.fit.store] if self.fit is not None else [v.store if v.store is not None else as_store(v) for v in self.values]
+        stores = [self.fit.store] if self.fit is not None else [v.store if v.store is not None else v.as_store() for v in self.values]
         return tuple(graft(self.model, [(self.at, s)])[0] if self.at else s.in_decks(self.model)[0] for s in stores)
 
     @property
@@ -229,7 +229,7 @@ class Rows:
         used = np.flatnonzero(matrix.any(axis=0))
         also = {name: s.acts[1:] for name, s in states.items() if len(s.acts) > 1}
         sources = tuple(store.sources[k] for k in used)
-        causes = tuple(STRUCTURE if s.kind == "structural" else cause for s in sources)
+        causes = tuple(BandCause.STRUCTURE if s.kind == "structural" else cause for s in sources)
         return cls(tuple(states), tuple(s.log for s in states.values()), also, sources, causes, matrix[:, used])
 
     @property

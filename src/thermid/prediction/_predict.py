@@ -17,11 +17,11 @@ from numpy.typing import NDArray
 from thermid.base.arguments import takes_objects
 from thermid.base.errors import IdentificationError, NameNotFoundError, nearest, quoted
 from thermid.base.expression import seconds
-from thermid.base.files import TABLE, replacing
+from thermid.base.files import FileKinds, replacing
 from thermid.base.linear_algebra import Array
 from thermid.base.results import PlottedTrace, Result, Row
 from thermid.fit.calibration import Calibration
-from thermid.fit.error_model import ROOM, RUN, STRUCTURE, UNEXPLAINED, VALUES, NormalMixture
+from thermid.fit.error_model import BandCause, NormalMixture
 from thermid.inference.criticism import ExplainedFit, explained, summary
 from thermid.measure.amounts import duration_text, short
 from thermid.model.elements import UNJUDGED, Standing, worst
@@ -53,22 +53,22 @@ CAUSE_SHARE = 0.005
 MIN_CARRIER_PROBABILITY, MAJOR_SHARE = 0.1, 0.5
 """Probability from which the other answer to what carries the heat is told, and share of a variance that is most of it. [-]"""
 MEANING = {
-    VALUES: "noise, instruments and priors leave the fitted values this uncertain",
-    STRUCTURE: "laws hold less well the further the conditions are from those of the fitted tests",
-    RUN: "coefficients, masses and powers differ from one test to the next",
-    ROOM: "a room drifts about what is logged of it",
-    UNEXPLAINED: "residuals that no departure of an element follows",
+    BandCause.VALUES: "noise, instruments and priors leave the fitted values this uncertain",
+    BandCause.STRUCTURE: "laws hold less well the further the conditions are from those of the fitted tests",
+    BandCause.RUN: "coefficients, masses and powers differ from one test to the next",
+    BandCause.ROOM: "a room drifts about what is logged of it",
+    BandCause.UNEXPLAINED: "residuals that no departure of an element follows",
     AVERAGED: "whether free air or a fan carries the heat of surfaces, and how much of it is radiated",
     STATED_RANGES: "finishes, materials and parts differ from one to the next within the range that their catalogue or data sheet prints",
     GAS_IN_JOINTS: "no log shows how much of a joint is conduction through the gas between its faces",
 }
 """Cause -> what it stands for."""
 NARROWS = {
-    VALUES: "a run that determines the values better, or stated spreads",
-    STRUCTURE: "a test at conditions nearer to those that are asked",
-    RUN: "further runs: they tell how much elements differ from run to run",
-    ROOM: "a room that is logged better, or held",
-    UNEXPLAINED: "an element that explains what the residuals show: criticise looks for it",
+    BandCause.VALUES: "a run that determines the values better, or stated spreads",
+    BandCause.STRUCTURE: "a test at conditions nearer to those that are asked",
+    BandCause.RUN: "further runs: they tell how much elements differ from run to run",
+    BandCause.ROOM: "a room that is logged better, or held",
+    BandCause.UNEXPLAINED: "an element that explains what the residuals show: criticise looks for it",
     AVERAGED: "a deck that states what carries the heat (carried_by), measured emissivities, or a run at another difference",
     STATED_RANGES: "a measured value instead of one within a range, or a record that determines it",
     GAS_IN_JOINTS: "a record at low pressure, a gap in the deck, or gas = 'none' where a pad or grease fills the joint",
@@ -316,7 +316,7 @@ class Prediction(Result):
             low, high = band.interval()
             header += [f"{name} [degC]", f"{name} low [degC]", f"{name} high [degC]"]
             columns += [band.celsius, low, high]
-        with replacing(path, TABLE) as half:
+        with replacing(path, FileKinds.TABLE) as half:
             np.savetxt(half, np.column_stack(columns), delimiter=",", header=",".join(header), comments="", fmt="%.9g")
 
     def __str__(self) -> str:
@@ -673,7 +673,7 @@ def mixed_answer(
         parts[AVERAGED] = weights @ (np.array(centres) - centre) ** 2
     if any(w.setting.budget.ways for w in ways):
         run = weights @ np.array([w.kelvin(node) for w in ways])
-        shifts[STRUCTURE] = shifts.get(STRUCTURE, 0.0) + run - np.append(best, run[-1])
+        shifts[BandCause.STRUCTURE] = shifts.get(BandCause.STRUCTURE, 0.0) + run - np.append(best, run[-1])
     mixture = NormalMixture(weights, np.array(centres), np.array(variances)) if len(ways) > 1 else None
     return parts, shifts, centre, mixture
 
@@ -869,6 +869,28 @@ class Foresight(Result):
         """Return those of the prediction."""
         return self.prediction._as_rows()
 
+    def widen(self, sizes: Mapping[str, float], cause: str, words: str) -> Foresight:
+        """Return what is expected with a further standard deviation for what the model could not follow.
+
+        Nodes without a reading of their own get the root mean square of those that have one; boundaries get none. What is counted of this
+        already, under another of the two causes, is not added up but the larger one taken.
+
+        Parameters
+        ----------
+        foresight : Foresight
+        sizes : dict        Node -> standard deviation; empty for none. [K]
+        cause, words : str  What it is called, and what it stands for.
+        """
+        if not any(sizes.values()):
+            return self
+        other = float(np.sqrt(np.mean(np.square(list(sizes.values())))))
+        boundaries = self.solution._run.network.boundaries
+        bands = {
+            path: _wider(b, 0.0 if path in boundaries else sizes.get(path, other) ** 2, cause) for path, b in self.prediction.bands.items()
+        }
+        wider_prediction = replace(self.prediction, bands=bands, causes={**self.prediction.causes, cause: words})
+        return replace(self, prediction=wider_prediction)
+
 
 @takes_objects
 def foresee(
@@ -931,40 +953,17 @@ def _size_before(v: State) -> float:
     return 0.0
 
 
-def widened(foresight: Foresight, sizes: Mapping[str, float], cause: str, words: str) -> Foresight:
-    """Return what is expected with a further standard deviation for what the model could not follow.
-
-    Nodes without a reading of their own get the root mean square of those that have one; boundaries get none. What is counted of this
-    already, under another of the two causes, is not added up but the larger one taken.
-
-    Parameters
-    ----------
-    foresight : Foresight
-    sizes : dict        Node -> standard deviation; empty for none. [K]
-    cause, words : str  What it is called, and what it stands for.
-    """
-    if not any(sizes.values()):
-        return foresight
-    other = float(np.sqrt(np.mean(np.square(list(sizes.values())))))
-    boundaries = foresight.solution._run.network.boundaries
-    bands = {
-        path: _wider(b, 0.0 if path in boundaries else sizes.get(path, other) ** 2, cause) for path, b in foresight.prediction.bands.items()
-    }
-    wider_prediction = replace(foresight.prediction, bands=bands, causes={**foresight.prediction.causes, cause: words})
-    return replace(foresight, prediction=wider_prediction)
-
-
 def _wider(band: Band, variance: float, cause: str) -> Band:
     """Return a band whose variance of unexplained residuals is replaced by `variance` where that is larger. [K^2]"""
-    before = band.parts.get(UNEXPLAINED, np.zeros(band.times.size))
+    before = band.parts.get(BandCause.UNEXPLAINED, np.zeros(band.times.size))
     if not variance > float(before.max()):
-        return replace(band, parts={**band.parts, UNEXPLAINED: before})
+        return replace(band, parts={**band.parts, BandCause.UNEXPLAINED: before})
     members = band.members
     if members is not None:
         # what is added to each member: independent of all others, constant over the run
         more = np.sqrt(variance - before[:, None]) * np.random.default_rng(0).standard_normal(members.shape[1])
         members = members + more
-    parts = {c: v for c, v in band.parts.items() if c != UNEXPLAINED} | {cause: np.full(band.times.size, variance)}
+    parts = {c: v for c, v in band.parts.items() if c != BandCause.UNEXPLAINED} | {cause: np.full(band.times.size, variance)}
     mixture = band.mixture
     return replace(
         band, parts=parts, members=members, mixture=mixture and replace(mixture, variances=mixture.variances + variance - before)

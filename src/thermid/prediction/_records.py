@@ -31,20 +31,7 @@ from thermid.fit.calibration import (
     wired,
 )
 from thermid.fit.discrepancy import BALANCE, OwnValue, own_value, own_values_kept
-from thermid.fit.error_model import (
-    ROOM,
-    RUN,
-    START,
-    STRUCTURE,
-    UNEXPLAINED,
-    BesideRow,
-    ErrorModel,
-    RecordRun,
-    errors_of_values,
-    problem_of_record,
-    shared_with,
-    split,
-)
+from thermid.fit.error_model import BandCause, BesideRow, ErrorModel, RecordRun, errors_of_values, problem_of_record, shared_with, split
 from thermid.measure.records import Record
 from thermid.model.elements import UNJUDGED, Constant, Standing, TableSignal, literal
 from thermid.prediction._budget import AVERAGED, Budget, budget_of, first_line, in_order
@@ -388,8 +375,8 @@ def _banded(
     sensors = [run.centres(np.concatenate([np.zeros(len(w.values)), w.mean])) for w, run in ways]
     off = {
         READING,
-        *({UNEXPLAINED} if "misfit" in without else ()),
-        *({STRUCTURE, RUN, ROOM, START, AVERAGED} if "structural" in without else ()),
+        *({BandCause.UNEXPLAINED} if "misfit" in without else ()),
+        *({BandCause.STRUCTURE, BandCause.RUN, BandCause.ROOM, BandCause.START, AVERAGED} if "structural" in without else ()),
         *without,
     }
     predicted = {b.sensor: b.predicted for b in shown.blocks}

@@ -34,7 +34,7 @@ from thermid.fit.calibration import (
     role_and_target,
     score_excess,
 )
-from thermid.fit.error_model import ROOM, RUN, STRUCTURE, UNEXPLAINED, VALUES
+from thermid.fit.error_model import BandCause
 from thermid.inference.planned_records import Sensor, planned_record, sensors_of
 from thermid.measure.amounts import duration_text, short
 from thermid.model.elements import Constant, Parameter, Signal, TableSignal, literal
@@ -52,7 +52,7 @@ MIN_SHARE_OF_ERROR = 0.1
 """Part of the error now below which what else a prediction has is not spoken of."""
 WITHOUT_GAS = " without gas"
 """After the name of a value that is another one without gas."""
-UNTESTED_CAUSES = (STRUCTURE, RUN, ROOM, UNEXPLAINED)
+UNTESTED_CAUSES = (BandCause.STRUCTURE, BandCause.RUN, BandCause.ROOM, BandCause.UNEXPLAINED)
 """Causes that a test adds no information to: they are said beside."""
 NO_ERROR_SUFFIX = ": open"
 """After the name of a value, its source where no fit has a finite error of it."""
@@ -235,8 +235,10 @@ class Advice(Result):
         relevant = {cause: error for cause, error in self.beside.items() if error >= MIN_SHARE_OF_ERROR * self.now}
         if relevant:
             named = ", ".join(f"{cause} +- {short(error)} K" for cause, error in relevant.items())
-            nearer = f" No test is credited with what it tells of '{STRUCTURE}': one in the gas and near the state asked narrows it."
-            lines.append(f"  Not included in these figures: {named}.{nearer if STRUCTURE in relevant else ''}")
+            nearer = (
+                f" No test is credited with what it tells of '{BandCause.STRUCTURE}': one in the gas and near the state asked narrows it."
+            )
+            lines.append(f"  Not included in these figures: {named}.{nearer if BandCause.STRUCTURE in relevant else ''}")
         lines += [f"  {remark}" for remark in self.remarks]
         return "\n".join(lines)
 
@@ -374,13 +376,15 @@ def _beside_values(instruments: Rows, budget: Budget) -> Rows:
         return instruments
     likeliest = max(budget.ways, key=lambda w: w.weight).kept[0]
     place, size = likeliest.places, len(likeliest.values)
-    value_columns = [k for k, cause in enumerate(budget.causes) if cause == VALUES and budget.sources[k].name.startswith("errors of ")][
-        :size
-    ]
+    value_columns = [
+        k for k, cause in enumerate(budget.causes) if cause == BandCause.VALUES and budget.sources[k].name.startswith("errors of ")
+    ][:size]
     known_instruments = [n for n in instruments.names if n in place]
     log = tuple(x for n, x in zip(instruments.names, instruments.log, strict=True) if n in place)
     matrix = np.array([likeliest.root[place[n], :size] for n in known_instruments]).reshape(len(known_instruments), size)
-    rows_of_values = Rows(tuple(known_instruments), log, {}, tuple(budget.sources[k] for k in value_columns), (VALUES,) * size, matrix)
+    rows_of_values = Rows(
+        tuple(known_instruments), log, {}, tuple(budget.sources[k] for k in value_columns), (BandCause.VALUES,) * size, matrix
+    )
     rest = [k for k, n in enumerate(instruments.names) if n not in place]
     others = replace(
         instruments,

@@ -15,7 +15,6 @@ from thermid.prediction._predict import (
     Prediction as Prediction,
     foresee as foresee,
     predict as predict,
-    widened as widened,
 )
 from thermid.prediction._records import (
     RecordPrediction as RecordPrediction,

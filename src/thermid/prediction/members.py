@@ -2,10 +2,8 @@
 
 from thermid.prediction._monte_carlo.hold import (
     Hold as Hold,
-    HoldPoint as HoldPoint,
     HoldQuestion as HoldQuestion,
     clock as clock,
-    driven_by as driven_by,
     hold as hold,
     load_hold as load_hold,
 )

@@ -14,7 +14,7 @@ import numpy as np
 
 from thermid.base.arguments import takes_objects
 from thermid.base.errors import DeckError
-from thermid.base.files import COPY, DELIVERY, folder_replacing, read_bytes, write_bytes, write_text
+from thermid.base.files import FileKinds, folder_replacing, read_bytes, write_bytes, write_text
 from thermid.base.toml_files import read_json
 from thermid.model.deck import load_model, save_model
 from thermid.model.tree import Model
@@ -80,14 +80,14 @@ def deliver(
         for name in ("full", "scenarios", *(["values"] if values else []), *(["reduced"] if small is not None else [])):
             (folder / name).mkdir()
         for path in map(Path, scenarios):
-            write_bytes(folder / "scenarios" / path.name, read_bytes(path), COPY)
+            write_bytes(folder / "scenarios" / path.name, read_bytes(path), FileKinds.COPY)
         for v in values:
             v.save(folder / "values" / f"{v.stage}.values.toml")
         save_model(model, folder / "full" / "model.toml")
         if small is not None:
             save_model(small.inside, folder / "reduced" / "model.toml")
         record["files"] = {str(p.relative_to(folder)): _hash(p) for p in sorted(folder.rglob("*.toml"))}
-        write_text(folder / "checks.json", json.dumps(record, indent=1), DELIVERY)
+        write_text(folder / "checks.json", json.dumps(record, indent=1), FileKinds.DELIVERY)
     check_delivery(target)
     return target / "checks.json"
 

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 from thermid.base.arguments import takes_objects
 from thermid.base.errors import DeckError, NameNotFoundError, ThermidError, errors_at, look_up, quoted, refuse_unknown
 from thermid.base.extensions import by_grammar, refuse_another_kind
-from thermid.base.files import RESULTS_FILE, read_bytes, write_text
+from thermid.base.files import FileKinds, read_bytes, write_text
 from thermid.base.results import Result
 from thermid.base.toml_files import Places, project_root, read_json, read_toml, resolve_inside
 from thermid.base.units import TEMPERATURE, counted
@@ -407,7 +407,7 @@ def _read_lock(plan: Plan) -> dict[str, Any]:
 
 def _write_lock(plan: Plan, data: dict[str, Any]) -> None:
     """Write the lock file."""
-    write_text(_lock_file(plan), json.dumps(data, indent=1, sort_keys=True), RESULTS_FILE)
+    write_text(_lock_file(plan), json.dumps(data, indent=1, sort_keys=True), FileKinds.RESULTS_FILE)
 
 
 def _today() -> str:

@@ -19,8 +19,7 @@ from thermid.base.sourced import VERDICTS, weigh
 from thermid.base.units import counted
 from thermid.campaign.verdicts import Limits, Margin, margins
 from thermid.model.elements import Standing
-from thermid.model.tree import parameter_table
-from thermid.prediction.bands import IN_TESTS, SILENT, UNFITTED, Foresight, Knowledge, assumed_values, open_ranges, widened
+from thermid.prediction.bands import IN_TESTS, SILENT, UNFITTED, Foresight, Knowledge, assumed_values, open_ranges
 from thermid.qualify._plan import LockStatus, Plan, load_plan, lock_status, note_look
 from thermid.qualify._trial import Trial, run_test
 from thermid.simulation.runs import prepare
@@ -265,7 +264,7 @@ def _with_misfit_of_logs(trials: Sequence[Trial]) -> list[Trial]:
     sizes = {n: float(np.sqrt(np.mean(means))) for n, means in squares.items()}
     words = "root mean square difference between readings and model in this plan's tests, including the errors of the sensors"
     return [
-        replace(t, after=widened(t.foresight, {ahead + n: size for n, size in sizes.items()}, IN_TESTS, words))
+        replace(t, after=t.foresight.widen({ahead + n: size for n, size in sizes.items()}, IN_TESTS, words))
         for t, ahead in zip(trials, prefixes, strict=True)
     ]
 
@@ -335,7 +334,7 @@ def assumption_effects(knowledge: Knowledge, name: str, run: Foresight, nodes: M
     model = knowledge.model
     ahead = f"{knowledge.at}." if knowledge.at else ""
     fitted = {ahead + p for v in knowledge.values for p in (*v, *(q for w in v.values() for q in w.also))}
-    table = parameter_table(model)
+    table = model.parameter_table()
     ranged = {p for r in open_ranges(model, run.scenario, fitted) for p in (r.path, *r.also)}
     loose = assumed_values(model, run.scenario, {*fitted, *ranged})
     if not loose:

@@ -5,17 +5,16 @@ from __future__ import annotations
 from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from thermid.base.errors import NameNotFoundError, ScenarioError, SolverError, nearest, refuse_unknown
-from thermid.base.linear_algebra import Array
+from thermid.base.linear_algebra import Array, anderson_step
 from thermid.base.memo import Memo
 from thermid.base.results import Result
 from thermid.base.units import TEMPERATURE
-from thermid.model.blocks import FACES, Block, Exchange, exchange_cells, links
+from thermid.model.blocks import FACES, Block, Exchange
 from thermid.model.elements import Constant, Drawn, Signal, common_cycle, in_run, literal, multiplied
 from thermid.physics.convection import convection_conductance
 from thermid.physics.radiation import radiation_coefficient
@@ -402,7 +401,7 @@ def compile_block(block: Block, scenario: Scenario) -> SparseNetwork:
         coefficients[0] = (power.value if isinstance(power, Constant) else 1.0) / nodes.size
         loads.append(LoadGroup("signal", tag, nodes, coefficients, place(power)))
     names = tuple(block.heaters)
-    grid = Grid(np.array(block.cells, dtype=np.int32), *links(block))
+    grid = Grid(np.array(block.cells, dtype=np.int32), *block.links)
     return SparseNetwork(block.capacities(), grid, rows, loads, names, boundaries, places, offsets, tuple(inputs))
 
 
@@ -434,7 +433,7 @@ def _check(block: Block, scenario: Scenario, where: str) -> None:
 
 def _rows(block: Block, exchange: Exchange, boundaries: tuple[str, ...]) -> list[RowGroup]:
     """Return the conductors of an exchange as groups of one law, convection and radiation apart; an edge cell has one for all its faces."""
-    places, area, conductance = exchange_cells(block, exchange)
+    places, area, conductance = block.exchange_cells(exchange)
     second = np.zeros_like(places)
     to = boundaries.index(exchange.to) if exchange.to in boundaries else NONE
     if exchange.held:
@@ -531,19 +530,7 @@ def _periodic(
             return end, {"method": "Anderson", "periods": run + 1, "missed": size}
         states.append(state)
         steps.append(FAST_MODE_SHARE * missed + solve(network.capacities * missed / period))
-        state = np.maximum(_anderson_step(states[-REMEMBERED_STEPS:], steps[-REMEMBERED_STEPS:]), 0.1)
+        state = np.maximum(anderson_step(states[-REMEMBERED_STEPS:], steps[-REMEMBERED_STEPS:], 1e-12), 0.1)
     raise SolverError(
         f"no state was found that comes back after {period:g} s; it missed by {size:.3g} K.", where, code="run.no-periodic-state"
     )
-
-
-def _anderson_step(states: list[Array], steps: list[Array]) -> Array:
-    """Return the next state of Anderson's method: x + f - (dX + dF) g, with g the least-squares solution of dF g = f.
-
-    x is the last of the states (nodes,), f the last of the steps from them, dX and dF the differences of successive states and steps.
-    """
-    if len(states) < 2:
-        return np.asarray(states[-1] + steps[-1])
-    moved, changed = (np.column_stack([b - a for a, b in pairwise(sequence)]) for sequence in (states, steps))
-    share = np.linalg.lstsq(changed, steps[-1], rcond=1e-12)[0]
-    return np.asarray(states[-1] + steps[-1] - (moved + changed) @ share)

@@ -14,11 +14,11 @@ from thermid.base.dual import value_of
 from thermid.base.errors import NameNotFoundError, ScenarioError, look_up
 from thermid.base.expression import amount, kelvin
 from thermid.base.extensions import optional
-from thermid.base.files import NETCDF, NETCDF_SOURCE, TABLE, replacing
+from thermid.base.files import NETCDF_SOURCE, FileKinds, replacing
 from thermid.base.linear_algebra import Array
 from thermid.base.memo import Memo
 from thermid.base.results import PlottedTrace, Result, Row
-from thermid.model.elements import degrees, evaluate, literal
+from thermid.model.elements import degrees, literal
 from thermid.physics.constants import ICE_POINT
 from thermid.physics.correlations import GapLaw, correlation
 from thermid.simulation._network.network import Network
@@ -388,7 +388,7 @@ def correlation_range_remarks(run: Run) -> tuple[str, ...]:
             continue
         hot, cold = (run.traces.temperature(end) for end in row.ends)
         strength = run.wiring.signals[row.second].at(run.times) if row.second else 1.0
-        root = value_of(row.coefficients[1]) * strength * evaluate(row.curve.film[1], 0.5 * (hot + cold))
+        root = value_of(row.coefficients[1]) * strength * row.curve.film[1].evaluate(0.5 * (hot + cold))
         highest = float(np.max(root**4 * np.abs(hot - cold), initial=0.0))
         fields = words[row.name]
         if "tilt" in fields:
@@ -622,7 +622,7 @@ class Solution(Result):
 
     def to_netcdf(self, path: str | os.PathLike[str]) -> None:
         """Write the data set of `to_xarray` as a netCDF file, which MATLAB and Octave can open."""
-        with self.to_xarray() as data, replacing(path, NETCDF) as half:
+        with self.to_xarray() as data, replacing(path, FileKinds.NETCDF) as half:
             data.attrs["source"] = NETCDF_SOURCE
             data.to_netcdf(half, engine="h5netcdf")
 
@@ -630,7 +630,7 @@ class Solution(Result):
         """Write a CSV file with the times [s] and a column of temperatures [degC] per node."""
         header = ",".join(['"time_s"', *(f"{n} [degC]" for n in self.nodes)])
         table = np.column_stack((self.times, self.temperatures - ICE_POINT))
-        with replacing(path, TABLE) as half:
+        with replacing(path, FileKinds.TABLE) as half:
             np.savetxt(half, table, delimiter=",", header=header, comments="", fmt="%.9g")
 
     def __str__(self) -> str:

@@ -1,10 +1,6 @@
 """The equations of a model: rows of conductors, controls, streams, and the surroundings."""
 
-from thermid.simulation._network.controls import (
-    control_names as control_names,
-    refuse_controllers as refuse_controllers,
-    refuse_controls as refuse_controls,
-)
+from thermid.simulation._network.controls import control_names as control_names
 from thermid.simulation._network.environment import Environment as Environment
 from thermid.simulation._network.irradiation import MAX_IRRADIATION as MAX_IRRADIATION, Irradiation as Irradiation, Sky as Sky
 from thermid.simulation._network.linear import modes as modes, state_space as state_space

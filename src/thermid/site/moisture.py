@@ -4,14 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from itertools import pairwise
 from typing import Any, Final
 
 import numpy as np
 
 from thermid.base.arguments import takes_objects
 from thermid.base.errors import ScenarioError, SolverError, look_up, refuse_unknown
-from thermid.base.linear_algebra import Array
+from thermid.base.linear_algebra import Array, anderson_step
 from thermid.base.results import PlottedTrace, Result
 from thermid.model.elements import Constant, HeatLoad, Signal, TableSignal, check_span, parameter, signal
 from thermid.model.tree import Flat, FlatConductor, Model
@@ -218,29 +217,14 @@ def _balanced(
         if max(moved, _remaining(moved, dry_heats, changes)) < MAX_CHANGE_BETWEEN_PASSES:
             return Moisture.of_run(solution, parts, followed)
         before = solution.temperatures
-        heats = {
-            names[c.path]: TableSignal(solution.times, heat, after="hold")
-            for c, heat in zip(parts, _mixed(dry_heats, changes), strict=True)
-        }
+        # where vapour gives a surface more heat than air does, whole steps overshoot
+        mixed = anderson_step(dry_heats, changes, 1e-10)
+        heats = {names[c.path]: TableSignal(solution.times, heat, after="hold") for c, heat in zip(parts, mixed, strict=True)}
     raise ScenarioError(
         f"latent heat and temperatures did not converge in {PASSES} passes. Give a shorter `every`.",
         scenario.title,
         code="run.did-not-finish",
     )
-
-
-def _mixed(heats: Sequence[Array], residuals: Sequence[Array]) -> Array:
-    """Return the next latent heat (surfaces, times) from those of the last passes and what was left of each, by Anderson's mixing. [W]
-
-    Where vapour gives a surface more heat than air does, whole steps overshoot. The combination of the last passes whose linear forecast
-    of what is left is smallest does not: Walker and Ni, SIAM J. Numer. Anal. 49 (2011) 1715, eq. 1.3.
-    """
-    now, rest = heats[-1], residuals[-1]
-    if len(heats) == 1:
-        return np.asarray(now + rest)
-    steps, falls = (np.array([(b - a).ravel() for a, b in pairwise(sequence)]).T for sequence in (heats, residuals))
-    share = np.linalg.lstsq(falls, rest.ravel(), rcond=1e-10)[0]
-    return np.asarray(now + rest - ((steps + falls) @ share).reshape(now.shape))
 
 
 def _remaining(moved: float, heats: Sequence[Array], residuals: Sequence[Array]) -> float:

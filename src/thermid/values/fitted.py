@@ -15,7 +15,7 @@ import numpy as np
 from thermid.base.arguments import takes_objects
 from thermid.base.errors import DeckError, look_up
 from thermid.base.extensions import by_grammar
-from thermid.base.files import VALUES, parse_toml, read_text, toml_key, toml_value, write_text
+from thermid.base.files import FileKinds, parse_toml, read_text, toml_key, toml_value, write_text
 from thermid.base.linear_algebra import Array, square_root
 from thermid.base.results import Result, Row
 from thermid.base.toml_files import Places
@@ -235,23 +235,22 @@ class FittedValues(Result, Mapping[str, FittedValue]):
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write the values as TOML, with all that is known of the model where they are a view of it."""
-        save_store(self.store if self.store is not None else as_store(self), path, self.stage)
+        save_store(self.store if self.store is not None else self.as_store(), path, self.stage)
 
-
-def as_store(values: FittedValues) -> Store:
-    """Return fitted values as a `Store` whose sources are the columns of a root of their covariance."""
-    records = values.provenance.get("records", {})
-    origin = ValueOrigin("fit", values.stage, tuple(records), "", str(values.provenance.get("date", "")))
-    states = {}
-    for v in values.values():
-        paths = (v.path, *v.also) if v.kind == "parameter" else ()
-        states[v.path] = State(
-            v.path, v.value, v.log, v.unit, v.bounds, origin, v.kind, paths,
-            standing=v.standing, start=v.start, random=v.error_random, prior=v.prior, known=bool(np.isfinite(v.error)),
-        )  # fmt: skip
-    root, sources = rooted(values.covariance, values.stage, f"errors of stage '{values.stage}'")
-    fitted_records = {sha: f"stage '{values.stage}' as '{name}'" for name, sha in records.items()}
-    return Store(states, sources, root, fitted_records, {values.stage: values.provenance})
+    def as_store(self) -> Store:
+        """Return fitted values as a `Store` whose sources are the columns of a root of their covariance."""
+        records = self.provenance.get("records", {})
+        origin = ValueOrigin("fit", self.stage, tuple(records), "", str(self.provenance.get("date", "")))
+        states = {}
+        for v in self.values():
+            paths = (v.path, *v.also) if v.kind == "parameter" else ()
+            states[v.path] = State(
+                v.path, v.value, v.log, v.unit, v.bounds, origin, v.kind, paths,
+                standing=v.standing, start=v.start, random=v.error_random, prior=v.prior, known=bool(np.isfinite(v.error)),
+            )  # fmt: skip
+        root, sources = rooted(self.covariance, self.stage, f"errors of stage '{self.stage}'")
+        fitted_records = {sha: f"stage '{self.stage}' as '{name}'" for name, sha in records.items()}
+        return Store(states, sources, root, fitted_records, {self.stage: self.provenance})
 
 
 def view(store: Store, paths: Sequence[str], stage: str) -> FittedValues:
@@ -329,7 +328,7 @@ def save_store(store: Store, path: str | os.PathLike[str], stage: str) -> None:
     for group in _groups(store):
         rows = {p: row for p, row in zip(store.states, store.root[:, group].tolist(), strict=True) if any(row)}
         lines += ["", "[[root]]", f"sources = {toml_value(group)}", *(f"{toml_key(p)} = {toml_value(row)}" for p, row in rows.items())]
-    write_text(path, "\n".join([*lines, ""]), VALUES.titled(stage))
+    write_text(path, "\n".join([*lines, ""]), FileKinds.VALUES.titled(stage))
 
 
 def _groups(store: Store) -> Iterable[list[int]]:

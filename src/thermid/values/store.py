@@ -21,8 +21,8 @@ from thermid.base.linear_algebra import Array, symmetric_inverse
 from thermid.base.results import Row, Shown
 from thermid.base.units import counted
 from thermid.model.elements import UNJUDGED, Parameter, Standing, exact, worst
-from thermid.model.identity import Dropped, Identity, depth, inside, instances, local_identities, outside, rows_of_decks
-from thermid.model.tree import SET, Entry, Model, deck_text, parameter_table
+from thermid.model.identity import Dropped, Identity, inside, instances, local_identities, outside
+from thermid.model.tree import SET, Entry, Model, Tree
 
 Kind = Literal["data", "instrument", "stated", "structural", "misfit", "variant"]
 MAX_NAMED_VALUES = 8
@@ -270,16 +270,6 @@ def uniforms(seed: int, name: str, first: int, members: int) -> Array:
     return out
 
 
-def domain(low: float, high: float, dimensionless: bool) -> tuple[float, float]:
-    """Return the range that physics allows of a value by the bounds of its deck. [SI]
-
-    0 to 1 for a dimensionless value bounded within 0 and 1 (a share), 0 to infinity where low >= 0, else minus to plus infinity.
-    """
-    if dimensionless and 0.0 <= low and high <= 1.0:
-        return 0.0, 1.0
-    return (0.0, np.inf) if low >= 0.0 else (-np.inf, np.inf)
-
-
 def deviated(value: Array | float, deviation: Array, ends: tuple[float, float]) -> Array:
     """Return value plus deviation (members,), bent so that it never passes the `ends` (low, high) that physics allows.
 
@@ -522,7 +512,7 @@ class Store(Shown):
         """Return the store without values that belong to logs and have no parameter in the model, and a remark for each of these."""
         if not any(s.of_logs for s in self.states.values()):
             return self, ()
-        table = parameter_table(model)
+        table = model.parameter_table()
         gone = {p: s for p, s in self.parameters.items() if s.of_logs and p not in table}
         words = "is a power in the logs of {} and not of its deck, so it does not act here."
         return self.only(lambda s: s.path not in gone), tuple(f"'{p}' {words.format(s.origin)}" for p, s in gone.items())
@@ -585,7 +575,7 @@ class Store(Shown):
             ahead = len(at) + 1 if at else 0
             inner = {p[ahead:]: s for p, s in values.items()}
             part = model.submodel(at) if at else model
-            table = parameter_table(part)
+            table = part.parameter_table()
             missing = next((p for p in inner if part.canonical(p) not in table), None)
             if missing is not None:
                 raise NameNotFoundError(f"{origin} gives '{missing}', which '{part.title}' does not have.{nearest(missing, table)}")
@@ -597,9 +587,9 @@ class Store(Shown):
         tables: dict[str, Mapping[str, Entry]] = {}
         gone: dict[str, Dropped] = {}
         for name, s in self.parameters.items():
-            table = tables.setdefault(s.at, parameter_table(model.submodel(s.at) if s.at else model))
+            table = tables.setdefault(s.at, (model.submodel(s.at) if s.at else model).parameter_table())
             ahead = len(s.at) + 1 if s.at else 0
-            now = deck_text(table[path]) if s.deck and (path := s.path[ahead:]) in table else s.deck
+            now = table[path].deck_text if s.deck and (path := s.path[ahead:]) in table else s.deck
             if not _alike(s.deck, now):
                 gone[name] = Dropped(
                     name, s.as_parameter().text, str(s.origin), f"the deck has {now}, but had {s.deck} when this value was fitted"
@@ -611,7 +601,7 @@ class Store(Shown):
 
         `model` is the model with the states already laid over it.
         """
-        table = parameter_table(model)
+        table = model.parameter_table()
         states, remarks = dict(self.states), []
         for name, s in self.parameters.items():
             hidden = tuple(p for p in s.paths if table[p].origin != str(s.origin))
@@ -637,7 +627,7 @@ def model_standing(model: Model) -> Standing:
     A deck from which parts are missing makes it incomplete. A value that was laid over the model carries its standing; one that a [set]
     hides does not act.
     """
-    standings = [s for e in parameter_table(model).values() if (s := e.parameter.standing) is not None]
+    standings = [s for e in model.parameter_table().values() if (s := e.parameter.standing) is not None]
     standings += [Standing("incomplete", what) for what in model.missing_parts()]
     return worst(standings) if standings else UNJUDGED
 
@@ -712,13 +702,13 @@ def _refuse_misplaced(model: Model, part: str, store: Store) -> None:
     ------
     NameNotFoundError   Names the first one, and what to write.
     """
-    inner, whole = model.submodel(part) if part else model, parameter_table(model)
-    missing = [p for p in store.parameters if inner.canonical(p) not in parameter_table(inner)]
+    inner, whole = model.submodel(part) if part else model, model.parameter_table()
+    missing = [p for p in store.parameters if inner.canonical(p) not in inner.parameter_table()]
     if not missing:
         return
     gone = [p for p in store.parameters if model.canonical(p) not in whole]
     kept_back = f"without = {json.dumps(gone)}"
-    hint = nearest(missing[0], parameter_table(inner)) if part else f" Keep it back: {kept_back}."
+    hint = nearest(missing[0], inner.parameter_table()) if part else f" Keep it back: {kept_back}."
     if part and not {*missing} <= {*gone}:
         rest = f", {kept_back}" if gone else ""
         hint = f" The model itself, '{model.title}', has it: write \".\" instead of '{part}'{rest}."
@@ -756,7 +746,7 @@ def _at_twins(model: Model, whole: Store, untied: Sequence[str]) -> tuple[Store,
             for p in rest:
                 path = next((s.path for q, s in here.items() if q in tied_here[p].paths), first.path)
                 states[path] = replace(states[path], paths=(*states[path].paths, p))
-    remarks.add_hidden(states.values(), parameter_table(model))
+    remarks.add_hidden(states.values(), model.parameter_table())
     return replace(whole, states=states), remarks.remarks()
 
 
@@ -977,3 +967,28 @@ def structural_under(structural: Mapping[str, Any], ahead: str) -> dict[str, Any
     )
     separated = [ahead + p for p in structural["separated"]]
     return {**structural, **placed, "names": names, "separated": separated, "assumed": assumed, "of_assumed": of_assumed}
+
+
+def depth(place: str) -> int:
+    """Return how many levels a place lies below the root of its assembly; the root is the empty place."""
+    return place.count(".") + 1 if place else 0
+
+
+def rows_of_decks(model: Tree) -> Mapping[str, tuple[str, tuple[str, ...]]]:
+    """Return path -> (its name in the deck that writes it, all paths that this one row of the deck stands for)."""
+    of = dict(instances(model))
+    rows: dict[tuple[str, str], list[str]] = {}
+    for part, prefix in model.walk():
+        for name, _, _ in part.own_parameters():
+            rows.setdefault((of.get(prefix, ""), name), []).append(prefix + name)
+    return {p: (name, tuple(paths)) for (_, name), paths in rows.items() for p in paths}
+
+
+def domain(low: float, high: float, dimensionless: bool) -> tuple[float, float]:
+    """Return the range that physics allows of a value by the bounds of its deck. [SI]
+
+    0 to 1 for a dimensionless value bounded within 0 and 1 (a share), 0 to infinity where low >= 0, else minus to plus infinity.
+    """
+    if dimensionless and 0.0 <= low and high <= 1.0:
+        return 0.0, 1.0
+    return (0.0, np.inf) if low >= 0.0 else (-np.inf, np.inf)

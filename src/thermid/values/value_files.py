@@ -17,7 +17,7 @@ from thermid.base.extensions import refuse_another_kind
 from thermid.base.toml_files import Places
 from thermid.base.units import TEMPERATURE
 from thermid.model.elements import literal
-from thermid.model.tree import Model, ParameterSet, deck_text
+from thermid.model.tree import Model, ParameterSet
 from thermid.values.fitted import FittedValues, load_store, read_values, values_of
 from thermid.values.spreads import read_spread
 from thermid.values.store import LeftOut, LogNormal, Normal, Source, State, Store, Uniform, ValueOrigin, graft
@@ -98,7 +98,7 @@ def _state(path: str, table: Mapping[str, Any], values: ParameterSet, origin: Va
     size = law.log_sd if isinstance(law, LogNormal) and log else size
     shape = UNIT if isinstance(law, Uniform) else Normal()
     words = f"{path}, tuned by hand at stage '{origin.stage}'"
-    deck, start = deck_text(entry), float(values.evaluate({}, [path])[path])
+    deck, start = entry.deck_text, float(values.evaluate({}, [path])[path])
     unit, bounds = parameter.unit or "1", (low, high)
     state = State(path, value, log, unit, bounds, origin, "parameter", (path,), deck=deck, start=start, known=law is not None)
     return state, Source(f"{origin.key[:16]}:{path}", "stated", shape, words), size

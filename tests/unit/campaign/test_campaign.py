@@ -20,7 +20,6 @@ from thermid.campaign._file import read_campaign
 from thermid.campaign._stages import Campaign, request_of, run_stages
 from thermid.campaign._survey import check_campaign
 from thermid.fit._problem.request import in_full
-from thermid.fit.calibration import key_of
 from thermid.fit.error_model import ErrorModel
 from thermid.model.elements import TableSignal
 from thermid.reporting.pages import report
@@ -655,15 +654,13 @@ def test_a_corrected_unit_runs_a_finished_stage_again(project: Path, tmp_path: P
     """The hash of a log is of its numbers as they are written, so what makes temperatures of them belongs to the key of a stage."""
     from dataclasses import replace
 
-    from thermid.fit.calibration import key_of
-
     request = run_stages(project).requests["box"]
     (record,) = request.records
-    first = key_of(request, [])
+    first = request.stage_key([])
     channel = record.channels["T_A"]
     for field, other in (("unit", "K"), ("resolution", 0.1), ("correction", 0.5)):
         changed_ = record.with_channels(replace(channel, **{field: other}))
-        assert key_of(replace(request, records=(changed_,)), []) != first, field
+        assert replace(request, records=(changed_,)).stage_key([]) != first, field
 
 
 def test_a_record_says_the_unit_of_its_time(project: Path) -> None:
@@ -697,7 +694,7 @@ def test_one_instance_is_untied_by_name(tmp_path: Path) -> None:
     groups = [r.shared.get("a.case.mass", ("a.case.mass",)) for r in requests]
     assert groups == [("a.case.mass", "b.case.mass"), *[("a.case.mass",)] * 3]
     assert requests[2].shared["a.skin.area"] == ("a.skin.area", "b.skin.area")
-    assert len({key_of(r, []) for r in requests}) == 4
+    assert len({r.stage_key([]) for r in requests}) == 4
 
 
 @pytest.mark.parametrize(

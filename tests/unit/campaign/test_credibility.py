@@ -40,9 +40,8 @@ def record(campaign: Campaign) -> td.inference.CredibilityRecord:
 
 class TestRecord:
     def test_every_value_is_there(self, record: td.inference.CredibilityRecord, campaign: Campaign) -> None:
-        from thermid.model.tree import parameter_table
 
-        assert set(record) == set(parameter_table(campaign["pair"].model))
+        assert set(record) == set(campaign["pair"].model.parameter_table())
         assert sum(record.states.values()) == len(record)
 
     def test_calibrated_here(self, record: td.inference.CredibilityRecord, campaign: Campaign) -> None:

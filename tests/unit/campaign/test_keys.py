@@ -12,7 +12,7 @@ from thermid.campaign._cache import changed_since, remember
 from thermid.campaign._file import read_campaign
 from thermid.campaign._stages import keyed, request_of, run_stages
 from thermid.fit._problem import request as room
-from thermid.fit.calibration import KeptFit, LocalSpec, Reading, Request, ingredients_of
+from thermid.fit.calibration import KeptFit, LocalSpec, Reading, Request
 from thermid.simulation.runs import Scenario
 from thermid.simulation.solver import Options
 from thermid.values.store import State, Store, ValueOrigin
@@ -63,19 +63,19 @@ def test_every_field_of_a_request_is_an_ingredient_or_changes_no_fit() -> None:
 def test_a_field_of_a_request_changes_its_own_ingredient_alone(name: str) -> None:
     value, reason = CHANGES[name]
     before, after = plain(), replace(plain(), **{name: value})
-    told = [ingredients_of(r, ["key of below"]) for r in (before, after)]
+    told = [r.ingredients(["key of below"]) for r in (before, after)]
     assert [n for n in told[0] if told[0][n] != told[1][n]] == [reason]
     assert before.fit_key != after.fit_key
 
 
 def test_what_changes_no_fit_changes_no_key() -> None:
     other = replace(plain(), name="other", seen={"ab": "who"}, remarks=("said",), adequate=0.1, accepted=True)
-    assert ingredients_of(other, []) == ingredients_of(plain(), [])
+    assert other.ingredients([]) == plain().ingredients([])
     laid = plain().model.with_values({MASS: "1.6 [kg]"}, "stage 'below'")
     found = replace(plain(), model=laid, store=Store({"case.mass": replace(STATE, value=1.7)}))
-    assert ingredients_of(found, ["k"]) == ingredients_of(plain(), ["k"]), "what stages below found is in their keys"
+    assert found.ingredients(["k"]) == plain().ingredients(["k"]), "what stages below found is in their keys"
     assert replace(plain(), model=laid).fit_key != plain().fit_key, "in Python nobody else says what was laid over the deck"
-    whole, cut = (ingredients_of(Request(m, ()), []) for m in (pair(), pair().cut("b")))
+    whole, cut = (Request(m, ()).ingredients([]) for m in (pair(), pair().cut("b")))
     assert [n for n in whole if whole[n] != cut[n]] == ["cuts"]
 
 

@@ -12,7 +12,7 @@ import pytest
 import thermid as td
 from thermid.base.errors import IdentificationError
 from thermid.model.deck import load_model
-from thermid.model.tree import ParameterSet, identities, parameter_table
+from thermid.model.tree import ParameterSet, identities
 from unit.fit.project import write_log
 from unit.fit.trees import Part, joined, leaf, record_of, record_table, stage_table, write_decks, write_logs
 
@@ -83,7 +83,7 @@ def swapped(folder: Path, seed: int) -> list[str]:
     below = {part.definition for prefix, part in new.every() if prefix}  # parts of the new part that are of the decks of before
     stale -= {v.value for n in below & set(before) for v in before[n].values.parameters.values()}
     model = known.replace(place, deck)
-    alone, now = parameter_table(deck), parameter_table(model)
+    alone, now = deck.parameter_table(), model.parameter_table()
     wrong = [f"model: {n}" for n, entry in alone.items() if now[f"{place}.{n}"].parameter != entry.parameter]
     wrong += [f"tied: {one.paths}" for one in identities(model).values() if _crosses(one.paths, place)]
 

@@ -13,7 +13,7 @@ from scipy import stats
 
 import thermid as td
 from thermid.fit._calibrate import _by_instruments, fit as fitted_by, strange_powers
-from thermid.fit._calibration import contradicted, far_from_sheet, sensor_shares
+from thermid.fit._calibration import contradicted, far_from_sheet
 from thermid.fit._problem.gather import build_problem
 from thermid.fit._problem.request import Request
 from thermid.fit._problem.residuals import SensorStatistics, loss_of
@@ -128,7 +128,7 @@ class TestWhatIsQuestioned:
         for share, said in ((0.0485, False), (0.0515, True)):
             r = math.sqrt(share)
             covariance = np.array([[1.0, r], [r, 1.0]])
-            (found,) = sensor_shares(replace(fit, values=replace(fit.values, covariance=covariance)))
+            (found,) = replace(fit, values=replace(fit.values, covariance=covariance)).sensor_shares
             assert bool(found.parameter) is said
 
 

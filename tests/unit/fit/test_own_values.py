@@ -8,7 +8,7 @@ import pytest
 import thermid as td
 from thermid.fit._error_model.own_values import BALANCE, Beside, OwnValue, own_value, own_values_kept
 from thermid.fit.calibration import Calibration
-from thermid.fit.error_model import ROOM, START
+from thermid.fit.error_model import BandCause
 from thermid.measure.records import Channel, Record
 from thermid.prediction.bands import predict_record
 
@@ -111,7 +111,7 @@ def test_first_readings_of_two_sensors_say_more_of_a_room_than_one() -> None:
         assert abs(first["T1"] + mean - room) <= abs(first["T1"] + alone - room) + 0.2
         told = predict_record(fit, record, scenario=given, readings={"air": "T1"})
         assert told.inside() > 0.8
-        assert ROOM in told.bands["T1"].parts
+        assert BandCause.ROOM in told.bands["T1"].parts
 
 
 def test_what_is_known_of_rooms_reads_back_with_the_other_sensors() -> None:
@@ -158,7 +158,7 @@ def test_a_hidden_node_starts_off_its_balance_as_on_the_fitted_runs() -> None:
     assert found is not None
     assert found.runs == 5
     told = predict_record(fit, records[5], scenario=given)
-    assert START in told.bands["T1"].parts
+    assert BandCause.START in told.bands["T1"].parts
     assert told.inside() > 0.9
     assert own(fit, "initial.box", "T1") is not None
     assert own_value((), "initial.box", BALANCE) is None

@@ -10,7 +10,6 @@ import pytest
 import thermid as td
 from by_code import raises_code
 from thermid.fit._calibrate import calibrate, without_lags
-from thermid.fit._calibration import instrument_shares
 from thermid.fit._minimisation import covariances, minimise
 from thermid.fit._problem.experiment import Seat, attached, sensor_model
 from thermid.fit._problem.gather import build_problem
@@ -79,7 +78,7 @@ def test_derivatives_of_scale_and_lag_are_exact_and_the_compressed_rows_hold_the
 
 def test_what_they_make_uncertain_is_said() -> None:
     found = calibrate(box(), worn(gain_accuracy="2 [%]"), [HTC])
-    (share,) = instrument_shares(found)
+    (share,) = found.instrument_shares
     assert (share.name, share.stated) == ("scale of T", (0.0, 0.02))
     assert f"scale of T: 0 +- 2 % as stated, {100 * share.found[0]:.3g} +- {100 * share.found[1]:.2g} % found" in str(found)
 

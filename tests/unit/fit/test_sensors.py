@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 from thermid.fit._calibrate import calibrate
-from thermid.fit._calibration import sensor_shares
 from thermid.measure.records import Record
 from unit.fit.bench import HTC, box, log
 
@@ -16,7 +15,7 @@ from unit.fit.bench import HTC, box, log
 def test_half_a_kelvin_on_nine_is_five_and_a_half_per_cent() -> None:
     data = log(box({"parameters/power/value": "2.7 [W]"}), {}, {"T": "case"}, noise=0.02, accuracy=0.5, seed=1)
     found = calibrate(box({"parameters/power/value": "2.7 [W]"}), data, [HTC])
-    (share,) = sensor_shares(found)
+    (share,) = found.sensor_shares
     assert share.rise == pytest.approx(np.ptp(data["T"].values))
     assert (share.accuracy, share.parameter) == (0.5, HTC)
     k, j = 0, list(found.values).index("sensor T")
@@ -30,7 +29,7 @@ def test_half_a_kelvin_on_nine_is_five_and_a_half_per_cent() -> None:
 
 
 def test_a_sensor_without_accuracy_is_not_spoken_of() -> None:
-    assert sensor_shares(calibrate(box(), log(box(), {}, {"T": "case"}), [HTC])) == ()
+    assert calibrate(box(), log(box(), {}, {"T": "case"}), [HTC]).sensor_shares == ()
 
 
 @pytest.mark.parametrize(

@@ -8,9 +8,9 @@ import pytest
 
 import thermid as td
 from by_code import raises_code
+from thermid.app.cli.logs import parts_between_restarts
 from thermid.base.errors import RecordError
-from thermid.measure.readers import parts_between_restarts
-from thermid.reporting.looks import look
+from thermid.measure.looks import look
 
 
 def rows(first: int = 0, count: int = 30) -> list[str]:

@@ -14,7 +14,7 @@ from thermid.measure._readers.guess import columns_of
 from thermid.measure._readers.headers import name_and_unit
 from thermid.measure._readers.log_reader import read_record
 from thermid.measure._record.channel import stray_readings
-from thermid.measure._record.record import Record, without_strays
+from thermid.measure._record.record import Record
 
 ICE = 273.15
 
@@ -277,7 +277,7 @@ def test_codes_of_loggers_are_named_and_masked_by_the_step_that_is_offered(log, 
     cleaned = record.prepare(steps)
     assert np.flatnonzero(~cleaned["T"].valid).tolist() == [5, 11]
     assert stray_readings([cleaned]) == ()
-    same, told = without_strays(record)
+    same, told = record.drop_strays()
     assert (same["T"].valid == cleaned["T"].valid).all()
     assert told == (f"T: 2 readings masked: {words}",)
 
@@ -285,7 +285,7 @@ def test_codes_of_loggers_are_named_and_masked_by_the_step_that_is_offered(log, 
 def test_codes_in_fahrenheit_and_at_the_end_of_a_log(log):
     record = coded(log, [*(f"{1.8 * t + 32:.2f}" for t in RISE), "-9999", "-9999"], "degF")
     assert "below absolute zero (-9999)" in stray_readings([record])[0]
-    assert without_strays(record)[0]["T"].valid.sum() == len(RISE)
+    assert record.drop_strays()[0]["T"].valid.sum() == len(RISE)
 
 
 @pytest.mark.parametrize(

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 import thermid as td
-from thermid.model._blocks.block import exchange_cells, links
 
 
 def block(cells: tuple[int, int, int] = (4, 3, 2), **changes: Any) -> td.Block:
@@ -21,7 +20,7 @@ def test_capacities_add_up_to_the_whole() -> None:
 
 
 def test_links_in_a_row_are_a_bar_without_its_half_cells_at_the_ends() -> None:
-    x, y, z = links(block((4, 1, 1)))
+    x, y, z = block((4, 1, 1)).links
     assert np.sum(1.0 / x[:-1]) == pytest.approx(0.06 / (10 * 0.03 * 0.01))
     assert x[-1] == 0.0
     assert not y.any()
@@ -31,26 +30,26 @@ def test_links_in_a_row_are_a_bar_without_its_half_cells_at_the_ends() -> None:
 def test_unequal_conductivities_combine_to_their_harmonic_mean() -> None:
     k = np.ones((2, 1, 1))
     k[1] = 3.0
-    x, _, _ = links(block((2, 1, 1), conductivity=k))
+    x, _, _ = block((2, 1, 1), conductivity=k).links
     area, half = 0.03 * 0.01, 0.02
     assert x[0] == pytest.approx(area / (half / 1.0 + half / 3.0))
 
 
 def test_factors_scale_links() -> None:
     factors = (np.full((3, 3, 2), 2.0), np.full((4, 2, 2), 1.0), np.full((4, 3, 1), 0.5))
-    plain, scaled = links(block()), links(block(link_factors=factors))
+    plain, scaled = block().links, block(link_factors=factors).links
     for a, b, factor in zip(plain, scaled, (2.0, 1.0, 0.5), strict=True):
         np.testing.assert_allclose(b, factor * a)
 
 
 def test_every_face_once_is_the_whole_surface() -> None:
-    _, area, _ = exchange_cells(block(), block().exchanging("all", "air", htc="1 [W/(m^2 K)]").exchanges[0])
+    _, area, _ = block().exchange_cells(block().exchanging("all", "air", htc="1 [W/(m^2 K)]").exchanges[0])
     assert area.sum() == pytest.approx(2 * (0.08 * 0.03 + 0.08 * 0.01 + 0.03 * 0.01))
 
 
 def test_a_held_face_lies_behind_half_a_cell_and_its_contact() -> None:
     held = block((4, 1, 1)).held("-x", "base", contact="100 [W/(m^2 K)]")
-    places, area, conductance = exchange_cells(held, held.exchanges[0])
+    places, area, conductance = held.exchange_cells(held.exchanges[0])
     assert places.tolist() == [0]
     assert conductance[0] == pytest.approx(area[0] / (0.01 / 10 + 1 / 100))
 

@@ -11,7 +11,7 @@ import pytest
 from by_code import raises_code
 from thermid.base.errors import DeckError
 from thermid.model._deck.modelfile import model_from_dict
-from thermid.model._laws.curves import curve, evaluate, slopes
+from thermid.model._laws.curves import curve
 from thermid.model._parts.kinds import KINDS
 from thermid.model._tree.areas import ledger
 from thermid.model._tree.model import Model
@@ -186,18 +186,18 @@ def test_conductance_at_given_temperatures() -> None:
     assert rows.conductance("power", (2.0, 0.25), None, hot, cold)[0] == pytest.approx(2.0 * 11.938**0.25, rel=1e-6)
     # radiation at 309.088/297.15 K, emissivity 0.3: h = 1.896 W/(m^2 K) (acceptance sheet, B1)
     assert rows.conductance("radiation", (0.3 * 5.670374419e-8,), None, hot, cold)[0] == pytest.approx(1.896, abs=5e-4)
-    assert rows.conductance("table", (3.0,), shape, hot, cold)[0] == pytest.approx(3.0 * evaluate(shape, np.array([303.119]))[0], rel=1e-14)
+    assert rows.conductance("table", (3.0,), shape, hot, cold)[0] == pytest.approx(3.0 * shape.evaluate(np.array([303.119]))[0], rel=1e-14)
     over = curve("difference", [(0.0, 1.0), (20.0, 2.0)])
-    assert rows.conductance("table", (1.0,), over, hot, cold)[0] == pytest.approx(evaluate(over, np.array([11.938]))[0], rel=1e-14)
+    assert rows.conductance("table", (1.0,), over, hot, cold)[0] == pytest.approx(over.evaluate(np.array([11.938]))[0], rel=1e-14)
 
 
 def test_curves_are_monotone_and_constant_beyond_their_ends() -> None:
     shape = curve("temperature", [(280.0, 1.0), (300.0, 2.0), (301.0, 5.0), (320.0, 5.0)])
-    fine = evaluate(shape, np.linspace(270.0, 330.0, 601))
+    fine = shape.evaluate(np.linspace(270.0, 330.0, 601))
     assert (np.diff(fine) >= -1e-12).all()
     assert (fine[0], fine[-1]) == (1.0, 5.0)
-    assert slopes(shape)[[0, -1]].tolist() == [0.0, 0.0]
-    assert evaluate(shape, shape.x).tolist() == shape.y.tolist()
+    assert shape.slopes[[0, -1]].tolist() == [0.0, 0.0]
+    assert shape.evaluate(shape.x).tolist() == shape.y.tolist()
     assert shape == curve("temperature", [(280.0, 1.0), (300.0, 2.0), (301.0, 5.0), (320.0, 5.0)])
     assert hash(shape) == hash(curve("temperature", [(280.0, 1.0), (300.0, 2.0), (301.0, 5.0), (320.0, 5.0)]))
     assert shape != curve("difference", [(280.0, 1.0), (300.0, 2.0), (301.0, 5.0), (320.0, 5.0)])

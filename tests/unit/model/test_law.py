@@ -14,7 +14,7 @@ import pytest
 
 import thermid as td
 from by_code import raises_code
-from thermid.model._laws.curves import Curve, hermite, slopes
+from thermid.model._laws.curves import Curve, hermite
 from thermid.model._laws.law import MIN_POINT_DISTANCE
 
 BOTH = ("-80 [K]", "80 [K]")
@@ -46,7 +46,7 @@ def errors(found: Curve, function: Callable[[float], float], away_from: float | 
         at = at[np.abs(at - away_from) > 2 * MIN_POINT_DISTANCE]
     want = np.array([function(x) for x in at])
     slope = np.array([(function(x + 1e-5) - function(x - 1e-5)) / 2e-5 for x in at])
-    y, d = hermite(found.x, found.y, slopes(found), at)
+    y, d = hermite(found.x, found.y, found.slopes, at)
     floor = 1e-3 * np.abs(want).max()
     return (
         float((np.abs(y - want) / np.maximum(np.abs(want), floor)).max()),

@@ -13,7 +13,7 @@ import pytest
 from by_code import raises_code
 from thermid.base.errors import DeckError, NameNotFoundError
 from thermid.model._deck.modelfile import load_model, model_from_dict
-from thermid.model._tree.flat import bare, flatten, still
+from thermid.model._tree.flat import flatten
 from thermid.model._tree.model import Model
 from thermid.model._tree.rules import RULES, findings
 from thermid.model._tree.tree import used_offers
@@ -384,5 +384,5 @@ def test_which_surfaces_a_run_in_vacuum_and_one_with_gas_refuse() -> None:
         "surfaces": {name: {"of": "plate", "to": "air", "area": "0.02 [m^2]", **fields} for name, fields in way.items()},
     }
     flat = flatten(model_from_dict(deck))
-    assert bare(flat) == {"convects": "air"}
-    assert still(flat) == {"radiates": "air"}
+    assert flat.without_emissivity == {"convects": "air"}
+    assert flat.without_convection == {"radiates": "air"}

@@ -9,7 +9,6 @@ from by_code import raises_code
 from thermid.base.errors import DeckError, NameNotFoundError
 from thermid.model._deck.modelfile import model_from_dict
 from thermid.model._tree.model import Model, identities
-from thermid.model._tree.tree import parameter_table
 from thermid.values.fitted import FittedValue
 
 Build = Callable[..., Model]
@@ -96,7 +95,7 @@ def test_values_of_every_level_go(part: Build) -> None:
     )
     new = part({"parameters/power": "6 [W]", "nodes/case/mass": "2 [kg]"}, title="Hot")
     swapped, what = whole.replaced("u.z", new)
-    alone, now = parameter_table(new), parameter_table(swapped)
+    alone, now = new.parameter_table(), swapped.parameter_table()
     assert {n: now[f"u.z.{n}"].parameter for n in alone} == {n: e.parameter for n, e in alone.items()}
     assert {d.path for d in what.dropped} == {"u.z.power", "u.z.case.mass", "u.z.area", f"u.z.{HTC}"}
     kept, said = whole.replaced("u.z", new, keep=["u.z.power"])
@@ -116,7 +115,7 @@ def test_what_the_deck_above_derives_from_its_own_values_stays(part: Build) -> N
     assert what.kept == ("z.ballast",)
     assert "z.ballast is unchanged" in what.assumes
     gone, said = model.replaced("z", part(title="Plain"))
-    assert "z.ballast" not in parameter_table(gone)
+    assert "z.ballast" not in gone.parameter_table()
     assert [d.path for d in said.dropped] == ["z.ballast"]
 
 

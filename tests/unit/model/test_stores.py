@@ -12,7 +12,7 @@ from scipy.integrate import quad, solve_ivp
 import thermid as td
 from by_code import raises_code
 from thermid.base.errors import DeckError, ScenarioError, SolverError
-from thermid.model._laws.curves import curve, evaluate
+from thermid.model._laws.curves import curve
 from thermid.model._laws.stores import HeatStore, store
 from thermid.model._tree.identity import to_dict
 from thermid.physics.constants import STEFAN_BOLTZMANN
@@ -60,7 +60,7 @@ ENDS = td.Scenario("ends", boundaries={"hot": "180 [degC]", "cold": "10 [degC]"}
 def test_heat_through_a_bar_is_the_integral_of_its_conductivity(cells: int) -> None:
     """Kirchhoff's transform: q L / A is the integral of k from end to end, however the bar is cut."""
     model = bar(cells)
-    exact = 2e-4 / 0.1 * quad(lambda t: float(evaluate(BAR, np.array([t]))[0]), 283.15, 453.15, epsabs=1e-10, points=[323.15])[0]
+    exact = 2e-4 / 0.1 * quad(lambda t: float(BAR.evaluate(np.array([t]))[0]), 283.15, 453.15, epsabs=1e-10, points=[323.15])[0]
     run = td.simulate(model, ENDS.with_(start="steady"))
     flows = [float(q[-1]) for q in run.heat_flows.values()]
     assert flows == pytest.approx([exact] * cells, rel=1e-8)
@@ -102,15 +102,13 @@ def test_a_block_against_an_integrator_of_its_own() -> None:
 
     def rate(_: float, t: np.ndarray) -> np.ndarray:
         out = 0.4 * (t - 293.15) + 0.025 * STEFAN_BOLTZMANN * (t**4 - 293.15**4)
-        return (60.0 - out) / (0.5 * evaluate(SHAPE, t))
+        return (60.0 - out) / (0.5 * SHAPE.evaluate(t))
 
     exact = solve_ivp(rate, (0.0, 7200.0), [293.15], rtol=1e-11, atol=1e-10, method="DOP853", t_eval=run.times)
     assert np.abs(run["body"].kelvin - exact.y[0]).max() < 5e-5
     balance = run.heat_balance()
     assert balance.relative < 1e-8
-    stored = (
-        0.5 * quad(lambda t: float(evaluate(SHAPE, np.array([t]))[0]), 293.15, run["body"].kelvin[-1], points=[373.15], epsrel=1e-12)[0]
-    )
+    stored = 0.5 * quad(lambda t: float(SHAPE.evaluate(np.array([t]))[0]), 293.15, run["body"].kelvin[-1], points=[373.15], epsrel=1e-12)[0]
     assert balance.stored == pytest.approx(stored, rel=1e-8)
 
 
@@ -140,7 +138,7 @@ def test_sensitivities_and_time_constant_of_a_block() -> None:
     assert np.abs(run.sensitivity("body", "initial.body") - (up - down) / 0.2).max() < 1e-3
     hot = float(run["body"].kelvin[-1])
     conductance = 0.05 * 8.0 + 0.025 * 4 * STEFAN_BOLTZMANN * hot**3
-    assert run.time_constants[0] == pytest.approx(0.5 * float(evaluate(SHAPE, np.array([hot]))[0]) / conductance, rel=1e-4)
+    assert run.time_constants[0] == pytest.approx(0.5 * float(SHAPE.evaluate(np.array([hot]))[0]) / conductance, rel=1e-4)
 
 
 def test_steady_start_and_members_of_an_ensemble() -> None:
@@ -187,7 +185,7 @@ def test_levels_are_inverse_to_temperatures(name: str) -> None:
     given = SHAPE if name == "specific_heat" else curve("temperature", [(273.15, 0.0), (300.0, 5.4e4), (302.0, 2.4e5), (350.0, 3.5e5)])
     held: HeatStore = store(name, given)
     at = np.linspace(200.0, 700.0, 1001)
-    assert np.abs(evaluate(held.curve, held.level(at)) - at).max() < 1e-8
+    assert np.abs(held.curve.evaluate(held.level(at)) - at).max() < 1e-8
 
 
 def test_a_run_beyond_its_table_says_so() -> None:

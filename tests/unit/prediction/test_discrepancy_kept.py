@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 import thermid as td
-from thermid.fit.error_model import UNEXPLAINED
-from thermid.prediction._predict import IN_TESTS, widened
+from thermid.fit.error_model import BandCause
+from thermid.prediction._predict import IN_TESTS
 from thermid.values.fitted import load_values
 from unit.qualify.things import UNIT, soak, unit
 
@@ -37,18 +37,18 @@ def test_values_keep_it_and_predictions_from_them_count_it(fit: td.Calibration, 
     (errors,) = td.design.Knowledge(fit.model, (values,)).errors
     kept = sum(w.weight * w.left_over**2 for w in errors.ways)
     seen = td.design.foresee(td.design.Knowledge(fit.model, (values,)), soak(40.0))
-    assert seen.prediction["proc"].parts[UNEXPLAINED] == pytest.approx(kept, rel=1e-6)
-    assert not seen.prediction["air"].parts[UNEXPLAINED].any()
+    assert seen.prediction["proc"].parts[BandCause.UNEXPLAINED] == pytest.approx(kept, rel=1e-6)
+    assert not seen.prediction["air"].parts[BandCause.UNEXPLAINED].any()
     told = td.predict(fit, soak(40.0))
-    assert seen.prediction["proc"].parts[UNEXPLAINED][0] == pytest.approx(told["proc"].parts[UNEXPLAINED][0])
+    assert seen.prediction["proc"].parts[BandCause.UNEXPLAINED][0] == pytest.approx(told["proc"].parts[BandCause.UNEXPLAINED][0])
 
 
 def test_of_two_accounts_of_it_the_larger_counts(fit: td.Calibration) -> None:
     seen = td.design.foresee(td.design.Knowledge(fit.model, (fit.values,)), soak(40.0), nodes=["proc"])
-    for size, cause in ((2.0, IN_TESTS), (0.01, UNEXPLAINED)):
-        wide = widened(seen, {"proc": size}, IN_TESTS, "x").prediction["proc"].parts
-        assert {c for c in (UNEXPLAINED, IN_TESTS) if c in wide} == {cause}
-        assert wide[cause][-1] == pytest.approx(max(size**2, seen.prediction["proc"].parts[UNEXPLAINED][-1]))
+    for size, cause in ((2.0, IN_TESTS), (0.01, BandCause.UNEXPLAINED)):
+        wide = seen.widen({"proc": size}, IN_TESTS, "x").prediction["proc"].parts
+        assert {c for c in (BandCause.UNEXPLAINED, IN_TESTS) if c in wide} == {cause}
+        assert wide[cause][-1] == pytest.approx(max(size**2, seen.prediction["proc"].parts[BandCause.UNEXPLAINED][-1]))
 
 
 def test_a_plan_counts_what_its_own_logs_show(tmp_path: Path) -> None:

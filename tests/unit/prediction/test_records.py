@@ -11,7 +11,7 @@ import pytest
 import thermid as td
 from by_code import raises_code
 from thermid.fit.calibration import Calibration
-from thermid.fit.error_model import ROOM, RUN, SIZES, UNEXPLAINED
+from thermid.fit.error_model import SIZES, BandCause
 from thermid.measure.records import Channel, Record
 from thermid.prediction._records import LEVELS, READING, RecordPrediction, predict_record
 
@@ -114,7 +114,7 @@ def test_what_a_fitted_room_follows_is_not_counted_twice() -> None:
     own = predict_record(fit, record, local={"air": {"start": "21 [degC]", "sd": "5 [K]"}}).bands["T1"]
     fixed = predict_record(fit, record, scenario=td.Scenario("s", boundaries={"air": "21 [degC]"})).bands["T1"]
     late = own.times > 7200.0
-    assert own.parts[RUN][late].mean() < 0.3 * fixed.parts[RUN][late].mean()
+    assert own.parts[BandCause.RUN][late].mean() < 0.3 * fixed.parts[BandCause.RUN][late].mean()
 
 
 def test_rooms_that_nobody_measured_widen_the_band_by_how_runs_differ() -> None:
@@ -126,7 +126,7 @@ def test_rooms_that_nobody_measured_widen_the_band_by_how_runs_differ() -> None:
         log("new", 90, 5.0, 22.7, logged=False, synthetic=False),
         scenario=td.Scenario("s", boundaries={"air": "21 [degC]"}, start="T1"),
     )
-    part = float(np.sqrt(told.bands["T1"].parts[ROOM][-1]))
+    part = float(np.sqrt(told.bands["T1"].parts[BandCause.ROOM][-1]))
     assert 0.8 < part < 3.0
     assert told.inside() > 0.9
 
@@ -156,7 +156,7 @@ def test_what_the_noise_of_a_reading_is_and_what_is_switched_off(found: Calibrat
     told, bare = predict_record(found, record), predict_record(found, record, without=["misfit", "structural", "values"])
     assert told.bands["T1"].parts[READING][0] == pytest.approx(0.01, rel=0.3)
     assert set(bare.bands["T1"].parts) == {READING}
-    assert UNEXPLAINED not in bare.bands["T1"].parts
+    assert BandCause.UNEXPLAINED not in bare.bands["T1"].parts
     assert any("switched off" in x.what for x in bare.left_out)
     assert str(bare).startswith("not counted: ")
 

@@ -15,6 +15,7 @@ from by_code import raises_code
 from thermid.app.cli.app import app
 from thermid.base.errors import ThermidError
 from thermid.campaign.start import roles_of
+from thermid.reporting.looks import log_drawing
 
 HEAD = "Logger;7\nsite;lab\n\n"
 
@@ -86,7 +87,7 @@ def test_a_log_of_two_seconds_is_thinned_by_its_lines(tmp_path, rows, said):
 
 
 def test_picture_stands_by_itself_and_shows_every_known_column(log):
-    root = fromstring(td.look(log).svg())
+    root = fromstring(log_drawing(td.look(log)))
     assert root.tag == "{http://www.w3.org/2000/svg}svg"
     texts = [e.text for e in root.iter("{http://www.w3.org/2000/svg}text")]
     assert {"case", "T_room", "P", "heater", "temperature, °C", "power, W", "duty, %", "bench run.csv"} <= {*texts}
@@ -111,7 +112,7 @@ def test_a_log_whose_times_are_open_is_shown_with_what_decides(tmp_path):
     assert "both fit and give different times" in seen.problem
     assert [c.guess for c in seen.columns] == ["time", "temperature"]
     with raises_code("result.nothing-to-draw"):
-        seen.svg()
+        log_drawing(seen)
     done = CliRunner().invoke(app, ["look", str(path)])
     assert (done.exit_code, "NOT READABLE YET" in done.output.splitlines()[1]) == (2, True)
     done = CliRunner().invoke(app, ["look", str(path), "--clock", "%d/%m/%Y %H:%M"])

@@ -10,7 +10,7 @@ import pytest
 import thermid as td
 from by_code import raises_code
 from thermid.base.errors import SolverError
-from thermid.base.linear_algebra import solve_conserving
+from thermid.simulation._solver.engine import solve_conserving
 
 ROOM = 22.0
 

@@ -40,7 +40,7 @@ from thermid.app.cli.options import (
 )
 from thermid.base.errors import DeckError, SolverError, refuse_unknown
 from thermid.base.extensions import extension, file_kinds, json_schema
-from thermid.base.files import NETCDF, TABLE
+from thermid.base.files import FileKinds
 from thermid.base.toml_files import read_toml
 from thermid.model.deck import load_model
 from thermid.model.elements import literal
@@ -120,7 +120,7 @@ def simulate(
     conditions = scenario_of(scenario, boundary, load, start, duration, vacuum, as_printed)
     times = moments(at, conditions.seconds)
     grid = np.array(sorted({*output_times(conditions, every and with_unit(every, "s"), None), *times}))
-    writable((csv, TABLE), (netcdf, NETCDF))
+    writable((csv, FileKinds.TABLE), (netcdf, FileKinds.NETCDF))
     solution = transient.simulate(model, conditions, times=grid, options=Options(error=literal(with_unit(error, "K"), "K", "--error")))
     try:
         final = steady(model, conditions, conditions.seconds)

@@ -25,7 +25,7 @@ from thermid.app.cli.options import (
 )
 from thermid.base.errors import ThermidError, ThermidWarning
 from thermid.base.expression import Kelvin
-from thermid.base.files import DRAWING, check_ending, write_text
+from thermid.base.files import FileKinds, check_ending, write_text
 from thermid.campaign.verdicts import Limits, compare_models, size, worst_case
 from thermid.model.deck import load_model
 from thermid.physics.htc import compare_htc
@@ -120,8 +120,8 @@ def diagram(
 
     A map with every node once; --fold draws a submodel as a single mass.
     """
-    check_ending(to, DRAWING)
-    write_text(to, network_map(load_model(deck), folded=fold) + "\n", DRAWING)
+    check_ending(to, FileKinds.DRAWING)
+    write_text(to, network_map(load_model(deck), folded=fold) + "\n", FileKinds.DRAWING)
     typer.echo(f"diagram: {to}")
 
 

@@ -33,7 +33,7 @@ from thermid.app.cli.options import (
 from thermid.app.cli.screen import show
 from thermid.base.errors import DeckError, OutputError, refuse_unknown
 from thermid.base.extensions import require
-from thermid.base.files import COPY, DECK, EQUATIONS, EXPORT, SCENARIO, FileKind, may_write, read_bytes, write_bytes, write_text
+from thermid.base.files import FileKind, FileKinds, may_write, read_bytes, write_bytes, write_text
 from thermid.base.units import counted
 from thermid.interop.c99 import to_c
 from thermid.interop.decks import NetworkFile, agreement, balance, printed_temperatures, read_esatan, read_sinda, to_esatan, to_sinda
@@ -109,7 +109,7 @@ def import_file(
     if to is not None:
         save_model(model, to)
     if case is not None:
-        write_text(case, toml_text(network.case()), SCENARIO)
+        write_text(case, toml_text(network.case()), FileKinds.SCENARIO)
     shown = {
         "nodes": len(network.nodes),
         "conductors": len(network.conductors),
@@ -147,7 +147,7 @@ def write_back(
     if targets:
         to.mkdir(parents=True, exist_ok=True)
     for target, text in targets.items():
-        write_bytes(target, text.encode("latin-1"), COPY)
+        write_bytes(target, text.encode("latin-1"), FileKinds.COPY)
     lines = [f"written: {target}" for target in targets]
     if not targets:
         lines = ["no file was written" if rest else "nothing differs from the deck: no file was written"]
@@ -174,7 +174,7 @@ def _import_script(script: Path, to: Path | None, block: bool, force: bool, as_j
     script_values = read_initfcn(script)
     title = (to or script).stem
     if to is not None:
-        may_write(to, DECK.titled(title))
+        may_write(to, FileKinds.DECK.titled(title))
     deck = script_values.block(title) if block else script_values.deck(title)
     model = model_from_dict(deck)
     if to is not None and not force and to.is_file():
@@ -251,7 +251,7 @@ def export(
     }[form]()
     if not standing.fair and not as_json:
         show(standing.line(), err=True)  # what is written is for another tool to read
-    _say(text, to, as_json, EXPORT, COMMENTS[form], standing=standing.to_dict())
+    _say(text, to, as_json, FileKinds.EXPORT, COMMENTS[form], standing=standing.to_dict())
     leave(standing)
 
 
@@ -272,4 +272,4 @@ def equations(
     refuse_unknown([form], forms, "--as", "equations are not written as '{}'.{near} There are {known}.", DeckError)
     system = derived(load_model(deck), pairs(name, "--name"))
     text = f"{system}\n" if form == "text" else str(getattr(system, form)())
-    _say(text, to, as_json, EQUATIONS, "%" if form in ("latex", "octave") else "#", symbols=dict(system.symbols))
+    _say(text, to, as_json, FileKinds.EQUATIONS, "%" if form in ("latex", "octave") else "#", symbols=dict(system.symbols))

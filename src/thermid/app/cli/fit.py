@@ -43,7 +43,7 @@ from thermid.app.cli.options import (
 from thermid.app.cli.screen import Progress, show, working
 from thermid.app.cli.summary import campaign_progress, ready, show_campaign, staged, written
 from thermid.base.errors import ScenarioError, SolverError, ThermidError
-from thermid.base.files import CREDIBILITY, PICTURE, TABLE, VALUES, may_write, read_bytes
+from thermid.base.files import FileKinds, may_write, read_bytes
 from thermid.base.toml_files import kind_of_text
 from thermid.campaign import studies as origins
 from thermid.campaign.stages import (
@@ -84,7 +84,7 @@ def _run(
     """Run a campaign with progress, taking finished stages from the results folder."""
     folder = to if to is not None else path.parent / "results"
     for stage in read_campaign(path).content.stages if folder.is_dir() else ():
-        may_write(folder / f"{file_name(stage.name)}.values.toml", VALUES.titled(stage.name))
+        may_write(folder / f"{file_name(stage.name)}.values.toml", FileKinds.VALUES.titled(stage.name))
     campaign = staged(path, data, folder, accept, fresh=fresh, executor=executor)
     return campaign, campaign.save(folder)
 
@@ -284,7 +284,7 @@ def credibility(
 
     Level and origin of every value are listed too, and the sizes of model error; --to writes the values as JSON or TOML.
     """
-    writable((to, CREDIBILITY))
+    writable((to, FileKinds.CREDIBILITY))
     record = origins.credibility(staged(campaign, data, results))
     if to is not None:
         record.save(to)
@@ -387,7 +387,7 @@ def predict(
         words = "a prediction is of a scenario or of logged runs. Give --scenario FILE or --record NAME."
         raise ScenarioError(words, "command line", code="value.incomplete")
     conditions = load_scenario(scenario) if scenario is not None else None
-    writable((csv, TABLE))
+    writable((csv, FileKinds.TABLE))
     known: Calibration | Knowledge
     if values is not None:
         known, name = _known_of_file(campaign, values, scenario is not None and not (stage or data or results))
@@ -538,7 +538,7 @@ def hold(
 
     Runs are kept in a folder: an interrupted command goes on where it was.
     """
-    writable((figure, PICTURE))
+    writable((figure, FileKinds.PICTURE))
     hold_question = load_hold(question)
     folder = job if job is not None else question.parent / "results"
     if dry_run or math.isfinite(memory):

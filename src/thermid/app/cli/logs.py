@@ -10,9 +10,10 @@ import typer
 
 from thermid.app.cli.options import Force, Json, say
 from thermid.base.errors import RecordError
-from thermid.base.files import DRAWING, LOG, check_ending, write_text
+from thermid.base.files import FileKinds, check_ending, write_text
+from thermid.measure import looks as measured
 from thermid.measure.readers import parts_between_restarts
-from thermid.reporting import looks as picture
+from thermid.reporting.looks import log_drawing
 
 
 def look(
@@ -37,19 +38,19 @@ def look(
     if cut is not None:
         logs = _cut(logs[0], cut)
     if to is not None:
-        check_ending(to, DRAWING)
+        check_ending(to, FileKinds.DRAWING)
     reading = {"separator": separator, "decimal": decimal, "clock": clock, "unit": unit}
-    looks = [picture.look(log, time=time, **reading) for log in logs]
+    looks = [measured.look(log, time=time, **reading) for log in logs]
     if any(file_look.has(time) for file_look in looks):  # a log without that column has another clock, which may be told
-        looks = [file_look if file_look.has(time) else picture.look(file_look.path, **reading) for file_look in looks]
-    looks = picture.named_apart(looks)
+        looks = [file_look if file_look.has(time) else measured.look(file_look.path, **reading) for file_look in looks]
+    looks = measured.named_apart(looks)
     if to is not None:
-        write_text(to, looks[0].svg() + "\n", DRAWING)
+        write_text(to, log_drawing(looks[0]) + "\n", FileKinds.DRAWING)
     width = shutil.get_terminal_size((110, 24)).columns
-    bad, clocks = any(file_look.problem for file_look in looks), picture.clocks_of(looks)
+    bad, clocks = any(file_look.problem for file_look in looks), measured.clocks_of(looks)
     parts = ["\n".join(file_look.lines(width)) for file_look in looks]
     parts += [f"{len(logs)} parts between restarts, each on a clock of its own, written to {cut}"] if cut is not None else []
-    lines = picture.clock_lines(looks, clocks) if cut is None else []
+    lines = measured.clock_lines(looks, clocks) if cut is None else []
     parts = [*(line for line in lines[:1] if line.startswith("check: ")), *parts, *(["\n".join(lines)] if lines else [])]
     text = "\n\n".join(parts) + (f"\npicture: {to}" if to is not None else "")
     joining = {"clocks": clocks} if clocks else {}
@@ -63,5 +64,5 @@ def _cut(log: Path, folder: Path) -> list[Path]:
     folder.mkdir(parents=True, exist_ok=True)
     paths = [folder / f"{log.stem}_{k}.csv" for k in range(1, len(parts) + 1)]
     for path, text in zip(paths, parts, strict=True):
-        write_text(path, text, LOG)
+        write_text(path, text, FileKinds.LOG)
     return paths

@@ -15,7 +15,7 @@ from thermid.app.cli.screen import show
 from thermid.base.codes import add_codes, mark_codes
 from thermid.base.errors import NameNotFoundError, ScenarioError
 from thermid.base.extensions import require
-from thermid.base.files import NETCDF, PICTURE, command, may_write
+from thermid.base.files import FileKinds, command, may_write
 from thermid.base.results import clean
 from thermid.measure.amounts import pairs as pairs, with_unit as with_unit
 from thermid.model.deck import load_model
@@ -114,7 +114,7 @@ def answer(standing: Standing, as_json: bool, content: Mapping[str, Any], text: 
     leave(standing)
 
 
-NEEDS = {PICTURE.name: "report", NETCDF.name: "export"}
+NEEDS = {FileKinds.PICTURE.name: "report", FileKinds.NETCDF.name: "export"}
 """Kind of file -> the extra that writes it."""
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -27,14 +28,15 @@ from thermid.app.cli.options import (
 )
 from thermid.app.cli.screen import working
 from thermid.app.cli.summary import ready, written
-from thermid.base.errors import DeckError, ScenarioError
-from thermid.base.files import PICTURE, TABLE
+from thermid.base.errors import DeckError, RecordError, ScenarioError
+from thermid.base.files import FileKinds
 from thermid.base.linear_algebra import HALF_WIDTH_95
 from thermid.base.results import clean
 from thermid.base.sourced import weigh
 from thermid.base.units import counted
 from thermid.campaign import verdicts as correlation
-from thermid.campaign.verdicts import read_two
+from thermid.measure.readers import log_cells, name_and_unit, read_record
+from thermid.measure.records import Record
 from thermid.model.deck import load_model
 from thermid.qualify.plans import check_delivery, deliver as write_delivery, load_plan, lock_plan, lock_status, pre_test, run_plan
 from thermid.qualify.profiles import ThermalProfile, load_profile, profile_names, profile_of, run_profile, typed
@@ -42,6 +44,10 @@ from thermid.reporting import pictures as trust
 from thermid.reporting.pages import correlation_report, qualification_report
 from thermid.simulation.scenario_files import load_scenario
 from thermid.values.store import model_standing
+
+_METER = re.compile(r"[PQIU](_|\d|\Z)")
+"""How the name of a column begins that holds a power, a heat, a current or a voltage."""
+_TEMPERATURES = ("degC", "°C", "K", "degF")
 
 PlanPath = Annotated[Path, typer.Argument(help="A qualification plan (TOML).")]
 
@@ -251,7 +257,7 @@ def profile(
         content |= {"numbers": {k: n.to_dict() for k, n in course.used.items()}, "steps": [s.name for s in course.steps]}
         say(as_json, {"profile": course.title, **content, "remarks": list(course.check())}, course, verbose)
         return
-    writable((csv, TABLE), (picture, PICTURE))
+    writable((csv, FileKinds.TABLE), (picture, FileKinds.PICTURE))
     run = run_profile(
         load_model(on),
         course,
@@ -291,3 +297,36 @@ def _profile(standard: str, name: str, level: str, lowest: str | None, highest: 
         course = profile_of(standard, name, level=level)
     numbers: dict[str, Any] = {k: typed(k, v) for k, v in pairs(change, "--set").items()}
     return course.with_(predicted=predicted, **numbers)
+
+
+def read_two(measured: Path, simulated: Path, *, accuracy: str = "", time: str | None = None) -> tuple[Record, Record]:
+    """Return the temperatures that two logs have in common; a column with another unit, or named as a meter's (``P_ACC``), is none.
+
+    Parameters
+    ----------
+    measured, simulated : Path  The logs.
+    accuracy : str              Standard deviation of the sensors' constant error, as text.
+    time : str                  The time column, where it has no usual name.
+
+    Raises
+    ------
+    RecordError   When they have no column in common.
+    """
+    first, second = _columns(measured), _columns(simulated)
+    common = [c for c in first if c in second and c != (time or first[0])]
+    if not common:
+        raise RecordError(
+            f"'{measured.name}' and '{simulated.name}' have no column name in common besides the time: {', '.join(first)} against "
+            f"{', '.join(second)}. Name the columns of the simulation like the sensors.",
+            "two logs",
+            code="record.not-overlapping",
+        )
+    extra: dict[str, object] = {"accuracy": accuracy} if accuracy else {}
+    one = read_record(measured, {c: {"node": c} | extra for c in common}, time=time, name=measured.stem)
+    return one, read_record(simulated, {c: {"node": c} for c in common}, time=time, name=f"{simulated.stem}, simulated")
+
+
+def _columns(path: Path) -> list[str]:
+    """Return the names of a log's columns, without units."""
+    named = [name_and_unit(c) for c in log_cells(path).header]
+    return [n for place, (n, u) in enumerate(named) if place == 0 or u in _TEMPERATURES or (u is None and not _METER.match(n))]

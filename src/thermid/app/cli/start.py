@@ -29,7 +29,6 @@ from thermid.campaign.start import (
     may_write_project,
     parted,
     propose,
-    read_as,
     roles_of,
     seated,
     word,
@@ -39,7 +38,6 @@ from thermid.campaign.start import (
 from thermid.fit.calibration import Calibration
 from thermid.inference.criticism import EVALUATIONS, criticise as criticised
 from thermid.inference.diagnosis import plausibility as ranges_of
-from thermid.measure.records import thinned, without_strays
 from thermid.model.deck import STANDARD, load_model, standard_parts
 from thermid.model.elements import worst
 from thermid.physics.finishes import FINISHES
@@ -92,11 +90,11 @@ def init(
     roles = roles_of(logs[0], temperature or (), surroundings, power or (), scales, time, formulas)
     roles = _ask_for_roles(logs[0], roles, time, bool(temperature), bool(power)) if sys.stdin.isatty() and not as_json else roles
     roles, facts = _stated_facts(roles, accuracy, mass or [], material or [], path or [], deck)
-    read = [without_strays(read_as(roles, log, pairs(same or [], "--same") if k else {}, time)) for k, log in enumerate(logs)]
+    read = [roles.read_further_log(log, pairs(same or [], "--same") if k else {}, time).drop_strays() for k, log in enumerate(logs)]
     masked = [remark for _, lines in read for remark in lines]
     fitted, holdout = parted([record for record, _ in read])
     with searching("searching for a structure") as progress:
-        proposal = propose(roles, [thinned(r) for r in fitted], evaluations, facts=facts, progress=progress)
+        proposal = propose(roles, [r.thin() for r in fitted], evaluations, facts=facts, progress=progress)
     project = write_project(to, proposal, fitted, holdout, source, title, masked)
     say(as_json, project.to_dict(), str(project))
     if not proposal.decided:

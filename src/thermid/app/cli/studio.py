@@ -14,7 +14,7 @@ from thermid.app.studio.room import Room
 from thermid.app.studio.server import serve
 from thermid.base.errors import DeckError
 from thermid.base.extensions import require
-from thermid.base.files import PAGE, scratch, write_text
+from thermid.base.files import FileKinds, scratch, write_text
 
 
 def studio(
@@ -43,6 +43,6 @@ def studio(
             if browser:
                 # a page in a private folder that leads to an address: the arguments of a browser are seen by every user of the machine
                 page = f'<!doctype html><meta charset="utf-8"><title>studio</title><meta http-equiv="refresh" content="0; url={address}">\n'
-                webbrowser.open(write_text(folder / "studio.html", page, PAGE).as_uri())
+                webbrowser.open(write_text(folder / "studio.html", page, FileKinds.PAGE).as_uri())
 
         serve(room, port, ready)

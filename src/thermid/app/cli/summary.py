@@ -12,7 +12,7 @@ from typing import Final
 from thermid.app.cli.screen import SCREEN, Progress, console, folded, severity, show_lines, width
 from thermid.base.errors import ScenarioError, spoken
 from thermid.base.extensions import require
-from thermid.base.files import PAPER, check_ending
+from thermid.base.files import FileKinds, check_ending
 from thermid.base.sourced import VERDICTS
 from thermid.base.units import counted
 from thermid.campaign.stages import Campaign, read_campaign, run_stages
@@ -114,7 +114,7 @@ def ready(to: Path | None, pdf: Path | None) -> tuple[Path | None, Path | None]:
     if to is not None or pdf is not None:
         require("report", "a report")
     if pdf is not None:
-        check_ending(pdf, PAPER)
+        check_ending(pdf, FileKinds.PAPER)
     for path in (to, pdf):
         if path is not None:
             check_page(path)

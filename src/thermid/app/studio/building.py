@@ -29,7 +29,7 @@ from thermid.app.studio.shapes import (
 )
 from thermid.app.studio.work import Jobs, JobState
 from thermid.base.errors import DeckError, MissingDataError, NameNotFoundError, ThermidError, quoted, refuse_unknown
-from thermid.base.files import RESULTS_FILE, read_bytes, write_bytes
+from thermid.base.files import FileKinds, read_bytes, write_bytes
 from thermid.base.toml_files import read_toml, resolve_inside
 from thermid.base.units import from_si
 from thermid.campaign.stages import request_of
@@ -37,13 +37,13 @@ from thermid.campaign.start import ACCURACY, VERDICT_NOISES, VERDICT_SHARE_OF_RA
 from thermid.campaign.verdicts import Criteria
 from thermid.fit.calibration import Calibration, Request, build_problem, fit
 from thermid.measure.amounts import short, with_unit
+from thermid.measure.looks import clocks_of, look, offset_range, stated_offset
 from thermid.measure.readers import name_and_unit, read_record
 from thermid.measure.records import Record
 from thermid.model.deck import Edit
 from thermid.model.elements import literal
-from thermid.model.tree import Model, parameter_table
+from thermid.model.tree import Model
 from thermid.reporting.diagrams import card_places
-from thermid.reporting.looks import clocks_of, look, offset_range, stated_offset
 from thermid.reporting.objects import fit_object
 from thermid.simulation.network import compile_network
 from thermid.simulation.runs import Scenario
@@ -157,7 +157,7 @@ class Building:
     def _parameters(self) -> list[dict[str, Any]]:
         """Return the values that a fit may find, and whether it is asked to."""
         free, switching = set(self._stage().get("free", [])), schedules(self.draft.deck.content)
-        table = parameter_table(self.model)
+        table = self.model.parameter_table()
         return [
             {"path": path, "text": e.parameter.text, "free": path in free}
             for path, e in table.items()
@@ -713,7 +713,7 @@ class Building:
             target = folder / (plain if k == 1 else f"{stem}_{k}{dot}{ending}")
             self._inside(f"logs/{target.name}")
             if not target.exists():
-                write_bytes(target, data, RESULTS_FILE)
+                write_bytes(target, data, FileKinds.RESULTS_FILE)
             if target.is_file() and read_bytes(target) == data:
                 return f"logs/{target.name}"
         raise DeckError("there are too many logs of this name.", "log", code="studio.not-now")

@@ -20,7 +20,7 @@ from thermid.base.units import from_si, in_si, unit
 from thermid.fit.calibration import Bench, Calibration, Problem, Sums, Unknown, in_place
 from thermid.model.deck import Edit
 from thermid.model.elements import literal
-from thermid.model.tree import Entry, Model, deck_text, parameter_table
+from thermid.model.tree import Entry, Model
 from thermid.physics.constants import ICE_POINT
 from thermid.physics.finishes import FINISHES
 from thermid.prediction.bands import split
@@ -248,7 +248,7 @@ def _powered(before: Conditions, load: str, factor: float) -> Conditions:
         course = getattr(scenario, table).get(load)
         if course is not None:
             return _then(before, words, scenario=scenario.with_(**{table: {load: course.scaled(factor)}}))
-    parameter = parameter_table(before.model)[f"{load}.power"].parameter
+    parameter = before.model.parameter_table()[f"{load}.power"].parameter
     text = f"{factor!r}*({parameter.text})" if parameter.expression.literal is None else _times(parameter.text, factor)
     return _then(before, f"{words}, {parameter.text} in the deck", before.model.with_values({f"{load}.power": text}, "what if"))
 
@@ -354,7 +354,7 @@ class Desk:
         unknowns = {u.name: u for u in self.problem.unknowns if u.kind == "parameter"} if self.problem is not None else {}
         without = {*(p for u in unknowns.values() for p in u.also), *self.scheduled}
         out = []
-        for path, entry in parameter_table(self.model).items():
+        for path, entry in self.model.parameter_table().items():
             literal = entry.parameter.expression.literal
             if literal is None or path in without:
                 continue
@@ -677,8 +677,8 @@ def in_force(desk: Desk, values: Mapping[str, float], store: Store) -> Store:
     NameNotFoundError   When there is neither such a slider nor anything else of that name that the stage looks for.
     """
     desk.si(values)  # refuses names that it does not know
-    origin, table = ValueOrigin("hand", f"{desk.title}, by hand"), parameter_table(desk.model)
-    moved = [_moved(s, values[s.path], deck_text(table[s.path]), origin) for s in desk.sliders if values.get(s.path, s.value) != s.value]
+    origin, table = ValueOrigin("hand", f"{desk.title}, by hand"), desk.model.parameter_table()
+    moved = [_moved(s, values[s.path], table[s.path].deck_text, origin) for s in desk.sliders if values.get(s.path, s.value) != s.value]
     moved += [_set(u, values[n], origin) for n, u in desk.others.items() if n in values and u.kind in INSTRUMENTS]
     left_out = tuple(LeftOut(WORDS.format(s.path)) for s in moved)
     return in_place(store, Store({s.path: s for s in moved}, root=np.zeros((len(moved), 0)), left_out=left_out))

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from thermid.base.errors import DeckError, ThermidError
-from thermid.base.files import RESULTS_FILE, command, read_bytes, read_text, write_bytes
+from thermid.base.files import FileKinds, command, read_bytes, read_text, write_bytes
 from thermid.base.toml_files import line_numbers, read_toml
 from thermid.campaign.stages import CampaignSource, campaign_of
 from thermid.model.deck import DeckDocument, Edit, model_beside
@@ -243,7 +243,7 @@ def keep(draft: Draft) -> None:
     steps = {"past": draft.past, "future": draft.future, "base": draft.base}
     text = json.dumps({"documents": documents, **steps, "typed": draft.typed, "waiting": bool(draft.to_save() or draft.typed)})
     with command(force=True):
-        write_bytes(journal_of(draft.deck.path), text.encode(), RESULTS_FILE)
+        write_bytes(journal_of(draft.deck.path), text.encode(), FileKinds.RESULTS_FILE)
 
 
 def recalled(path: Path, stage: int = -1) -> tuple[Draft, str]:

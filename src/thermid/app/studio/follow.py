@@ -19,6 +19,7 @@ from thermid.base.toml_files import project_root, resolve_inside
 from thermid.base.units import TEMPERATURE, unit
 from thermid.campaign.stages import Campaign, running_test
 from thermid.measure.amounts import pairs, with_unit
+from thermid.measure.looks import look
 from thermid.measure.readers import log_cells, name_and_unit, read_record
 from thermid.measure.records import Channel, Record
 from thermid.measure.steadiness import RULES, ChannelStability, StabilityRule, channel_stability, rule_of, since_when
@@ -27,7 +28,6 @@ from thermid.model.tree import Model
 from thermid.physics.constants import ICE_POINT
 from thermid.qualify.steadiness import Forecast, Stability, forecast
 from thermid.qualify.watch import BoundColumns, TemperatureLimit, Watcher, WatchRequest, read_whole_lines, roles_of_paths
-from thermid.reporting.looks import look
 from thermid.simulation.network import compile_network
 from thermid.simulation.runs import Scenario
 from thermid.values.store import model_standing

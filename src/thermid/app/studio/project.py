@@ -31,7 +31,7 @@ from thermid.campaign.studies import RetunePlan, plan_retune
 from thermid.campaign.verdicts import Verdict
 from thermid.fit.calibration import Calibration, Request, build_problem, fit, fit_problem
 from thermid.model.deck import DeckDocument, load_model
-from thermid.model.tree import Model, ParameterSet, parameter_table
+from thermid.model.tree import Model, ParameterSet
 from thermid.reporting.pages import Table, levels
 from thermid.simulation.network import compile_network
 from thermid.simulation.scenario_files import Scenario, load_scenario
@@ -368,7 +368,7 @@ class Project:
         if self.source is not None:
             file = resolve_inside(file.parent, next(s for s in self.source.content.stages if s.name == name).model, name)
         before = DeckDocument.opened(file)
-        there = parameter_table(load_model(file))
+        there = load_model(file).parameter_table()
         texts = {}
         for s in desk.sliders:
             for path in (s.path, *s.also):

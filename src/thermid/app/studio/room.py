@@ -23,7 +23,7 @@ from thermid.app.studio.follow import Follower, LiveWatch
 from thermid.app.studio.project import Project
 from thermid.app.studio.work import Work
 from thermid.base.errors import DeckError, ThermidError, refuse_unknown
-from thermid.base.files import RESULTS_FILE, command, read_text, state_folder, write_bytes
+from thermid.base.files import FileKinds, command, read_text, state_folder, write_bytes
 from thermid.base.linear_algebra import Array
 from thermid.base.results import clean
 from thermid.campaign.start import EXAMPLES, copies, copy_example, word
@@ -379,7 +379,7 @@ class Room:
         try:
             _recents().parent.mkdir(parents=True, exist_ok=True)
             with command(force=True):
-                write_bytes(_recents(), json.dumps([str(f) for f in files]).encode(), RESULTS_FILE)
+                write_bytes(_recents(), json.dumps([str(f) for f in files]).encode(), FileKinds.RESULTS_FILE)
         except (OSError, ThermidError):
             return
 

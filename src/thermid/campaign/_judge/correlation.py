@@ -5,10 +5,8 @@ Two versions of a model in one scenario are compared here too.
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -21,7 +19,6 @@ from thermid.base.results import Result, Row
 from thermid.base.sourced import VERDICTS, weigh
 from thermid.campaign._judge.criteria import CRITERIA, Check, Criteria, Deviation, Residuals, judge, rmse
 from thermid.fit.calibration import Calibration
-from thermid.measure.readers import log_cells, name_and_unit, read_record
 from thermid.measure.records import Record, gap_from, usual_step
 from thermid.model.elements import UNJUDGED, Standing
 from thermid.model.tree import Model
@@ -422,41 +419,3 @@ def _deviation(o: Overlay, kind: str, window: Window, weight: float, reason: str
 def _inside(o: Overlay, window: Window) -> Bools:
     """Return which readings lie in a window (readings,), its ends included."""
     return np.asarray((o.times >= window[0] - 1e-9) & (o.times <= window[1] + 1e-9))
-
-
-_METER = re.compile(r"[PQIU](_|\d|\Z)")
-"""How the name of a column begins that holds a power, a heat, a current or a voltage."""
-_TEMPERATURES = ("degC", "°C", "K", "degF")
-
-
-def read_two(measured: Path, simulated: Path, *, accuracy: str = "", time: str | None = None) -> tuple[Record, Record]:
-    """Return the temperatures that two logs have in common; a column with another unit, or named as a meter's (``P_ACC``), is none.
-
-    Parameters
-    ----------
-    measured, simulated : Path  The logs.
-    accuracy : str              Standard deviation of the sensors' constant error, as text.
-    time : str                  The time column, where it has no usual name.
-
-    Raises
-    ------
-    RecordError   When they have no column in common.
-    """
-    first, second = _columns(measured), _columns(simulated)
-    common = [c for c in first if c in second and c != (time or first[0])]
-    if not common:
-        raise RecordError(
-            f"'{measured.name}' and '{simulated.name}' have no column name in common besides the time: {', '.join(first)} against "
-            f"{', '.join(second)}. Name the columns of the simulation like the sensors.",
-            "two logs",
-            code="record.not-overlapping",
-        )
-    extra: dict[str, object] = {"accuracy": accuracy} if accuracy else {}
-    one = read_record(measured, {c: {"node": c} | extra for c in common}, time=time, name=measured.stem)
-    return one, read_record(simulated, {c: {"node": c} for c in common}, time=time, name=f"{simulated.stem}, simulated")
-
-
-def _columns(path: Path) -> list[str]:
-    """Return the names of a log's columns, without units."""
-    named = [name_and_unit(c) for c in log_cells(path).header]
-    return [n for place, (n, u) in enumerate(named) if place == 0 or u in _TEMPERATURES or (u is None and not _METER.match(n))]

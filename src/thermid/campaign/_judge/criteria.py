@@ -96,6 +96,11 @@ class Metric:
     digits: int = 2
 
     @property
+    def of_single_readings(self) -> bool:
+        """Whether its limit holds for every single residual."""
+        return self.of is largest
+
+    @property
     def short(self) -> str:
         """Its title without the word error, for headings that name the unit."""
         return self.title.removesuffix(" error")

@@ -17,7 +17,7 @@ import numpy as np
 from thermid.base.arguments import takes_objects
 from thermid.base.errors import IdentificationError, refuse_unknown
 from thermid.base.expression import amount
-from thermid.base.files import RESULTS_FILE, write_text
+from thermid.base.files import FileKinds, write_text
 from thermid.base.results import PlottedTrace, Result, Row
 from thermid.base.sourced import VERDICTS, weigh
 from thermid.base.toml_files import read_json
@@ -74,7 +74,7 @@ def look(folder: Path | None, record: str, sha256: str, stage: str, key: str, pa
     now = RecordedLook(record, sha256, stage, key, passed, datetime.now(UTC).date().isoformat())
     if all((one.sha256, one.key, one.passed) != (sha256, key, passed) for one in looks):
         folder.mkdir(parents=True, exist_ok=True)
-        write_text(folder / FILE, json.dumps([asdict(one) for one in (*looks, now)], indent=1), RESULTS_FILE)
+        write_text(folder / FILE, json.dumps([asdict(one) for one in (*looks, now)], indent=1), FileKinds.RESULTS_FILE)
     return earlier
 
 

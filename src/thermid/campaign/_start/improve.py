@@ -17,7 +17,7 @@ from thermid.campaign._file import CampaignSource, read_campaign
 from thermid.campaign._stages import run_stages
 from thermid.campaign._start.project import TEMPLATE
 from thermid.fit.calibration import Calibration, LocalSpec, Request, fit
-from thermid.inference.criticism import EVALUATIONS, MissingElement, StructureSearch, adopted, changes_of, search_structure
+from thermid.inference.criticism import EVALUATIONS, MissingElement, StructureSearch, search_structure
 from thermid.measure.amounts import short
 from thermid.measure.records import Record
 from thermid.model.deck import save_model
@@ -153,17 +153,17 @@ def improve(path: Path, stage: str = "", evaluations: int = EVALUATIONS, data: P
     refuse_unseen(request.model, "a search for another structure")
     may = _may_delay(source, request)
     first = search_structure(
-        request, changes=lambda s: [c for c in changes_of(s) if may or not c.delay], evaluations=evaluations, executor=executor
+        request, changes=lambda s: [c for c in s.changes() if may or not c.delay], evaluations=evaluations, executor=executor
     )
     if first.proposed is first.start:
         return Improved(first, before, before, ())
     longest = 2.0 * sum(c.delay for c in first.proposed.changes)
     if not longest:
         try:
-            after = _full_fit(adopted(first.proposed), name, first.proposed.changes)
+            after = _full_fit(first.proposed.full_request, name, first.proposed.changes)
         except IdentificationError as error:
             return Improved(first, before, before, (), refused=error.message)
-        return Improved(first, before, after, tuple(_written(path, name, request, adopted(first.proposed), ())))
+        return Improved(first, before, after, tuple(_written(path, name, request, first.proposed.full_request, ())))
     # a delay in whole samples leaves residuals that other changes would answer: they are asked again beside the delay that a fit finds
     ranged = replace(request, records=tuple(_ranged(r, longest) for r in request.records))
     delays_found = _delays_of(_full_fit(ranged, name))
@@ -172,9 +172,9 @@ def improve(path: Path, stage: str = "", evaluations: int = EVALUATIONS, data: P
     )
     remaining = max(evaluations - first.evaluations, evaluations // 2)
     then = search_structure(
-        late, changes=lambda s: [c for c in changes_of(s) if _beside_a_delay(c, late.records)], evaluations=remaining, executor=executor
+        late, changes=lambda s: [c for c in s.changes() if _beside_a_delay(c, late.records)], evaluations=remaining, executor=executor
     )
-    new, longest = adopted(then.proposed), max(longest, float(f"{2.0 * max(value for value, _ in delays_found.values()):.3g}"))
+    new, longest = then.proposed.full_request, max(longest, float(f"{2.0 * max(value for value, _ in delays_found.values()):.3g}"))
     new = replace(new, records=tuple(_rebound(_ranged(old, longest), one) for old, one in zip(request.records, new.records, strict=True)))
     try:
         after = _full_fit(new, name, then.proposed.changes)

@@ -15,7 +15,7 @@ import tomlkit
 
 from thermid.base.errors import NameNotFoundError, RecordError, ThermidError, nearest
 from thermid.base.extensions import by_grammar, file_kinds, json_schema
-from thermid.base.files import COPY, DECK, FileKind, may_write, parse_toml, read_text, write_bytes, write_text
+from thermid.base.files import FileKind, FileKinds, may_write, parse_toml, read_text, write_bytes, write_text
 from thermid.campaign._start.proposal import LOOSE_AMBIENT, Proposal, orders_text
 from thermid.campaign._start.switching import instants_text, with_instants
 from thermid.fit.calibration import LocalSpec, Request
@@ -77,7 +77,7 @@ def head_copies(folder: Path, files: Sequence[Path]) -> list[Path]:
     kind_of_file = {file: kind for file, text in texts.items() if (kind := kind_of(text))}
     for file, kind in kind_of_file.items():
         file.unlink()
-        write_bytes(file, headed(texts[file], kind, len(file.relative_to(folder).parents) - 1).encode(), COPY)
+        write_bytes(file, headed(texts[file], kind, len(file.relative_to(folder).parents) - 1).encode(), FileKinds.COPY)
     return write_schemas(folder, kind_of_file.values()) if kind_of_file else []
 
 
@@ -199,7 +199,7 @@ def write_template(name: str, folder: Path) -> tuple[str, list[Path]]:
     files = dict(TEMPLATES[name][1])
     folder.mkdir(parents=True, exist_ok=True)
     deck = next(iter(files))
-    kinds = {file: DECK.titled(Path(file).stem) if file == deck else TEMPLATE.titled(Path(file).stem) for file in files}
+    kinds = {file: FileKinds.DECK.titled(Path(file).stem) if file == deck else TEMPLATE.titled(Path(file).stem) for file in files}
     grammars = {file: "deck" if file == deck else "scenario" for file in files}
     for file, kind in kinds.items():
         may_write(folder / file, kind)
@@ -291,7 +291,8 @@ def may_write_project(folder: Path, title: str) -> dict[str, tuple[str, FileKind
     OutputError   When a file is there that thermid did not write.
     OSError       When the folder is a file, or a file is a folder or read-only.
     """
-    kinds = {f"{title}.toml": ("deck", DECK.titled(title))} | {f"{k}.toml": (k, TEMPLATE.titled(k)) for k in ("scenario", "campaign")}
+    kinds = {f"{k}.toml": (k, TEMPLATE.titled(k)) for k in ("scenario", "campaign")}
+    kinds[f"{title}.toml"] = ("deck", FileKinds.DECK.titled(title))
     for name, (_, kind) in kinds.items() if folder.exists() and [*folder.iterdir()] else ():
         may_write(folder / name, kind)
     may_write_schemas(folder, (grammar for grammar, _ in kinds.values()))

@@ -26,7 +26,6 @@ from thermid.inference.criticism import (
     FittedStructure,
     MissingElement,
     StructureSearch,
-    changes_of,
     fitted_structure,
     search_structure,
 )
@@ -689,7 +688,7 @@ def _within(roles: Roles, facts: StatedFacts) -> Any:
         lags = [f"a lag of the sensor at '{n}'" for n in structure.request.model.nodes] + ["a lag of every sensor"]
         tips = [f"'{n}'" for n in structure.request.model.nodes if n not in measured and n.endswith("_sensor")]
         barred = [*UNSAID, *tips]  # a sensor touches its part and nothing else
-        able = (c for c in changes_of(structure) if (c.nodes <= room or c.name in lags) and not any(w in c.name for w in barred))
+        able = (c for c in structure.changes() if (c.nodes <= room or c.name in lags) and not any(w in c.name for w in barred))
         able = (c for c in able if not facts.paths or _joined(c.request.model, measured) <= _joined(structure.request.model, measured))
         return [_weighed(_fixed_sensors(c, structure) if c.name in lags else c, roles, facts) for c in able]
 

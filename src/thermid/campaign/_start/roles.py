@@ -13,8 +13,8 @@ import numpy as np
 
 from thermid.base.errors import NameNotFoundError, RecordError, ThermidError, refuse_unknown
 from thermid.base.units import unit
-from thermid.measure.readers import Column, clock_column, columns_of, decimal_sign, log_cells, name_and_unit, read_record
-from thermid.measure.records import Channel, FloatArray, Record, thinned
+from thermid.measure.readers import Column, log_cells, log_columns, name_and_unit, read_record
+from thermid.measure.records import Channel, FloatArray, Record
 
 ACCURACY = 0.5
 """Constant error that an instrument has unless somebody says better: DS18B20 and thermocouples of class 1, as their makers print. [K]"""
@@ -128,46 +128,46 @@ class Roles:
 
     def read(self, path: Path, noise: Mapping[str, float] | None = None) -> Record:
         """Return a log with these roles, in at most 600 readings."""
-        return thinned(read_record(path, self.channels(noise), time=self.time))
+        return read_record(path, self.channels(noise), time=self.time).thin()
 
+    def read_further_log(self, log: Path, same: Mapping[str, str], time: str | None = None) -> Record:
+        """Return a log with the roles of another one, whose columns it may have under other names.
 
-def read_as(roles: Roles, log: Path, same: Mapping[str, str], time: str | None = None) -> Record:
-    """Return a log with the roles of another one, whose columns it may have under other names.
+        Parameters
+        ----------
+        roles : Roles       Of the first log.
+        log : Path          A further log of the unit, or the first.
+        same : dict         Column of the first log -> its name in further logs, where that is another one.
+        time : str          The time column, where it cannot be told; where the log has none of that name, as it can be told.
 
-    Parameters
-    ----------
-    roles : Roles       Of the first log.
-    log : Path          A further log of the unit, or the first.
-    same : dict         Column of the first log -> its name in further logs, where that is another one.
-    time : str          The time column, where it cannot be told; where the log has none of that name, as it can be told.
-
-    Raises
-    ------
-    NameNotFoundError   When the log has neither name of a column, with its columns.
-    RecordError         When it has no temperature of the first one.
-    """
-    name, here = word(log.name.partition(".")[0]), [name_and_unit(head)[0] for head in log_cells(log).header]
-    refuse_unknown(same, [*roles.channels(), *roles.ignored], "--same", "no column '{}' in the first log. Columns: {known}.")
-    other = {column: there for column, there in same.items() if column not in here}
-    refuse_unknown(other.values(), here, f"{log.name}, --same", "no column '{}'. Columns: {known}.")
-    if not any(other.get(column, column) in here for column in roles.parts):
-        raise RecordError(
-            "it has none of the temperatures of the first log. A further log is another test of the unit. One that ran beside the first is "
-            "joined with it before: `thermid look` with both prints channels and offset, and in Python `td.read_record(FIRST, CHANNELS)"
-            ".joined(td.read_record(OTHER, CHANNELS), OFFSET).to_csv('joined.csv')` writes the log for `thermid init joined.csv`.",
-            log.name,
-            code="record.nothing-there",
-        )
-    bindings: dict[str, Any] = {}
-    for column, table in roles.channels().items():
-        formula = table.get("power")
-        for one, there in other.items():
-            formula = re.sub(rf"(?<![\w`]){re.escape(one)}(?![\w`])", f"`{there}`", formula) if isinstance(formula, str) else formula
-        bindings[other.get(column, column)] = table | ({"power": formula} if formula else {})
-    record = read_record(log, bindings, time=time if time in here else None, name=name)
-    names = {there: column for column, there in other.items()}
-    channels = {names.get(c.name, c.name): replace(c, name=names.get(c.name, c.name), column="") for c in record.channels.values()}
-    return replace(record, channels=channels) if other else record
+        Raises
+        ------
+        NameNotFoundError   When the log has neither name of a column, with its columns.
+        RecordError         When it has no temperature of the first one.
+        """
+        name, here = word(log.name.partition(".")[0]), [name_and_unit(head)[0] for head in log_cells(log).header]
+        refuse_unknown(same, [*self.channels(), *self.ignored], "--same", "no column '{}' in the first log. Columns: {known}.")
+        other = {column: there for column, there in same.items() if column not in here}
+        refuse_unknown(other.values(), here, f"{log.name}, --same", "no column '{}'. Columns: {known}.")
+        if not any(other.get(column, column) in here for column in self.parts):
+            raise RecordError(
+                "it has none of the temperatures of the first log. A further log is another test of the unit. One that ran beside the "
+                "first is joined with it before: `thermid look` with both prints channels and offset, and in Python "
+                "`td.read_record(FIRST, CHANNELS).joined(td.read_record(OTHER, CHANNELS), OFFSET).to_csv('joined.csv')` writes the log for "
+                "`thermid init joined.csv`.",
+                log.name,
+                code="record.nothing-there",
+            )
+        bindings: dict[str, Any] = {}
+        for column, table in self.channels().items():
+            formula = table.get("power")
+            for one, there in other.items():
+                formula = re.sub(rf"(?<![\w`]){re.escape(one)}(?![\w`])", f"`{there}`", formula) if isinstance(formula, str) else formula
+            bindings[other.get(column, column)] = table | ({"power": formula} if formula else {})
+        record = read_record(log, bindings, time=time if time in here else None, name=name)
+        names = {there: column for column, there in other.items()}
+        channels = {names.get(c.name, c.name): replace(c, name=names.get(c.name, c.name), column="") for c in record.channels.values()}
+        return replace(record, channels=channels) if other else record
 
 
 def word(text: str) -> str:
@@ -216,9 +216,7 @@ def roles_of(
     RecordError             When the log has no temperature.
     NameNotFoundError       When it has no column of a name.
     """
-    cells = log_cells(path)
-    sign = decimal_sign(cells, None)
-    columns = {c.name: c for c in columns_of(cells, sign, clock_column(cells, time).places)}
+    columns = {c.name: c for c in log_columns(path, time)}
     scales, formulas = full_scale or {}, formulas or {}
     named = [*(t.partition("=")[0] for t in temperatures), *(n for t in powers if (n := t.partition("=")[0]) not in formulas)]
     named += full_scale or {}

@@ -14,7 +14,7 @@ import numpy as np
 from thermid.base.errors import ThermidError
 from thermid.base.linear_algebra import Indices
 from thermid.fit.calibration import build_problem
-from thermid.inference.criticism import CHALLENGES, EvaluationBudget, Fitted, FittedStructure, MissingElement, fitted_structure, promises
+from thermid.inference.criticism import CHALLENGES, EvaluationBudget, Fitted, FittedStructure, MissingElement, fitted_structure
 from thermid.measure.records import FloatArray, Record
 
 MOST_INSTANTS = 12
@@ -192,7 +192,7 @@ def _with_a_mass(one: FittedStructure, changes: Callable[[Fitted], Sequence[Miss
     """Return a structure with one mass more, that which fits the readings best; as it is where none does."""
     structures = [one]
     every = changes(Fitted.of_problem(one.request, one.problem, one.end.fitted))
-    for promised in promises(one, [c for c in every if c.nodes == 1], [])[:CHALLENGES]:
+    for promised in one.promises([c for c in every if c.nodes == 1], [])[:CHALLENGES]:
         try:
             structures.append(fitted_structure((promised.change,), promised.change.request, one.fitted, promised.start, budget))
         except (ThermidError, np.linalg.LinAlgError):

@@ -15,7 +15,7 @@ import numpy as np
 from thermid.base.arguments import takes_objects
 from thermid.base.dual import value_of
 from thermid.base.errors import IdentificationError
-from thermid.base.linear_algebra import Array, covariance, finite, pseudo_inverse, sandwich
+from thermid.base.linear_algebra import Array, covariance, finite, pseudo_inverse
 from thermid.base.results import Result
 from thermid.fit._calibration import Calibration
 from thermid.fit._error_model.courses import (
@@ -330,7 +330,7 @@ def _said_of(
     rows = np.concatenate([*(np.sqrt(b.count / level)[:, None] * b.slopes for b in pieces.values()), priors])
     inverse = pseudo_inverse(rows)  # whole: of what cannot be separated only the values that take no part in it are used below
     excess = score_excess(pieces, noise.traces, level, {})
-    variance = np.diag(covariance(rows) + sandwich(inverse, excess) / level**2)
+    variance = np.diag(covariance(rows) + inverse @ excess @ inverse / level**2)
     score = sum((b.slopes.T @ (b.count * b.mean) for b in pieces.values()), np.zeros(rows.shape[1])) / level + priors.T @ residuals
     step = np.abs(inverse @ score)
     return {p: (float(variance[k]), float(step[k])) for k, p in enumerate(paths, size) if np.isfinite(variance[k])}

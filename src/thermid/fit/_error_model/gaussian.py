@@ -22,7 +22,7 @@ from functools import cached_property, lru_cache
 
 import numpy as np
 
-from thermid.base.linear_algebra import Array, Indices, back_substitution, forward_substitution
+from thermid.base.linear_algebra import Array, Indices
 
 
 @dataclass(frozen=True)
@@ -405,3 +405,23 @@ def members_of(runs: Sequence[RunRows], centre: Array, sizes: Array, own_sizes: 
     square = square - np.sum(half**2, axis=1)
     evidence = -0.5 * (square + log_det + readings * np.log(2.0 * np.pi))
     return Members(evidence, square / max(readings, 1), centre, sizes, lower, half)
+
+
+def forward_substitution(lower: Array, right: Array) -> Array:
+    """Return ``L^-1 B`` (members, n, k) of lower triangular L (members, n, n) and B (members, n, k).
+
+    `numpy.linalg.solve` would factorise each L again.
+    """
+    from scipy.linalg.lapack import dtrtrs
+
+    out = np.empty(right.shape)
+    for k in range(len(right)):
+        out[k], _ = dtrtrs(lower[k].T, right[k], lower=0, trans=1)  # the transpose lies in LAPACK's order
+    return out
+
+
+def back_substitution(lower: Array, right: Array) -> Array:
+    """Return ``L'^-1 b`` (members, n) of lower triangular L (members, n, n) and b (members, n)."""
+    from scipy.linalg.lapack import dtrtrs
+
+    return np.stack([dtrtrs(one.T, b, lower=0)[0] for one, b in zip(lower, right, strict=True)])

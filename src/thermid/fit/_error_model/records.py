@@ -23,9 +23,12 @@ from thermid.fit._problem.residuals import Influence, Prior, Problem, Unknown
 from thermid.model.elements import Constant
 from thermid.values.store import Store
 
-VALUES, START, INSTRUMENT, ROOM = "values", "start of the run", "instrument", "room"
-STRUCTURE, RUN, UNEXPLAINED = "extrapolation", "differences between tests", "what no element explains"
-"""What of a run by itself a band comes from, beside its elements."""
+
+class BandCause:
+    """What of a run by itself a band comes from, beside its elements."""
+
+    VALUES, START, INSTRUMENT, ROOM = "values", "start of the run", "instrument", "room"
+    STRUCTURE, RUN, UNEXPLAINED = "extrapolation", "differences between tests", "what no element explains"
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,7 +99,7 @@ def _beside(problem: Problem, beside: Mapping[str, BesideRow]) -> list[Unknown]:
                 factor = float(row.gain[k]) * (value if row.relative else 1.0)
                 targets.append(Influence(0, name, 0.0 if name in acting else value, factor))
                 acting.add(name)
-        out.append(Unknown(f"{VALUES} {k}", "beside", tuple(targets), 0.0, prior=Prior(0.0, 1.0)))
+        out.append(Unknown(f"{BandCause.VALUES} {k}", "beside", tuple(targets), 0.0, prior=Prior(0.0, 1.0)))
     return out
 
 
@@ -248,11 +251,14 @@ class RecordRun:
         rows, own_responses = self.responses()
         size = len(way.values)
         mean = np.concatenate([np.zeros(size), way.mean])
-        parts = {VALUES: np.sum((rows @ way.root[:, :size]) ** 2, axis=1), STRUCTURE: np.sum((rows @ way.root[:, size:]) ** 2, axis=1)}
+        parts = {
+            BandCause.VALUES: np.sum((rows @ way.root[:, :size]) ** 2, axis=1),
+            BandCause.STRUCTURE: np.sum((rows @ way.root[:, size:]) ** 2, axis=1),
+        }
         for c, column in zip(self.columns, own_responses.T, strict=True):
-            source = {"run": RUN, "room": ROOM, "unlogged": ROOM}.get(c.group, c.source)
+            source = {"run": BandCause.RUN, "room": BandCause.ROOM, "unlogged": BandCause.ROOM}.get(c.group, c.source)
             parts[source] = parts.get(source, 0.0) + (deviation(c, way.sizes, self.beyond) * column) ** 2
-        parts[UNEXPLAINED] = sum((share * self.wandering(size, part) for share, size, part in way.left), np.zeros(rows.shape[0]))
+        parts[BandCause.UNEXPLAINED] = sum((share * self.wandering(size, part) for share, size, part in way.left), np.zeros(rows.shape[0]))
         return rows @ mean + self.reference, parts
 
     def wandering(self, size: float, part: float) -> Array:
@@ -274,7 +280,15 @@ def _column(e: Experiment, u: Unknown) -> UnknownColumn:
     """Return an unknown of a run as a column about the mean of its prior."""
     boundaries = {*e.scenario.boundaries}
     at = {t.name for t in u.targets}
-    source = VALUES if u.kind == "beside" else INSTRUMENT if u.kind != "local" else ROOM if at & boundaries else START
+    source = (
+        BandCause.VALUES
+        if u.kind == "beside"
+        else BandCause.INSTRUMENT
+        if u.kind != "local"
+        else BandCause.ROOM
+        if at & boundaries
+        else BandCause.START
+    )
     return UnknownColumn(u.name, "", u.prior.sd if u.prior is not None else reach(u), source)
 
 

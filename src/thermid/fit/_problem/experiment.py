@@ -18,7 +18,7 @@ from thermid.base.memo import Memo
 from thermid.measure.records import Channel, Record, SecondClock
 from thermid.measure.sensors import SensorPart
 from thermid.model.deck import model_from_dict
-from thermid.model.elements import Constant, Signal, TableSignal, conducted
+from thermid.model.elements import Constant, Signal, TableSignal
 from thermid.model.tree import Model, Names, Submodel
 from thermid.simulation.network import Network, compile_network
 from thermid.simulation.runs import Scenario
@@ -162,7 +162,7 @@ def signal_of(record: Record, channel: Channel, role: str, zero: float) -> Signa
     if times.size == 1:
         return Constant(float(table.values[0]))
     held = samples != "average" and (channel.held if channel.interpolation else role != "boundary")
-    return conducted(TableSignal(times, np.asarray(table.values), held), {"samples": samples}, record.name)
+    return TableSignal(times, np.asarray(table.values), held).with_details({"samples": samples}, record.name)
 
 
 @dataclass(frozen=True)

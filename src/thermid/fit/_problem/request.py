@@ -161,7 +161,7 @@ class Request:
     def fit_key(self) -> str:
         """Its key; of one made in Python, that of all it says, of values laid over its model, and of earlier fits."""
         below = sorted({s.origin.key for s in self.store.states.values()})
-        return self.key or digest([key_of(self, below), identity_of(self.model)])
+        return self.key or digest([self.stage_key(below), identity_of(self.model)])
 
     @property
     def shared(self) -> Mapping[str, tuple[str, ...]]:
@@ -196,6 +196,56 @@ class Request:
                 f"local.{name}",
                 code=error.code,
             ) from None
+
+    def ingredients(self, below: list[str]) -> dict[str, str]:
+        """Return name -> hash of everything that a stage's result depends on.
+
+        What it inherits is a result of the stages below, whose keys say what that depends on: no value is an ingredient, for a fit that was
+        recalled computes them anew, with other last digits than the search that came upon it.
+
+        Parameters
+        ----------
+        request : Request   What the stage asks.
+        below : list        Keys of the stages that it inherits from.
+        """
+        records = {}
+        for r in self.records:
+            channels = {n: _channel_key(c) for n, c in r.channels.items()}
+            records[r.name] = [
+                r.origin.sha256,
+                list(r.steps),
+                *map(repr, r.clocks),
+                *([r.environment] if r.environment else []),
+                channels,
+            ]
+        scenario = [
+            self.scenarios,
+            repr(sorted(self.local.items())),
+            repr(sorted((n, sorted(t.items())) for n, t in self.record_local.items())),
+            repr(sorted(self.readings.items())),
+            self.window,
+        ]
+        how = [self.loss, self.loss_scale, self.search, repr(self.options), sorted(self.weights.items()), self.fit_start]
+        how += [EFFECTIVE] if self.effective else []
+        how += ["structural errors"] if self.structural_errors else []
+        held = None if self.held_errors is None else sorted(self.held_errors.items())
+        priors = [repr(sorted(self.priors.items())), repr(sorted(self.held_bias.items())), repr(held)]
+        content = {
+            "deck": definition_of(self.model),
+            "records": records,
+            "scenario": scenario,
+            "free and fixed": [self.free, self.prior, [(p, s.hidden) for p, s in self.store.states.items()], how],
+            "priors": priors,
+            "cuts": [self.untie, self.model.cuts],
+            "values by hand": _by_hand(self),
+            "below": below,
+            "version": version("thermid"),
+        }
+        return {name: digest(x) for name, x in content.items()}
+
+    def stage_key(self, below: list[str]) -> str:
+        """Return the hash of all ingredients of a stage's result."""
+        return digest(self.ingredients(below))
 
 
 EFFECTIVE = "effective"
@@ -374,58 +424,6 @@ def _channel_key(c: Channel) -> list[Any]:
         c.correction,
     ]
     return [*key, c.samples + c.interpolation, *([repr(c.part)] if c.part else [])]
-
-
-def ingredients_of(request: Request, below: list[str]) -> dict[str, str]:
-    """Return name -> hash of everything that a stage's result depends on.
-
-    What it inherits is a result of the stages below, whose keys say what that depends on: no value is an ingredient, for a fit that was
-    recalled computes them anew, with other last digits than the search that came upon it.
-
-    Parameters
-    ----------
-    request : Request   What the stage asks.
-    below : list        Keys of the stages that it inherits from.
-    """
-    records = {}
-    for r in request.records:
-        channels = {n: _channel_key(c) for n, c in r.channels.items()}
-        records[r.name] = [
-            r.origin.sha256,
-            list(r.steps),
-            *map(repr, r.clocks),
-            *([r.environment] if r.environment else []),
-            channels,
-        ]
-    scenario = [
-        request.scenarios,
-        repr(sorted(request.local.items())),
-        repr(sorted((n, sorted(t.items())) for n, t in request.record_local.items())),
-        repr(sorted(request.readings.items())),
-        request.window,
-    ]
-    how = [request.loss, request.loss_scale, request.search, repr(request.options), sorted(request.weights.items()), request.fit_start]
-    how += [EFFECTIVE] if request.effective else []
-    how += ["structural errors"] if request.structural_errors else []
-    held = None if request.held_errors is None else sorted(request.held_errors.items())
-    priors = [repr(sorted(request.priors.items())), repr(sorted(request.held_bias.items())), repr(held)]
-    content = {
-        "deck": definition_of(request.model),
-        "records": records,
-        "scenario": scenario,
-        "free and fixed": [request.free, request.prior, [(p, s.hidden) for p, s in request.store.states.items()], how],
-        "priors": priors,
-        "cuts": [request.untie, request.model.cuts],
-        "values by hand": _by_hand(request),
-        "below": below,
-        "version": version("thermid"),
-    }
-    return {name: digest(x) for name, x in content.items()}
-
-
-def key_of(request: Request, below: list[str]) -> str:
-    """Return the hash of all ingredients of a stage's result."""
-    return digest(ingredients_of(request, below))
 
 
 def _by_hand(request: Request) -> list[str]:

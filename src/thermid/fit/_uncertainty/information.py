@@ -9,7 +9,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from thermid.base.errors import SolverError
-from thermid.base.linear_algebra import Array, Bools, covariance, finite, rank
+from thermid.base.linear_algebra import RANK_TOLERANCE, Array, Bools, covariance, finite, scaled
 from thermid.fit._minimisation import Fit, ended
 from thermid.fit._problem.gather import build_problem, problem_of
 from thermid.fit._problem.request import Request, form, known_before
@@ -393,3 +393,14 @@ def _consider(table: _Table, request: Request, problem: Problem, minimum: Fit, f
             table.add(request.store.sources, np.outer(moves[:, k], row))
         elif u.prior is not None:
             table.add((_stated(request, u),), moves[:, [k]] * u.prior.sd)
+
+
+def rank(rows: Array, beside: Array | None = None) -> int:
+    """Return of how many combinations of unknowns the rows state something; `beside` are the columns of others that are open too."""
+    part = scaled(rows)[0][: len(rows)]
+    largest = float(np.linalg.norm(part, 2)) if part.size else 0.0
+    if beside is not None and beside.shape[1]:
+        basis, s, _ = np.linalg.svd(scaled(beside)[0][: len(rows)], full_matrices=False)
+        basis = basis[:, s > RANK_TOLERANCE * max(s[0], 1e-300)]
+        part = part - basis @ (basis.T @ part)
+    return int((np.linalg.svd(part, compute_uv=False) > RANK_TOLERANCE * largest).sum())

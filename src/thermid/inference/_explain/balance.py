@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -19,9 +19,8 @@ from thermid.measure.amounts import short
 from thermid.measure.records import Record
 from thermid.measure.steadiness import SteadyPoint, SteadyValue
 from thermid.model.elements import Constant
-from thermid.model.tree import Model
+from thermid.model.tree import FlatControl, Model
 from thermid.physics.constants import ICE_POINT
-from thermid.simulation.network import refuse_controllers
 from thermid.simulation.runs import Scenario, steady
 from thermid.simulation.solver import Engine, Wiring
 
@@ -249,3 +248,25 @@ class _Case:
             if first != second:
                 leaving[name] = float(f[0]) * (1.0 if second else -1.0)
         return _Parts(np.array(residuals), powers, leaving, stored, at)
+
+
+def refuse_controllers(controls: Mapping[str, FlatControl], named: Sequence[str], what: str) -> None:
+    """Refuse controls with a history (thermostats, modes, PID, sampled ones) for what has none, such as an export.
+
+    Parameters
+    ----------
+    controls : dict     Control path -> the control.
+    named : sequence    Those that something follows.
+    what : str          What is asked for.
+
+    Raises
+    ------
+    DeckError
+    """
+    for name in named:
+        if controls[name].has_history:
+            raise DeckError(
+                f"the state of the control '{name}' depends on its history, which {what} does not have. Use a table or a proportional "
+                "control, or simulate.",
+                code="model.element-not-supported",
+            )

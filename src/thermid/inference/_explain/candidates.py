@@ -288,6 +288,36 @@ class Fitted:
         rises = {b.node: float(b.predicted.max() - b.predicted.min()) for b in problem.blocks(fitted)}
         return cls(replace(request, model=laid_open(request.model)), problem.experiments, values, rises)
 
+    def changes(self) -> Iterator[MissingElement]:
+        """Changes of structure of a whole network: those at one place, between two, over all places alike, and of the commands' timing."""
+        places = _places(self)
+        for place in places:
+            yield from _at_a_place(self, place)
+            if place.boundary:
+                shell = _shell(self.request, place)
+                yield shell
+                if place.load in self.request.model.loads:
+                    yield _moved_source(self.request, place, shell, f"{shell.name} that takes the heat of '{place.load}'")
+                yield _one_way(self.request, place, place.boundary, f"'{place.boundary}'")
+            yield from _settling(self, place)
+        network = self.experiments[0].network
+        joined = _joined(network, {p.node for p in places})
+        for a, b in itertools.combinations(places, 2):
+            if frozenset((a.node, b.node)) in joined:
+                yield _one_way(self.request, a, b.node, f"'{b.node}'")
+        yield from _missing_contacts(self, places)
+        for place in _places(self, hidden=True):
+            yield _second_mass(self.request, place, "hidden_mass")
+        yield from _of_hidden(self, places)
+        yield from _same_everywhere(self, places)
+        if len(places) > 1:
+            shared = _common_mass(self.request, places)
+            yield shared
+            for place in places:
+                if place.load in self.request.model.loads:
+                    yield _moved_source(self.request, place, shared, f"{shared.name} and that takes the heat of '{place.load}'")
+        yield from _delays(self.request)
+
 
 def missing_elements(fit: Calibration, request: Request) -> Iterator[MissingElement]:
     """Elements that may be missing at one node with a sensor, or behind it, and contacts of any two nodes, or a node and a boundary."""
@@ -331,37 +361,6 @@ def plain_lacks(structure: Fitted) -> Iterator[MissingElement]:
         yield _steeper_convection(structure.request, place)
         yield _radiation(structure.request, place)
     yield from _same_everywhere(structure, places)
-
-
-def changes_of(structure: Fitted) -> Iterator[MissingElement]:
-    """Changes of structure of a whole network: those at one place, between two, over all places alike, and of the commands' timing."""
-    places = _places(structure)
-    for place in places:
-        yield from _at_a_place(structure, place)
-        if place.boundary:
-            shell = _shell(structure.request, place)
-            yield shell
-            if place.load in structure.request.model.loads:
-                yield _moved_source(structure.request, place, shell, f"{shell.name} that takes the heat of '{place.load}'")
-            yield _one_way(structure.request, place, place.boundary, f"'{place.boundary}'")
-        yield from _settling(structure, place)
-    network = structure.experiments[0].network
-    joined = _joined(network, {p.node for p in places})
-    for a, b in itertools.combinations(places, 2):
-        if frozenset((a.node, b.node)) in joined:
-            yield _one_way(structure.request, a, b.node, f"'{b.node}'")
-    yield from _missing_contacts(structure, places)
-    for place in _places(structure, hidden=True):
-        yield _second_mass(structure.request, place, "hidden_mass")
-    yield from _of_hidden(structure, places)
-    yield from _same_everywhere(structure, places)
-    if len(places) > 1:
-        shared = _common_mass(structure.request, places)
-        yield shared
-        for place in places:
-            if place.load in structure.request.model.loads:
-                yield _moved_source(structure.request, place, shared, f"{shared.name} and that takes the heat of '{place.load}'")
-    yield from _delays(structure.request)
 
 
 def _at_a_place(structure: Fitted, place: _Place) -> Iterator[MissingElement]:

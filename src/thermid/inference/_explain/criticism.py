@@ -16,7 +16,7 @@ from thermid.base.results import Result
 from thermid.fit.calibration import Calibration, Request, fit as refit
 from thermid.inference._explain.candidates import missing_elements
 from thermid.inference._explain.heats import unlogged_powers
-from thermid.inference._explain.structures import EvaluationBudget, FittedStructure, adopted, fitted_structure, fitted_structures, promises
+from thermid.inference._explain.structures import EvaluationBudget, FittedStructure, fitted_structure, fitted_structures
 from thermid.inference._explain.thresholds import (
     MAX_LAGS,
     MAX_REFITTED_ELEMENTS,
@@ -387,7 +387,7 @@ def _tried(fit: Calibration, request: Request, executor: Workers, progress: Call
         tried_structures: list[tuple[str, FittedStructure | None]] = []
         progress("heat that no log gives", 0.0)
         elements = [*missing_elements(fit, request), *unlogged_powers(request)]
-        scores = promises(base, _with_progress(elements, len(elements), "element", 0.2, progress), refused)
+        scores = base.promises(_with_progress(elements, len(elements), "element", 0.2, progress), refused)
         tries = [((s.change,), s.change.request, s.start) for s in scores[:MAX_REFITTED_ELEMENTS]]
         refits = chain(
             _with_progress(fitted_structures(tries, base.fitted, budget, executor), len(tries), "refit", 0.5, progress), repeat(None)
@@ -413,7 +413,7 @@ def _tried(fit: Calibration, request: Request, executor: Workers, progress: Call
         if one is not None and candidate.possible and candidate.evidence > VERY_STRONG:
             try:
                 progress(f"full fit with {candidate.name}", 0.8)
-                refitted = refit(adopted(one))
+                refitted = refit(one.full_request)
                 words, possible = one.changes[0].judge(refitted)
                 out[n] = replace(candidate, found=words, possible=possible, fit=refitted), one
             except ThermidError as error:

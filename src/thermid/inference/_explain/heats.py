@@ -19,7 +19,7 @@ from thermid.inference._explain.rough_fit import MAX_DESCENT_STEPS, MAX_RANKING_
 from thermid.inference._explain.thresholds import MAX_HEATED_NODES, MAX_TRIED_LOADS, MAX_WINDOW_SEARCHES, PULSES, TELLING_DIFFERENCE
 from thermid.measure.amounts import duration_text, short
 from thermid.model.elements import HeatLoad, TableSignal, parameter
-from thermid.model.tree import FlatConductor, parameter_table
+from thermid.model.tree import FlatConductor
 from thermid.physics.constants import ICE_POINT
 from thermid.simulation.runs import Scenario, Solution, prepare
 
@@ -181,7 +181,7 @@ def _run_of(fit: RoughFit, x: Array, experiment: int) -> Solution:
     """Return a run of a record at `x` (unknowns,), in the fitted form; stored at the instants of the rough fit."""
     e, unknown_values = fit.problem.experiments[experiment], zip(fit.problem.unknowns, x, strict=False)
     values = {t.name: u.to_value(float(v)) for u, v in unknown_values for t in u.targets if t.experiment == experiment}
-    parameters = parameter_table(e.model)  # a sensor that lags has values of its own beside the model
+    parameters = e.model.parameter_table()  # a sensor that lags has values of its own beside the model
     named = {n: v for n, v in values.items() if n in parameters}
     ready = prepare(e.model, e.bare, tuple(named), times=fit.meshes[experiment][0])
     return ready.run(ready.with_units(named))

@@ -14,7 +14,7 @@ from thermid.base.errors import SolverError
 from thermid.base.linear_algebra import Array
 from thermid.base.units import unit
 from thermid.fit.calibration import Observation, Prior, Problem, Request, Unknown, build_problem, descend
-from thermid.model.tree import Model, parameter_table
+from thermid.model.tree import Model
 
 MAX_OFF_CENTRE = 0.25
 """How far the mean time of a sensor's readings may be from the middle of the stretch in which it begins or ends, in its length. [-]"""
@@ -36,7 +36,7 @@ def weak_spread(model: Model, path: str, unit_text: str) -> float:
     Values of data sheets and measurements are good to a third, heat capacities to a half, coefficients to a factor of two; what is
     assumed to half as much again.
     """
-    table = parameter_table(model)
+    table = model.parameter_table()
     source = table[path].parameter.source if path in table else ""
     heat = unit(unit_text).dimension in HEAT_DIMENSIONS
     if source == "assumed":

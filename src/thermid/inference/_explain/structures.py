@@ -23,7 +23,7 @@ from thermid.base.errors import IdentificationError, ThermidError
 from thermid.base.linear_algebra import Array, one_thread
 from thermid.base.units import from_si, unit
 from thermid.fit.calibration import MOST_EVALUATIONS, Fit, Prior, Problem, Request, Unknown, build_problem, minimise, starting_point
-from thermid.inference._explain.candidates import Fitted, MissingElement, changes_of
+from thermid.inference._explain.candidates import Fitted, MissingElement
 from thermid.inference._explain.causes import SizedValue
 from thermid.inference._explain.thresholds import (
     ABOUT_START,
@@ -116,6 +116,64 @@ class FittedStructure:
         """RMS of all residuals. [K]"""
         squares = [s.count * s.mean_square for _, _, s in self.end.sums]
         return float(np.sqrt(sum(squares) / max(sum(s.count for _, _, s in self.end.sums), 1.0)))
+
+    def promises(self, changes: Iterable[MissingElement], refused: list[tuple[str, str]]) -> list[PromisedChange]:
+        """Return what one evaluation promises of each change from its best start, the most first; `refused` takes what cannot be built.
+
+        It says which changes are worth a refit, and no more: where a step leads too far, nothing of it may come true.
+        """
+        reduced = max(self.end.chi_square / max(self.problem.freedom, 1.0), 1e-12)
+        values_before = self.fitted
+        before = _promised(self.problem, self.end.fitted, values_before, False)[0]
+        out = []
+        for change in changes:
+            try:
+                problem = build_problem(change.request)
+            except ThermidError as error:
+                refused.append((change.name, error.message))
+                continue
+            promises_of_starts = []
+            for start in change.starts or ({},):
+                try:
+                    after, larger = _promised(problem, _starting_values(problem, values_before, start), values_before, change.additive)
+                    promises_of_starts.append((before - after, {**start, **larger}))
+                except ThermidError:
+                    continue
+            out += [
+                PromisedChange(change, start, gain / reduced)
+                for gain, start in sorted(promises_of_starts, key=lambda promise: -promise[0])[:1]
+            ]
+        return sorted(out, key=lambda s: -s.gain)
+
+    @property
+    def full_request(self) -> Request:
+        """Return the request of a structure with its model at the fitted values, for a full fit.
+
+        A value that its readings hardly determine gets its bounds as a prior. The errors of a changed structure count what it may lack
+        (`Request.structural_errors`): readings that asked for one change seldom rule out all others.
+        """
+        units = {u.name: u.unit for u in self.problem.unknowns}
+        texts = {n: exact(v, units[n]) for n, v in self.values.items()}
+        model = self.request.model.with_values(texts, "structure search")
+        wide: dict[str, tuple[str, str]] = {}  # means and standard deviations whose 95 % are the bounds
+        for u in _undetermined(self) if self.changes else ():
+            low, high = u.fitted_bounds()
+            mean, sd = from_si(u.to_value(0.5 * (low + high)), u.unit), 0.25 * (high - low)
+            sd_text = f"{100.0 * sd:.3g} [%]" if u.log else f"{sd / float(unit(u.unit).factor):.4g} [{u.unit}]"
+            wide[u.name] = f"{mean:.4g} [{u.unit}]", sd_text
+        judgements = tuple(
+            f"in the proposed structure the readings hardly determine '{n}'. Its bounds stand as a prior: {mean} +- {sd}."
+            for n, (mean, sd) in wide.items()
+        )
+        how = "local" if self.changes and self.request.search == "auto" else self.request.search  # it begins at the end of a descent
+        return replace(
+            self.request,
+            model=model,
+            priors={**self.request.priors, **wide},
+            remarks=(*self.request.remarks, *judgements),
+            search=how,
+            structural_errors=bool(self.changes),
+        )
 
 
 @dataclass(frozen=True)
@@ -243,7 +301,7 @@ def search_structure(
     IdentificationError, SolverError    When the structure at the beginning cannot be fitted.
     """
     with one_thread():
-        catalogue = changes or (lambda structure: list(changes_of(structure)))
+        catalogue = changes or (lambda structure: list(structure.changes()))
         budget = evaluations if isinstance(evaluations, EvaluationBudget) else EvaluationBudget(evaluations)
         return _Searching(request, catalogue, budget, executor).run(rounds, begin or {})
 
@@ -364,7 +422,7 @@ class _Searching:
     def _scores(self, best: FittedStructure) -> list[PromisedChange]:
         """Return what every change promises, the most first."""
         changes = self.changes(Fitted.of_problem(best.request, best.problem, best.end.fitted)) if not self.budget.over else ()
-        scored = promises(best, changes, self.refused)
+        scored = best.promises(changes, self.refused)
         count = sum(max(len(s.change.starts), 1) for s in scored)
         self.scored, self.budget.spent = self.scored + count, self.budget.spent + count
         return scored
@@ -433,34 +491,6 @@ def _starting_values(problem: Problem, values_before: Mapping[str, float], start
         elif u.name in values_before:
             at[k] = values_before[u.name]
     return at
-
-
-def promises(best: FittedStructure, changes: Iterable[MissingElement], refused: list[tuple[str, str]]) -> list[PromisedChange]:
-    """Return what one evaluation promises of each change from its best start, the most first; one that cannot be built joins those refused.
-
-    It says which changes are worth a refit, and no more: where a step leads too far, nothing of it may come true.
-    """
-    reduced = max(best.end.chi_square / max(best.problem.freedom, 1.0), 1e-12)
-    values_before = best.fitted
-    before = _promised(best.problem, best.end.fitted, values_before, False)[0]
-    out = []
-    for change in changes:
-        try:
-            problem = build_problem(change.request)
-        except ThermidError as error:
-            refused.append((change.name, error.message))
-            continue
-        promises_of_starts = []
-        for start in change.starts or ({},):
-            try:
-                after, larger = _promised(problem, _starting_values(problem, values_before, start), values_before, change.additive)
-                promises_of_starts.append((before - after, {**start, **larger}))
-            except ThermidError:
-                continue
-        out += [
-            PromisedChange(change, start, gain / reduced) for gain, start in sorted(promises_of_starts, key=lambda promise: -promise[0])[:1]
-        ]
-    return sorted(out, key=lambda s: -s.gain)
 
 
 def _promised(problem: Problem, at: Array, values_before: Mapping[str, float], additive: bool) -> tuple[float, dict[str, float]]:
@@ -686,7 +716,7 @@ def _separation(one: FittedStructure, other: FittedStructure, times: Array, load
     """
     readings = []
     for structure in (one, other):
-        request = adopted(structure)
+        request = structure.full_request
         base = structure.problem.experiments[0]
         rest = float(np.mean([o.measured[0] for o in base.observations]))
         boundaries = {b: Constant(rest) for b in base.network.boundaries}
@@ -697,36 +727,6 @@ def _separation(one: FittedStructure, other: FittedStructure, times: Array, load
         run = simulate(request.model, scenario, times=times)
         readings.append({o.sensor: run[o.node].kelvin / o.sigma(structure.problem.noise) for o in base.observations})
     return 0.5 * sum(float(np.sum((readings[0][s] - readings[1][s]) ** 2)) for s in readings[0])
-
-
-def adopted(one: FittedStructure) -> Request:
-    """Return the request of a structure with its model at the fitted values, for a full fit.
-
-    A value that its readings hardly determine gets its bounds as a prior. The errors of a changed structure count what it may lack
-    (`Request.structural_errors`): readings that asked for one change seldom rule out all others.
-    """
-    units = {u.name: u.unit for u in one.problem.unknowns}
-    texts = {n: exact(v, units[n]) for n, v in one.values.items()}
-    model = one.request.model.with_values(texts, "structure search")
-    wide: dict[str, tuple[str, str]] = {}  # means and standard deviations whose 95 % are the bounds
-    for u in _undetermined(one) if one.changes else ():
-        low, high = u.fitted_bounds()
-        mean, sd = from_si(u.to_value(0.5 * (low + high)), u.unit), 0.25 * (high - low)
-        sd_text = f"{100.0 * sd:.3g} [%]" if u.log else f"{sd / float(unit(u.unit).factor):.4g} [{u.unit}]"
-        wide[u.name] = f"{mean:.4g} [{u.unit}]", sd_text
-    judgements = tuple(
-        f"in the proposed structure the readings hardly determine '{n}'. Its bounds stand as a prior: {mean} +- {sd}."
-        for n, (mean, sd) in wide.items()
-    )
-    how = "local" if one.changes and one.request.search == "auto" else one.request.search  # it begins at the end of a descent
-    return replace(
-        one.request,
-        model=model,
-        priors={**one.request.priors, **wide},
-        remarks=(*one.request.remarks, *judgements),
-        search=how,
-        structural_errors=bool(one.changes),
-    )
 
 
 def _undetermined(one: FittedStructure) -> list[Unknown]:

@@ -20,6 +20,7 @@ from thermid.base.dual import gradient_of, value_of
 from thermid.base.errors import DeckError, ScenarioError, UnitError, quoted
 from thermid.base.linear_algebra import Array
 from thermid.base.units import NAMES, TEMPERATURE, Dimension, unit
+from thermid.interop._fmu.description import PLAIN
 from thermid.interop._fmu.host import FmuFile, FmuSetting, InputCourse
 from thermid.model.deck import model_from_dict
 from thermid.model.elements import Constant, Drawn, TableSignal
@@ -28,7 +29,6 @@ from thermid.physics.constants import ICE_POINT
 from thermid.simulation.solver import Answer, Assembled, Engine, Wiring
 
 REALS: Final = ("Real", "Float64")
-PLAIN: Final[Dimension] = (Fraction(0),) * 5
 _SI: Final = {unit(text).dimension: text for text in NAMES if text not in ("K", TEMPERATURE)} | {unit("K").dimension: "K"}
 _KELVIN: Final = unit("K").dimension
 _WATT: Final = unit("W").dimension

@@ -12,7 +12,8 @@ from xml.etree import ElementTree as Xml
 from thermid.base.units import NAMES, TEMPERATURE, Dimension, unit
 from thermid.interop._fmu.image import INDICATOR, MODE, RATE, TEMPERATURE_OF
 
-PLAIN = (Fraction(0),) * 5
+PLAIN: Dimension = (Fraction(0),) * 5
+"""The dimension of a plain number."""
 _BASE = ("m", "kg", "s", "A", "K")
 _WORD = re.compile(r"[A-Za-z_][A-Za-z0-9_]*(\.[A-Za-z_][A-Za-z0-9_]*)*\Z")
 _SI = {unit(text).dimension: text for text in NAMES if text not in ("1", TEMPERATURE)}

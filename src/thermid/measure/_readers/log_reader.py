@@ -17,7 +17,7 @@ from thermid.base.units import from_si, in_si, require, unit
 from thermid.measure._readers.bindings import Binding, bindings, full_scale, unit_and_quantity
 from thermid.measure._readers.columns import decimal_sign, find_column, kelvin_sized, numbers
 from thermid.measure._readers.formats import log_cells
-from thermid.measure._readers.guess import columns_of
+from thermid.measure._readers.guess import Column, columns_of
 from thermid.measure._readers.headers import LETTERED, NO_NUMBER, name_and_unit
 from thermid.measure._readers.power_of_columns import RESTARTED, power_readings
 from thermid.measure._readers.questions import begins_again, board_restarts, hidden_switches, lost_hour, repeated_stamps, unit_question
@@ -152,8 +152,8 @@ def parts_between_restarts(path: str | Path) -> list[str]:
     return ["\n".join([*head, *(lines[n - 1] for n in cells.lines[a:b]), ""]) for a, b in edges]
 
 
-def temperature_columns(path: str | Path, time: str | None = None, separator: str | None = None) -> list[str]:
-    """Return the names of a log's columns that seem to be temperatures, of surroundings too.
+def log_columns(path: str | Path, time: str | None = None, separator: str | None = None) -> list[Column]:
+    """Return the columns of a log, each with a guess of what it is.
 
     `time` and `separator` are those of `read_record`.
 
@@ -163,8 +163,12 @@ def temperature_columns(path: str | Path, time: str | None = None, separator: st
     RecordError        As `log_cells`, and when no column is the time's.
     """
     cells = log_cells(Path(path), separator)
-    columns = columns_of(cells, decimal_sign(cells, None), clock_column(cells, time).places)
-    return [c.name for c in columns if c.guess in ("temperature", "boundary")]
+    return columns_of(cells, decimal_sign(cells, None), clock_column(cells, time).places)
+
+
+def temperature_columns(path: str | Path, time: str | None = None, separator: str | None = None) -> list[str]:
+    """Return the names of the columns of `log_columns` that seem to be temperatures, of surroundings too."""
+    return [c.name for c in log_columns(path, time, separator) if c.guess in ("temperature", "boundary")]
 
 
 def _channel(cells: Cells, binding: Binding, parsed: list[FloatArray | int], times: FloatArray) -> Channel:

@@ -593,6 +593,40 @@ class Samples:
             values[-1] = values[last]
         return SampleTable(self.times[keep], values[keep], float(1.0 - steps[covered].sum() / steps.sum()))
 
+    def stretch(self, start: object, end: object, what: str) -> tuple[BoolArray, str]:
+        """Return which samples lie from start to end (samples,), and that period in words.
+
+        Raises
+        ------
+        RecordError   When the end is before the start, or no sample lies between.
+        """
+        low, high = _moment(self, start, what), _moment(self, end, what)
+        text = f"{format_value(low, 's')} to {format_value(high, 's')}"
+        if high < low:
+            raise RecordError(f"its end is before its start: {text}.", what, code="value.outside-range")
+        # a time written with few digits must still meet the sample that it names
+        near = 1e-6 * self.step
+        inside = (self.times >= low - near) & (self.times <= high + near)
+        if not inside.any():
+            axis = f"{format_value(self.times[0], 's')} to {format_value(self.times[-1], 's')}"
+            raise RecordError(f"there is no sample from {text}; record '{self.name}' runs from {axis}.", what, code="record.nothing-there")
+        return inside, text
+
+    def refuse_beyond(self, time: object, what: str) -> None:
+        """Refuse a time that lies beyond the end of a log.
+
+        Raises
+        ------
+        RecordError   With the time at which the log ends.
+        """
+        moment, last = _moment(self, time, what), float(self.times[-1])
+        if moment > last + self.step:
+            raise RecordError(
+                f"nothing was logged at {duration_text(moment)}; the log ends at {duration_text(last)}. Ask for 'end'.",
+                what,
+                code="record.nothing-there",
+            )
+
 
 def _moment(record: Samples, written: object, what: str) -> float:
     """Return a time on the record's axis, from a number, a text with a unit, "start" or "end". [s]"""
@@ -602,42 +636,6 @@ def _moment(record: Samples, written: object, what: str) -> float:
         return amount(written, "s", what)
     except (RecordError, ExpressionError) as error:
         raise RecordError(f"{error.message} 'start' and 'end' are allowed too.", error.where, code=error.code) from None
-
-
-def stretch(record: Samples, start: object, end: object, what: str) -> tuple[BoolArray, str]:
-    """Return which samples lie from start to end (samples,), and that period in words.
-
-    Raises
-    ------
-    RecordError   When the end is before the start, or no sample lies between.
-    """
-    low, high = _moment(record, start, what), _moment(record, end, what)
-    text = f"{format_value(low, 's')} to {format_value(high, 's')}"
-    if high < low:
-        raise RecordError(f"its end is before its start: {text}.", what, code="value.outside-range")
-    # a time written with few digits must still meet the sample that it names
-    near = 1e-6 * record.step
-    inside = (record.times >= low - near) & (record.times <= high + near)
-    if not inside.any():
-        axis = f"{format_value(record.times[0], 's')} to {format_value(record.times[-1], 's')}"
-        raise RecordError(f"there is no sample from {text}; record '{record.name}' runs from {axis}.", what, code="record.nothing-there")
-    return inside, text
-
-
-def within_log(record: Samples, time: object, what: str) -> None:
-    """Refuse a time that lies beyond the end of a log.
-
-    Raises
-    ------
-    RecordError   With the time at which the log ends.
-    """
-    moment, last = _moment(record, time, what), float(record.times[-1])
-    if moment > last + record.step:
-        raise RecordError(
-            f"nothing was logged at {duration_text(moment)}; the log ends at {duration_text(last)}. Ask for 'end'.",
-            what,
-            code="record.nothing-there",
-        )
 
 
 MIN_SAMPLES_PER_LEVEL: Final = 2

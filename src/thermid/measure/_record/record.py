@@ -18,7 +18,7 @@ import numpy as np
 from thermid.base.errors import RecordError, ThermidError, errors_at, refuse_unknown
 from thermid.base.expression import amount, clocked, counts_rows, seconds
 from thermid.base.extensions import optional
-from thermid.base.files import LOG, replacing
+from thermid.base.files import FileKinds, replacing
 from thermid.base.results import PlottedTrace, Result, Row
 from thermid.base.units import TEMPERATURE, counted, format_value, from_si, in_si, unit
 from thermid.measure._record import windows
@@ -35,7 +35,6 @@ from thermid.measure._record.channel import (
     gap_from,
     gap_limit,
     strays,
-    stretch,
     with_sensor,
 )
 from thermid.measure._record.sensor import ICE, KEYS, SensorCertificate, SensorPart
@@ -201,7 +200,7 @@ class Record(Samples, Result):
         ------
         RecordError   When fewer than two samples remain, or a channel keeps no valid one.
         """
-        inside, text = stretch(self, start, end, "trim")
+        inside, text = self.stretch(start, end, "trim")
         count = int(inside.sum())
         if count < 2:
             raise RecordError(f"only {count} sample lies from {text}; at least two are needed.", "trim", code="record.too-short")
@@ -400,7 +399,7 @@ class Record(Samples, Result):
         RecordError   When no valid sample would remain.
         """
         measured = self.channel(channel)
-        inside, text = stretch(self, start, end, f"mask of '{channel}'")
+        inside, text = self.stretch(start, end, f"mask of '{channel}'")
         masked = measured.masked(inside, reason)
         return self._noted(f"mask: {channel} from {text} ({self._masked_since(masked)} samples), {reason}", masked)
 
@@ -633,7 +632,7 @@ class Record(Samples, Result):
             header.append(f"{channel.column if channel.column and taken.count(channel.column) == 1 else channel.name} [{channel.unit}]")
             cells = _texts(np.where(channel.valid, channel.values, 0.0), channel.unit)
             columns.append([cell if good else "" for cell, good in zip(cells, channel.valid.tolist(), strict=True)])
-        with replacing(path, LOG) as half, half.open("w", encoding="utf-8", newline="") as file:
+        with replacing(path, FileKinds.LOG) as half, half.open("w", encoding="utf-8", newline="") as file:
             file.write(f'"{self.origin.time} [s]"' + ("," if header else ""))
             writer = csv.writer(file, lineterminator="\n")
             writer.writerow(header)
@@ -786,12 +785,23 @@ class Record(Samples, Result):
         """Return the names of the channels."""
         return list(self.channels)
 
+    def thin(self) -> Record:
+        """Return a record of at most `MAX_SEARCHED_READINGS` readings, switching of powers kept."""
+        if self.times.size <= MAX_SEARCHED_READINGS:
+            return self
+        return self.resample(thinned_step(self.duration))
 
-def thinned(record: Record) -> Record:
-    """Return a record of at most `MAX_SEARCHED_READINGS` readings, switching of powers kept."""
-    if record.times.size <= MAX_SEARCHED_READINGS:
-        return record
-    return record.resample(thinned_step(record.duration))
+    def drop_strays(self) -> tuple[Record, tuple[str, ...]]:
+        """Return a record with codes of faults masked, and a sentence for each channel on what was masked."""
+        remarks, cleaned = [], self
+        for name, channel in self.channels.items():
+            codes = strays(channel)
+            if not codes:
+                continue
+            cleaned = cleaned.flag_faults(codes_to_mask(codes, channel), channels=[name])
+            count = counted(int(np.count_nonzero(channel.valid & ~cleaned[name].valid)), "reading")
+            remarks.append(f"{name}: {count} masked: {', '.join(dict.fromkeys(codes.values()))}")
+        return cleaned, tuple(remarks)
 
 
 def thinned_step(duration: float) -> float:
@@ -799,19 +809,6 @@ def thinned_step(duration: float) -> float:
     step = duration / (MAX_SEARCHED_READINGS - 1)
     scale = 10.0 ** (np.floor(np.log10(step)) - 1)
     return float(np.ceil(step / scale) * scale)
-
-
-def without_strays(record: Record) -> tuple[Record, tuple[str, ...]]:
-    """Return a record with codes of faults masked, and a sentence for each channel on what was masked."""
-    remarks, cleaned = [], record
-    for name, channel in record.channels.items():
-        codes = strays(channel)
-        if not codes:
-            continue
-        cleaned = cleaned.flag_faults(codes_to_mask(codes, channel), channels=[name])
-        count = counted(int(np.count_nonzero(channel.valid & ~cleaned[name].valid)), "reading")
-        remarks.append(f"{name}: {count} masked: {', '.join(dict.fromkeys(codes.values()))}")
-    return cleaned, tuple(remarks)
 
 
 def _spread(channel: Channel, places: np.ndarray, samples: int) -> Channel:

@@ -16,7 +16,7 @@ import numpy as np
 from thermid.base.errors import RecordError, look_up, nearest
 from thermid.base.expression import amount
 from thermid.base.units import format_value
-from thermid.measure._record.channel import Channel, FloatArray, Samples, stretch
+from thermid.measure._record.channel import Channel, FloatArray, Samples
 from thermid.measure._record.rounding import rounding_of_line
 from thermid.measure.amounts import duration_text, positive_seconds
 
@@ -522,7 +522,7 @@ def steady_point(
     tau = C/G), for heat that is still being stored as for a room that drifts. The correction is taken as good to 20 %. Without a time
     constant half the drift over the window is added to the error.
     """
-    inside, _ = stretch(record, start, end, f"{record.name}, steady")
+    inside, _ = record.stretch(start, end, f"{record.name}, steady")
     times = record.times[inside]
     most = amount(limit, "K/s", "limit")
     if most <= 0:

@@ -289,6 +289,42 @@ class Block(Shown):
         """
         return _block_model(self, tuple(offers))
 
+    @property
+    def links(self) -> tuple[Array, Array, Array]:
+        """Return three arrays (cells,): the conductance from every cell to the next in x, y and z, zero for the last ones. [W/K]
+
+        It is f k A / d with k = 2 k1 k2 / (k1 + k2) of both cells, side A, distance d of the centres, and the block's link factor f.
+        """
+        out = []
+        for axis in range(3):
+            conductances = np.zeros(self.cells)
+            low: Any = tuple(slice(None, -1) if k == axis else slice(None) for k in range(3))
+            high: Any = tuple(slice(1, None) if k == axis else slice(None) for k in range(3))
+            k = self.conductivity
+            mean = 2.0 * k[low] * k[high] / (k[low] + k[high]) if isinstance(k, np.ndarray) else k
+            conductances[low] = mean * _face_area(self, axis) / self.steps[axis]
+            if self.link_factors is not None:
+                conductances[low] *= self.link_factors[axis]
+            out.append(conductances.ravel())
+        return out[0], out[1], out[2]
+
+    def exchange_cells(self, exchange: Exchange) -> tuple[Ints, Array, Array]:
+        """Return places, areas [m^2] and conductances to held faces [W/K] (cells,) of the cells of an exchange, each once.
+
+        A cell at several faces has the sum of their areas A and of their conductances  A / (d / (2 k) + 1 / contact),  d the cell's length.
+        """
+        cells, areas, conductances = [], [], []
+        for face in exchange.faces:
+            axis, at = "xyz".index(face[1]), self.face_cells(face)
+            area = _face_area(self, axis)
+            k = self.conductivity.ravel()[at] if isinstance(self.conductivity, np.ndarray) else self.conductivity
+            cells.append(at)
+            areas.append(np.full(at.size, area))
+            conductances.append(np.broadcast_to(area / (0.5 * self.steps[axis] / k + 1.0 / exchange.contact), at.shape))
+        places, index = np.unique(np.concatenate(cells), return_inverse=True)
+        area_of, conductance_of = (np.bincount(index, np.concatenate(v)).astype(np.float64) for v in (areas, conductances))
+        return places, area_of, conductance_of
+
 
 def _number(value: Any, slot: str, where: str, positive: bool = False) -> float:
     """Return the finite SI value of a text or a number in the unit `slot`, above zero where it must be `positive`."""
@@ -317,43 +353,6 @@ def _boundary(name: str, where: str) -> str:
     if not _NAME.match(name):
         raise DeckError("give the boundary a name of letters, digits and _, beginning with a letter.", where, code="name.not-valid")
     return name
-
-
-def links(block: Block) -> tuple[Array, Array, Array]:
-    """Return three arrays (cells,): the conductance from every cell to the next in x, y and z, zero for the last ones. [W/K]
-
-    It is f k A / d with k = 2 k1 k2 / (k1 + k2) of both cells, side A, distance d of the centres, and the block's link factor f.
-    """
-    out = []
-    for axis in range(3):
-        conductances = np.zeros(block.cells)
-        low: Any = tuple(slice(None, -1) if k == axis else slice(None) for k in range(3))
-        high: Any = tuple(slice(1, None) if k == axis else slice(None) for k in range(3))
-        k = block.conductivity
-        mean = 2.0 * k[low] * k[high] / (k[low] + k[high]) if isinstance(k, np.ndarray) else k
-        conductances[low] = mean * _face_area(block, axis) / block.steps[axis]
-        if block.link_factors is not None:
-            conductances[low] *= block.link_factors[axis]
-        out.append(conductances.ravel())
-    return out[0], out[1], out[2]
-
-
-def exchange_cells(block: Block, exchange: Exchange) -> tuple[Ints, Array, Array]:
-    """Return places (cells,), areas (cells,) [m^2] and conductances to held faces (cells,) [W/K] of the cells of an exchange, each once.
-
-    A cell at several faces has the sum of their areas A and of their conductances  A / (d / (2 k) + 1 / contact),  d the cell's length.
-    """
-    cells, areas, conductances = [], [], []
-    for face in exchange.faces:
-        axis, at = "xyz".index(face[1]), block.face_cells(face)
-        area = _face_area(block, axis)
-        k = block.conductivity.ravel()[at] if isinstance(block.conductivity, np.ndarray) else block.conductivity
-        cells.append(at)
-        areas.append(np.full(at.size, area))
-        conductances.append(np.broadcast_to(area / (0.5 * block.steps[axis] / k + 1.0 / exchange.contact), at.shape))
-    places, index = np.unique(np.concatenate(cells), return_inverse=True)
-    area_of, conductance_of = (np.bincount(index, np.concatenate(v)).astype(np.float64) for v in (areas, conductances))
-    return places, area_of, conductance_of
 
 
 def _face_area(block: Block, axis: int) -> float:
@@ -424,7 +423,7 @@ def _between(block: Block, names: list[str], parameters: dict[str, Any]) -> dict
         parameters["conductivity"] = f"{block.conductivity!r} [W/(m K)]"
     _, ny, nz = block.cells
     out: dict[str, Any] = {}
-    for axis, (g, step) in enumerate(zip(links(block), (ny * nz, nz, 1), strict=True)):
+    for axis, (g, step) in enumerate(zip(block.links, (ny * nz, nz, 1), strict=True)):
         thickness = block.steps[axis]
         for i in np.flatnonzero(g).tolist():
             fields = {"conductance": f"{float(g[i])!r} [W/K]"}
@@ -446,7 +445,7 @@ def _outside(block: Block, exchange: Exchange, k: int, names: list[str], paramet
     if exchange.emissivity:
         parameters[f"emissivity{k}"] = exchange.emissivity
         laws["radiation"] = ("radiation", exchange.to, {"emissivity": f"emissivity{k}"})
-    places, areas, conductances = exchange_cells(block, exchange)
+    places, areas, conductances = block.exchange_cells(exchange)
     for i, area, conductance in zip(places.tolist(), areas.tolist(), conductances.tolist(), strict=True):
         if exchange.held:
             conductor = {"kind": "conduction", "between": [names[i], exchange.to], "conductance": f"{conductance!r} [W/K]"}

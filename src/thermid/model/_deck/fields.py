@@ -6,11 +6,11 @@ import math
 from collections.abc import Callable, Iterable
 from typing import Annotated, Any, Final, Literal, Self, TypeAlias
 
-from pydantic import AfterValidator, BaseModel, Field
+from pydantic import AfterValidator, BaseModel, Field, WrapValidator
 from pydantic_core import PydanticCustomError
 
 from thermid.base.errors import DeckError, NameNotFoundError, cap, raising
-from thermid.base.grammar import Real, StrictTable, or_instance, reads
+from thermid.base.grammar import Real, StrictTable, reads
 from thermid.model._laws.curves import Curve, curve
 from thermid.model._laws.options import Source
 from thermid.model._laws.signal import literal
@@ -116,6 +116,11 @@ class Points(Property):
     """A table over a temperature or a temperature difference: straight lines; a third text of a point is its slope and makes it smooth."""
 
     over: Annotated[str, Field(pattern="^(temperature|difference)$")] = "temperature"
+
+
+def or_instance(kind: type) -> WrapValidator:
+    """Return the mark of a field in whose place a caller in Python may give an object."""
+    return WrapValidator(lambda value, check: value if isinstance(value, kind) else check(value))
 
 
 CurveTable: TypeAlias = Annotated[Points, or_instance(Curve)]

@@ -11,7 +11,7 @@ from typing import Any
 from thermid.base.arguments import takes_objects
 from thermid.base.errors import DeckError, ThermidError
 from thermid.base.expression import parse
-from thermid.base.files import DECK, RESULTS_FILE, may_write, toml_key, toml_value, unsealed, write_text
+from thermid.base.files import FileKinds, may_write, toml_key, toml_value, unsealed, write_text
 from thermid.model._deck.modelfile import load_model
 from thermid.model._tree.identity import to_dict, written
 from thermid.model._tree.model import Model
@@ -44,12 +44,13 @@ def save_model(model: Model, path: str | os.PathLike[str], like: str | os.PathLi
     names = _part_names(model, target)
     _collect(model, target, files, names)
     # a part's deck that thermid did not write and that says the same already stays as its author wrote it
-    same = {f for f, part in files.items() if f != target and f.is_file() and not DECK.titled(part.title).wrote(f) and _equals(f, part)}
+    parts = {file: part for file, part in files.items() if file != target and file.is_file()}
+    same = {f for f, part in parts.items() if not FileKinds.DECK.titled(part.title).wrote(f) and _equals(f, part)}
     files = {file: part for file, part in files.items() if file not in same}
     texts = {file: model_text(part, pattern if file == target else None, names) for file, part in files.items()}
     # a deck that is changed in its place, comments kept, carries its content on; every other file is looked at before any is written
     changed = target if pattern is not None and target.exists() and pattern.samefile(target) else None
-    kinds = {file: RESULTS_FILE if file == changed else DECK.titled(part.title) for file, part in files.items()}
+    kinds = {file: FileKinds.RESULTS_FILE if file == changed else FileKinds.DECK.titled(part.title) for file, part in files.items()}
     for file, kind in kinds.items():
         may_write(file, kind)
     for file, text in texts.items():
@@ -63,7 +64,7 @@ def _part_names(model: Model, target: Path) -> dict[str, str]:
     for part in _parts(model):
         name, alone = _file_name(part.title), _file_name(f"{target.stem} {part.title}")
         there = target.parent / name
-        other = name not in used_files and there.is_file() and DECK.titled(part.title).wrote(there) and not _equals(there, part)
+        other = name not in used_files and there.is_file() and FileKinds.DECK.titled(part.title).wrote(there) and not _equals(there, part)
         out[part.title] = alone if alone in used_files or other else name
     return out
 

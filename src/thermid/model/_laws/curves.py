@@ -85,6 +85,48 @@ class Curve:
             self.limits,
         )
 
+    @property
+    def slopes(self) -> NDArray[np.float64]:
+        """Return the slope of a smooth table at each point (points,); zero at both ends where they follow from the points."""
+        if self.d is not None:
+            return self.d
+        from scipy.interpolate import PchipInterpolator
+
+        out = np.asarray(PchipInterpolator(self.x, self.y).derivative()(self.x), dtype=float)
+        out[[0, -1]] = 0.0
+        return out
+
+    @property
+    def table(self) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64] | None]:
+        """Return points, values and slopes (points,), slopes None for straight lines; if outside = 'linear', far points at both ends."""
+        x, y, d = self.x, self.y, None if self.straight else self.slopes
+        if self.outside != "linear":
+            return x, y, d
+        first, last = ends(self)
+        low, high = self.limits or (-math.inf, math.inf)
+        low, high = max(low, x[0] - EXTENSION_REACH), min(high, x[-1] + EXTENSION_REACH)
+        y = np.r_[y[0] - (x[0] - low) * first, y, y[-1] + (high - x[-1]) * last]
+        on = np.r_[low < x[0], np.full(x.size, True), high > x[-1]]  # a quantity that is zero at its last point ends there
+        return np.r_[low, x, high][on], y[on], None if d is None else np.r_[d[0], d, d[-1]][on]
+
+    def evaluate(self, at: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the curve's values (times,) at temperatures or differences `at`. [SI]"""
+        return self.value_and_slope(at)[0]
+
+    def value_and_slope(self, at: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return the curve's values and slopes (times,) at temperatures or differences `at`. [SI], [SI/K]
+
+        Outside its points a table that is refused there is held, so that what left it can be shown.
+        """
+        x, y, d = self.table
+        inside = np.clip(at, x[0], x[-1])
+        if d is not None:
+            return hermite(x, y, d, inside)
+        k = np.clip(np.searchsorted(x, inside, side="right") - 1, 0, x.size - 2)
+        width = x[k + 1] - x[k]
+        slope = (y[k + 1] - y[k]) / np.where(width > 0.0, width, 1.0)
+        return y[k] + slope * (inside - x[k]), slope
+
 
 def curve(
     over: str,
@@ -122,23 +164,12 @@ def curve(
     return Curve(over, x, y, slope[0] if slope else None, (), source, basis, interpolation, outside)
 
 
-def slopes(curve: Curve) -> NDArray[np.float64]:
-    """Return the slope of a smooth table at each point (points,); zero at both ends where they follow from the points."""
-    if curve.d is not None:
-        return curve.d
-    from scipy.interpolate import PchipInterpolator
-
-    out = np.asarray(PchipInterpolator(curve.x, curve.y).derivative()(curve.x), dtype=float)
-    out[[0, -1]] = 0.0
-    return out
-
-
 def ends(curve: Curve) -> tuple[float, float]:
     """Return the slopes at the first and the last point, along which a table with outside = 'linear' goes on. [SI/K]"""
     if curve.straight:
         first, last = ((curve.y[k + 1] - curve.y[k]) / (curve.x[k + 1] - curve.x[k]) for k in (0, curve.x.size - 2))
         return float(first), float(last)
-    d = slopes(curve)
+    d = curve.slopes
     return float(d[0]), float(d[-1])
 
 
@@ -157,19 +188,6 @@ def limited(curve: Curve, positive: bool = True) -> Curve:
     return curve if low == -math.inf and high == math.inf else replace(curve, limits=(low, high))
 
 
-def whole(curve: Curve) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64] | None]:
-    """Return points, values and slopes (points,), slopes None for straight lines; with outside = 'linear' a far point beyond each end."""
-    x, y, d = curve.x, curve.y, None if curve.straight else slopes(curve)
-    if curve.outside != "linear":
-        return x, y, d
-    first, last = ends(curve)
-    low, high = curve.limits or (-math.inf, math.inf)
-    low, high = max(low, x[0] - EXTENSION_REACH), min(high, x[-1] + EXTENSION_REACH)
-    y = np.r_[y[0] - (x[0] - low) * first, y, y[-1] + (high - x[-1]) * last]
-    on = np.r_[low < x[0], np.full(x.size, True), high > x[-1]]  # a quantity that is zero at its last point ends there
-    return np.r_[low, x, high][on], y[on], None if d is None else np.r_[d[0], d, d[-1]][on]
-
-
 def hermite(
     x: NDArray[np.float64], y: NDArray[np.float64], d: NDArray[np.float64], at: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -183,23 +201,3 @@ def hermite(
     jump = (y[k + 1] - y[k]) / width
     c2, c3 = (3.0 * jump - 2.0 * d[k] - d[k + 1]) / width, (d[k] + d[k + 1] - 2.0 * jump) / width**2
     return y[k] + t * (d[k] + t * (c2 + t * c3)), d[k] + t * (2.0 * c2 + 3.0 * t * c3)
-
-
-def evaluate(curve: Curve, at: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the curve's values (times,) at temperatures or differences `at`. [SI]"""
-    return value_and_slope(curve, at)[0]
-
-
-def value_and_slope(curve: Curve, at: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return the curve's values and slopes (times,) at temperatures or differences `at`. [SI], [SI/K]
-
-    Outside its points a table that is refused there is held, so that what left it can be shown.
-    """
-    x, y, d = whole(curve)
-    inside = np.clip(at, x[0], x[-1])
-    if d is not None:
-        return hermite(x, y, d, inside)
-    k = np.clip(np.searchsorted(x, inside, side="right") - 1, 0, x.size - 2)
-    width = x[k + 1] - x[k]
-    slope = (y[k + 1] - y[k]) / np.where(width > 0.0, width, 1.0)
-    return y[k] + slope * (inside - x[k]), slope

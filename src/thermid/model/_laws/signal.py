@@ -392,6 +392,36 @@ class TableSignal:
         levels = values[:-1] if self.hold else 0.5 * (values[1:] + values[:-1])
         return float(levels @ np.diff(times)) / (end - begin)
 
+    def with_details(self, details: Mapping[str, Any], where: str) -> TableSignal:
+        """Return a table with what the keys `samples`, `before`, `after` and `period` of `details` say of it.
+
+        Raises
+        ------
+        ScenarioError   When a word is unknown, a period is too short, or steps of their own are said to be averages.
+        """
+        samples, after = str(details.get("samples", "")), str(details.get("after", ""))
+        if samples == "average":
+            if details.get("hold"):
+                raise ScenarioError(
+                    "samples = 'average' implies steps, each up to its time stamp. Leave hold out.", where, code="value.without-effect"
+                )
+            self = averages(self.times, self.values, unit=self.unit, log=self.log, stamp=self.stamp)
+        if "period" in details:
+            if after != "repeat":
+                raise ScenarioError(
+                    "a period applies to after = 'repeat' only. Add it, or leave the period out.", where, code="value.incomplete"
+                )
+            length = literal(details["period"], "s", where)
+            if not length > float(self.times[-1] - self.times[0]):
+                raise ScenarioError(
+                    f"a period of {length:g} s ends before the last row of its table. Give a longer period, or leave it out if the last "
+                    "row is its end.",
+                    where,
+                    code="value.outside-range",
+                )
+            self = replace(self, times=np.append(self.times, self.times[0] + length), values=np.append(self.values, self.values[0]))
+        return replace(self, samples=samples or self.samples, after=after, before=str(details.get("before", "")))
+
 
 @dataclass(frozen=True)
 class Sine(_Endless):
@@ -686,24 +716,9 @@ def multiplied(*factors: Signal) -> Signal:
     return whole if number == 1.0 else whole.scaled(number)
 
 
-def added(*terms: Signal) -> Signal:
-    """Return the sum of signals: of constants a constant, of constants and one signal that signal raised, else a `Mixed`."""
-    number = math.fsum(s.value for s in terms if isinstance(s, Constant))
-    rest = [s for s in terms if not isinstance(s, Constant)]
-    if not rest:
-        return Constant(number)
-    whole: Signal = rest[0] if len(rest) == 1 else Mixed(_sum, tuple(rest))
-    return whole if number == 0.0 else whole.raised(number)
-
-
 def _product(*values: Array) -> Array:
     """Return the product (times,) of values (times,) of several signals."""
     return np.asarray(np.prod(values, axis=0))
-
-
-def _sum(*values: Array) -> Array:
-    """Return the sum (times,) of values (times,) of several signals."""
-    return np.asarray(np.sum(values, axis=0))
 
 
 def joined(before: Signal, instant: float, then: Signal) -> Signal:
@@ -773,13 +788,6 @@ def _samples(count: float, period: float) -> int:
             code="cap.exceeded",
         )
     return int(np.ceil(count)) + 1
-
-
-def pulses(period: float, duty: float) -> Signal:
-    """Return a signal that is 1 for the first `duty` (0 .. 1) of every `period` [s] and 0 for the rest."""
-    if duty in (0.0, 1.0):
-        return Constant(duty)
-    return TableSignal(np.array([0.0, duty * period, period]), np.array([1.0, 0.0, 1.0]), hold=True, after="repeat")
 
 
 def averages(times: Array, values: Array, **more: Any) -> TableSignal:
@@ -922,14 +930,14 @@ def _from_table(value: Mapping[str, Any], slot: str, where: str, held: bool = Fa
             timed = _array(value["values"], slot)
             if timed is not None and timed.times is not None and "times" not in keys and keys <= {"values", "hold", *CONDUCT}:
                 held = bool(value.get("hold", held)) and value.get("samples") != "average"
-                return conducted(_sampled(timed, slot, held), value, where)
+                return _sampled(timed, slot, held).with_details(value, where)
     for key in ("times", "values"):
         if key in value and (isinstance(value[key], str) or not isinstance(value[key], Sequence | np.ndarray | Quantity)):
             raise ScenarioError(f"the {key} of a table are a list, not {value[key]!r}.", where, code="value.wrong-kind")
     if {"times", "values"} <= keys <= {"times", "values", "hold", *CONDUCT}:
         try:
             rows = TableSignal(_column(value["times"], "s", where), _column(value["values"], slot, where), bool(value.get("hold", False)))
-            return conducted(rows, value, where)
+            return rows.with_details(value, where)
         except ThermidError as error:
             raise error.located(where) from None
     if {"mean", "amplitude", "period"} <= keys <= {"mean", "amplitude", "period", "phase"}:
@@ -945,34 +953,3 @@ def _from_table(value: Mapping[str, Any], slot: str, where: str, held: bool = Fa
         where,
         code="value.wrong-kind",
     )
-
-
-def conducted(rows: TableSignal, details: Mapping[str, Any], where: str) -> TableSignal:
-    """Return a table with what the keys `samples`, `before`, `after` and `period` of `details` say of it.
-
-    Raises
-    ------
-    ScenarioError   When a word is unknown, a period is too short, or steps of their own are said to be averages.
-    """
-    samples, after = str(details.get("samples", "")), str(details.get("after", ""))
-    if samples == "average":
-        if details.get("hold"):
-            raise ScenarioError(
-                "samples = 'average' implies steps, each up to its time stamp. Leave hold out.", where, code="value.without-effect"
-            )
-        rows = averages(rows.times, rows.values, unit=rows.unit, log=rows.log, stamp=rows.stamp)
-    if "period" in details:
-        if after != "repeat":
-            raise ScenarioError(
-                "a period applies to after = 'repeat' only. Add it, or leave the period out.", where, code="value.incomplete"
-            )
-        length = literal(details["period"], "s", where)
-        if not length > float(rows.times[-1] - rows.times[0]):
-            raise ScenarioError(
-                f"a period of {length:g} s ends before the last row of its table. Give a longer period, or leave it out if the last "
-                "row is its end.",
-                where,
-                code="value.outside-range",
-            )
-        rows = replace(rows, times=np.append(rows.times, rows.times[0] + length), values=np.append(rows.values, rows.values[0]))
-    return replace(rows, samples=samples or rows.samples, after=after, before=str(details.get("before", "")))

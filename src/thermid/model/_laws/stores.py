@@ -14,7 +14,7 @@ import numpy as np
 
 from thermid.base.errors import DeckError
 from thermid.base.linear_algebra import Array
-from thermid.model._laws.curves import Curve, curve, ends, hermite, limited, slopes, value_and_slope
+from thermid.model._laws.curves import Curve, curve, ends, hermite, limited
 from thermid.physics.constants import AMBIENT_DEFAULT
 
 TABULATED: Final = {"conductivity": "W/(m K)", "specific_heat": "J/(kg K)", "enthalpy": "J/kg"}
@@ -117,7 +117,7 @@ class HeatStore:
         rise = self.melt.rise if liquid and self.melt is not None else self.rise
         inside = np.clip(kelvin, MIN_PROPERTY_TEMPERATURE, MAX_PROPERTY_TEMPERATURE)
         if not rise.straight:
-            return hermite(rise.x, rise.y, slopes(rise), inside)
+            return hermite(rise.x, rise.y, rise.slopes, inside)
         x, y = rise.x, rise.y
         k = np.clip(np.searchsorted(x, inside, side="left") - 1, 0, x.size - 2)  # of two points at one temperature the first
         slope = (y[k + 1] - y[k]) / (x[k + 1] - x[k])
@@ -215,7 +215,7 @@ def _integral(curve: Curve) -> tuple[Array, Array, Array]:
         area = 0.5 * np.diff(curve.x) * (curve.y[1:] + curve.y[:-1])
         return curve.x, np.concatenate(([0.0], np.cumsum(area))), curve.y
     x = np.unique(np.concatenate([np.linspace(a, b, PARTS_PER_PIECE + 1) for a, b in zip(curve.x[:-1], curve.x[1:], strict=True)]))
-    value, slope = hermite(curve.x, curve.y, slopes(curve), x)
+    value, slope = hermite(curve.x, curve.y, curve.slopes, x)
     width = np.diff(x)
     area = width * (0.5 * (value[1:] + value[:-1]) + width / 12.0 * (slope[:-1] - slope[1:]))  # of a cubic, by values and slopes
     return x, np.concatenate(([0.0], np.cumsum(area))), value
@@ -271,7 +271,7 @@ def store(name: str, curve: Curve, supercooling: Supercooling | None = None) -> 
         reference = float(d[0])
     else:
         x, y, d = _integral(curve)
-        reference = float(value_and_slope(curve, np.clip([AMBIENT_DEFAULT], x[0], x[-1]))[0][0])
+        reference = float(curve.value_and_slope(np.clip([AMBIENT_DEFAULT], x[0], x[-1]))[0][0])
     if not (d > 0.0).all():
         raise DeckError(
             f"the specific heat falls to zero at {x[np.argmin(d)]:.6g} K; it must be above zero everywhere. Correct the "
@@ -338,7 +338,7 @@ def _rising(curve: Curve) -> Array:
     """Return the slopes (points,) of a smooth enthalpy: its own, or Fritsch-Butland ones with the outer pieces' slopes at both ends."""
     if curve.d is not None:
         return curve.d
-    d = slopes(curve).copy()
+    d = curve.slopes.copy()
     jump = np.diff(curve.y) / np.diff(curve.x)
     d[0], d[-1] = jump[0], jump[-1]
     return d

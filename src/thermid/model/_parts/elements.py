@@ -51,7 +51,7 @@ class Node:
     reference_point : bool  Whether limits apply here.
     test_only : bool        Whether it exists on the bench only (a sensor, a lead).
     table : tuple           ('specific_heat' or 'enthalpy', Curve) over temperature beside a mass; None without.
-    stands_for : str        air, walls, or air and walls; what its surroundings show where empty, see `flat.gas_nodes`.
+    stands_for : str        air, walls, or air and walls; what its surroundings show where empty, see `Flat.gas_nodes`.
     supercooling : Supercooling or None     How far its melt cools before it freezes.
     """
 

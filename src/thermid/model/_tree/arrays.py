@@ -11,7 +11,7 @@ from thermid.base.errors import DeckError, nearest
 from thermid.model._parts.elements import Conductor
 from thermid.model._parts.parameter import Parameter, parameter
 from thermid.model._tree.model import Model
-from thermid.model._tree.tree import Submodel, parameter_table
+from thermid.model._tree.tree import Submodel
 
 Place = tuple[int, ...]
 """Index of an instance, from 1: (3,) in a row, (2, 3) in rows and columns; empty where there is one."""
@@ -92,7 +92,7 @@ def made_instances(
         for path, raw in use.values.items():
             settings[f"{instance}.{path}"] = _value(raw, k, place, len(places), where(f"values.{path}"))
         before = instance
-    table = parameter_table(part) if use.values else {}
+    table = part.parameter_table() if use.values else {}
     for path in use.values:
         if part.canonical(path) not in table:
             raise DeckError(f"'{part.title}' has no value '{path}'.{nearest(path, table)}", where(f"values.{path}"), code="name.unknown")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, Final
@@ -9,7 +10,7 @@ from typing import Any, Final
 import numpy as np
 
 from thermid.base.codes import CodedText
-from thermid.base.dual import is_finite, value_of
+from thermid.base.dual import Number, value_of
 from thermid.base.errors import DeckError, NameNotFoundError, errors_at, nearest, quoted
 from thermid.base.units import require, require_unit
 from thermid.model._laws.curves import Curve
@@ -97,6 +98,21 @@ class FlatConductor:
                 f"'{self.path}' has no finite conductance. Check the sizes of its values.", self.where, code="expression.no-finite-value"
             )
         return laws
+
+    @property
+    def fluid(self) -> str:
+        """Return the fluid of a stream: a gas, liquid, or empty where it names none."""
+        return self.words.get("fluid", "")
+
+    @property
+    def by_volume(self) -> bool:
+        """Return whether a stream is written as a flow of volume."""
+        return "volume_flow" in self.fields
+
+    def flow(self, values: Mapping[str, Any]) -> Any:
+        """Return the flow of a stream: mass_flow or volume_flow * density [kg/s]; volume_flow [m^3/s] where no density is written."""
+        flow = value_of(values[self.fields["volume_flow" if self.by_volume else "mass_flow"]])
+        return flow * value_of(values[self.fields["density"]]) if "density" in self.fields else flow
 
 
 @dataclass(frozen=True)
@@ -212,6 +228,107 @@ class Flat:
             if path in self.ranges and not allows(self.ranges[path][0], values[path]):
                 written = self.parameters.literal_behind(path)
                 yield path, self.parameters.table[written].where, outside(*self.ranges[path], values[path], path)
+
+    @property
+    def gas_nodes(self) -> frozenset[str]:
+        """Return the inner nodes that are gas: declared as air, or convected to without being a solid.
+
+        Surfaces, gaps of joints and leads name the gas that takes their convection. A node that has a surface of its own is a solid.
+        A boundary is none of these: it is the air of a large room and its walls alike.
+        """
+        around = self.convection_ends
+        return frozenset(n.path for n in self.nodes if n.stands_for == "air" or (n.path in around and n.stands_for not in WALLS))
+
+    def radiation_into_gas(self, values: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
+        """Yield (place, message) for each gas node that surfaces, leads, conductors or enclosures (by their rest) radiate into.
+
+        What has a factor of 0 radiates nothing.
+
+        Parameters
+        ----------
+        values : dict   Parameter path -> value. [SI]
+        """
+        gases = self.gas_nodes
+        out: dict[str, dict[str, None]] = {}
+        if not gases:
+            return
+        faces = {path: (face.sees, face.fields.get("emissivity", "")) for path, face in self.faces.items()}
+        leads = {_lead(c.path): (c.gas, c.fields["emissivity"]) for c in self.conductors if c.kind == "lead" and "emissivity" in c.fields}
+        for path, (node, emissivity) in (faces | leads).items():
+            if node in gases and emissivity and values[emissivity] != 0.0:
+                out.setdefault(node, {})[path] = None
+        for c in self.conductors:
+            path = c.path.removesuffix(".radiation")
+            if c.kind == "radiation" and path not in self.faces:
+                factor = next((values[c.fields[f]] for f in ("emissivity", "exchange_factor") if f in c.fields), 1.0)
+                enclosure = path.rpartition(".")[0].rpartition(".")[0] if c.recipe is not None else path
+                for node in gases & set(c.ends) if factor != 0.0 else ():
+                    out.setdefault(node, {})[enclosure] = None
+        for node, paths in out.items():
+            yield next(n.where for n in self.nodes if n.path == node), _radiates_into(node, list(paths))
+
+    @property
+    def without_emissivity(self) -> dict[str, str]:
+        """Return surface or lead -> its gas node, of those that have htc but no emissivity: a run in vacuum refuses them."""
+        faces = {path: face.to for path, face in self.faces.items() if face.exchange == "htc" and "emissivity" not in face.fields}
+        leads = {_lead(c.path): c.gas for c in self.conductors if c.kind == "lead" and "htc" in c.fields and "emissivity" not in c.fields}
+        return faces | leads
+
+    @property
+    def without_convection(self) -> dict[str, str]:
+        """Return surface -> its gas node, of those outside enclosures with an emissivity but no htc: a run with gas refuses them."""
+
+        def silent(face: FlatSurface) -> bool:
+            """Whether a surface sees others, but takes no part in an exchange of radiation."""
+            return not face.exchange and bool(face.sees) and "emissivity" in face.fields
+
+        return {path: face.to for path, face in self.faces.items() if silent(face)}
+
+    @property
+    def convection_ends(self) -> frozenset[str]:
+        """Return the nodes, boundaries among them, that surfaces, gaps and leads convect to, and that have no surface of their own."""
+        gases = {face.to for face in self.faces.values() if face.exchange}
+        gases |= {c.gas for c in self.conductors if (c.path.endswith(".gap") and c.kind == "convection") or c.kind in ("duct", "heat_sink")}
+        gases |= {c.gas for c in self.conductors if c.kind == "lead" and {"htc", "effective_htc"} & set(c.fields)}
+        return frozenset(gases) - {face.node for face in self.faces.values()}
+
+    def unbalanced_streams(self, values: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
+        """Yield (place, message) for each node whose streams do not balance, where a stream names its fluid or the node is gas.
+
+        What enters a node and is not passed on leaves it unwritten, at its temperature: the last node of a line. A boundary gives and
+        takes.
+
+        Parameters
+        ----------
+        values : dict   Parameter path -> value. [SI]
+        """
+        inner, gases = {n.path for n in self.nodes}, self.gas_nodes
+        joined: dict[str, list[FlatConductor]] = {}
+        for c in streams_of(self.conductors):
+            for end in c.ends:
+                joined.setdefault(end, []).append(c)
+        for node in joined:
+            for fluid, several in _by_fluid(joined[node]).items() if node in inner else ():
+                into = [c for c in several if c.ends[1] == node]
+                out = [c for c in several if c.ends[0] == node]
+                if out and (fluid or (into and node in gases)):  # of one without fluid that none feeds, `unfed_streams` speaks
+                    yield from _met(node, several)
+                    yield from _unbalanced(node, into, out, values)
+
+    @property
+    def unfed_streams(self) -> dict[str, str]:
+        """Return stream -> warning, of each stream that names no fluid and leaves a gas node that no stream enters."""
+        streams = streams_of(self.conductors)
+        empty = self.gas_nodes - {c.ends[1] for c in streams}
+        return {
+            c.path: CodedText(
+                f"'{c.path}' takes no heat from '{c.ends[0]}', because no stream enters there. Add the inlet stream, and name the "
+                "fluid of both",
+                "model.stream-unfed",
+            )
+            for c in streams
+            if not c.fluid and c.ends[0] in empty
+        }
 
 
 def allows(allowed: Range, number: Any) -> bool:
@@ -549,43 +666,7 @@ def _require(fitting: set[tuple[str, str]], parameters: ParameterSet, path: str,
                 require(parameters.dimension(path), slot)
 
 
-def gas_nodes(flat: Flat) -> frozenset[str]:
-    """Return the inner nodes that are gas: declared as air, or convected to without being a solid.
-
-    Surfaces, gaps of joints and leads name the gas that takes their convection. A node that has a surface of its own is a solid. A boundary
-    is none of these: it is the air of a large room and its walls alike.
-    """
-    around = surrounding(flat)
-    return frozenset(n.path for n in flat.nodes if n.stands_for == "air" or (n.path in around and n.stands_for not in WALLS))
-
-
-def into_gas(flat: Flat, values: Mapping[str, Any]) -> dict[str, list[str]]:
-    """Return gas node -> paths of what radiates into it: surfaces, leads, conductors, enclosures by their rest, if their factor is not 0.
-
-    Parameters
-    ----------
-    values : dict   Parameter path -> value. [SI]
-    """
-    gases = gas_nodes(flat)
-    out: dict[str, dict[str, None]] = {}
-    if not gases:
-        return {}
-    faces = {path: (face.sees, face.fields.get("emissivity", "")) for path, face in flat.faces.items()}
-    leads = {_lead(c.path): (c.gas, c.fields["emissivity"]) for c in flat.conductors if c.kind == "lead" and "emissivity" in c.fields}
-    for path, (node, emissivity) in (faces | leads).items():
-        if node in gases and emissivity and values[emissivity] != 0.0:
-            out.setdefault(node, {})[path] = None
-    for c in flat.conductors:
-        path = c.path.removesuffix(".radiation")
-        if c.kind == "radiation" and path not in flat.faces:
-            factor = next((values[c.fields[f]] for f in ("emissivity", "exchange_factor") if f in c.fields), 1.0)
-            enclosure = path.rpartition(".")[0].rpartition(".")[0] if c.recipe is not None else path
-            for node in gases & set(c.ends) if factor != 0.0 else ():
-                out.setdefault(node, {})[enclosure] = None
-    return {node: list(paths) for node, paths in out.items()}
-
-
-def radiates_into(gas: str, radiating: list[str]) -> str:
+def _radiates_into(gas: str, radiating: list[str]) -> str:
     """Return the error message that the paths `radiating` radiate into the node `gas`, with what to do."""
     radiates, sees = ("radiate", "they see") if len(radiating) > 1 else ("radiates", "it sees")
     return CodedText(
@@ -597,34 +678,9 @@ def radiates_into(gas: str, radiating: list[str]) -> str:
     )
 
 
-def bare(flat: Flat) -> dict[str, str]:
-    """Return surface or lead -> its gas node, of those that have htc but no emissivity: a run in vacuum refuses them."""
-    faces = {path: face.to for path, face in flat.faces.items() if face.exchange == "htc" and "emissivity" not in face.fields}
-    leads = {_lead(c.path): c.gas for c in flat.conductors if c.kind == "lead" and "htc" in c.fields and "emissivity" not in c.fields}
-    return faces | leads
-
-
 def _lead(path: str) -> str:
     """Return the path of a lead from that of the loss at one of its ends."""
     return path.removesuffix(".first").removesuffix(".second")
-
-
-def still(flat: Flat) -> dict[str, str]:
-    """Return surface -> its gas node, of those outside enclosures with an emissivity but no htc: a run with gas refuses them."""
-
-    def silent(face: FlatSurface) -> bool:
-        """Whether a surface sees others, but takes no part in an exchange of radiation."""
-        return not face.exchange and bool(face.sees) and "emissivity" in face.fields
-
-    return {path: face.to for path, face in flat.faces.items() if silent(face)}
-
-
-def surrounding(flat: Flat) -> frozenset[str]:
-    """Return the nodes, boundaries among them, that surfaces, gaps and leads convect to, and that have no surface of their own."""
-    gases = {face.to for face in flat.faces.values() if face.exchange}
-    gases |= {c.gas for c in flat.conductors if (c.path.endswith(".gap") and c.kind == "convection") or c.kind in ("duct", "heat_sink")}
-    gases |= {c.gas for c in flat.conductors if c.kind == "lead" and {"htc", "effective_htc"} & set(c.fields)}
-    return frozenset(gases) - {face.node for face in flat.faces.values()}
 
 
 def streams_of(conductors: Iterable[FlatConductor]) -> tuple[FlatConductor, ...]:
@@ -632,55 +688,16 @@ def streams_of(conductors: Iterable[FlatConductor]) -> tuple[FlatConductor, ...]
     return tuple(c for c in conductors if c.kind == "flow" and c.ends[0] != c.ends[1])
 
 
-def fluid_of(c: FlatConductor) -> str:
-    """Return the fluid of a stream: a gas, liquid, or empty where it names none."""
-    return c.words.get("fluid", "")
-
-
-def by_volume(c: FlatConductor) -> bool:
-    """Return whether a stream is written as a flow of volume."""
-    return "volume_flow" in c.fields
-
-
-def flow_of(c: FlatConductor, values: Mapping[str, Any]) -> Any:
-    """Return the flow of a stream: mass_flow or volume_flow * density [kg/s]; volume_flow [m^3/s] where no density is written."""
-    flow = value_of(values[c.fields["volume_flow" if by_volume(c) else "mass_flow"]])
-    return flow * value_of(values[c.fields["density"]]) if "density" in c.fields else flow
-
-
-def unclosed(flat: Flat, values: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
-    """Yield (place, message) for each node whose streams do not balance, where a stream names its fluid or the node is gas.
-
-    What enters a node and is not passed on leaves it unwritten, at its temperature: the last node of a line. A boundary gives and takes.
-
-    Parameters
-    ----------
-    values : dict   Parameter path -> value. [SI]
-    """
-    inner, gases = {n.path for n in flat.nodes}, gas_nodes(flat)
-    joined: dict[str, list[FlatConductor]] = {}
-    for c in streams_of(flat.conductors):
-        for end in c.ends:
-            joined.setdefault(end, []).append(c)
-    for node in joined:
-        for fluid, several in _by_fluid(joined[node]).items() if node in inner else ():
-            into = [c for c in several if c.ends[1] == node]
-            out = [c for c in several if c.ends[0] == node]
-            if out and (fluid or (into and node in gases)):  # of one without fluid that none feeds, `unfed` speaks
-                yield from _met(node, several)
-                yield from _unbalanced(node, into, out, values)
-
-
 def _unbalanced(
     node: str, into: Sequence[FlatConductor], out: Sequence[FlatConductor], values: Mapping[str, Any]
 ) -> Iterator[tuple[str, str]]:
     """Yield (place, message) where the flows into a node and out of it differ by more than `BALANCED`, for any shares of controls."""
-    entering, leaving = (sum((flow_of(c, values) for c in part), start=0.0) for part in (into, out))
+    entering, leaving = (sum((c.flow(values) for c in part), start=0.0) for part in (into, out))
     sums: dict[tuple[str, ...], Any] = {}
     most: Any = 0.0
     for sign, part in ((1.0, into), (-1.0, out)):
         for c in part:
-            flow = flow_of(c, values)
+            flow = c.flow(values)
             most = most + (flow * flow) ** 0.5
             for names, weight in _products(c.controls):
                 sums[names] = sums.get(names, 0.0) + sign * weight * flow
@@ -707,22 +724,22 @@ def _products(controls: Sequence[str]) -> list[tuple[tuple[str, ...], float]]:
 
 def _by_fluid(streams: Sequence[FlatConductor]) -> dict[str, list[FlatConductor]]:
     """Return fluid -> streams of a node: all gas in one, with a stream that names no fluid beside it; a liquid apart."""
-    gas = any(fluid_of(c) in GASES for c in streams)
+    gas = any(c.fluid in GASES for c in streams)
     out: dict[str, list[FlatConductor]] = {}
     for c in streams:
-        fluid = fluid_of(c)
+        fluid = c.fluid
         out.setdefault("gas" if fluid in GASES or (gas and not fluid) else fluid, []).append(c)
     return out
 
 
 def _met(node: str, streams: Sequence[FlatConductor]) -> Iterator[tuple[str, str]]:
     """Yield (place, message) where two gases meet in a node, or flows of volume meet flows of mass."""
-    gases = {fluid_of(c): c for c in streams if fluid_of(c)}
+    gases = {c.fluid: c for c in streams if c.fluid}
     if len(gases) > 1:
         (one, a), (two, b) = list(gases.items())[:2]
         text = f"{one} ('{a.path}') and {two} ('{b.path}') meet in '{node}'. Mixtures are not modelled. Give both streams the same fluid."
         yield b.where, CodedText(text, "model.streams-differ")
-    kinds = {by_volume(c) and "density" not in c.fields: c for c in streams}
+    kinds = {c.by_volume and "density" not in c.fields: c for c in streams}
     if len(kinds) > 1:
         text = (
             f"in '{node}' the volume of '{kinds[True].path}' meets the mass of '{kinds[False].path}', whose balance closes at one pressure "
@@ -731,27 +748,18 @@ def _met(node: str, streams: Sequence[FlatConductor]) -> Iterator[tuple[str, str
         yield kinds[False].where, CodedText(text, "model.streams-differ")
 
 
-def unfed(flat: Flat) -> dict[str, str]:
-    """Return stream -> warning, of each stream that names no fluid and leaves a gas node that no stream enters."""
-    streams = streams_of(flat.conductors)
-    empty = gas_nodes(flat) - {c.ends[1] for c in streams}
-    return {
-        c.path: CodedText(
-            f"'{c.path}' takes no heat from '{c.ends[0]}', because no stream enters there. Add the inlet stream, and name the "
-            "fluid of both",
-            "model.stream-unfed",
-        )
-        for c in streams
-        if not fluid_of(c) and c.ends[0] in empty
-    }
-
-
 def _flow_text(streams: Sequence[FlatConductor], flow: Any, values: Mapping[str, Any]) -> str:
     """Return a flow as text with the names of its streams: g/s, or l/min where all are flows of volume; of members the first one's."""
     if not streams:
         return "nothing"
-    volume = all(by_volume(c) for c in streams)
+    volume = all(c.by_volume for c in streams)
     size = sum((value_of(values[c.fields["volume_flow"]]) for c in streams), start=0.0) if volume else flow
     plain = float(np.asarray(getattr(size, "values", size)).ravel()[0])
     text = f"{6e4 * plain:.4g} l/min" if volume else f"{1e3 * plain:.4g} g/s"
     return f"{text} ({', '.join(repr(c.path) for c in streams)})"
+
+
+def is_finite(number: Number) -> bool:
+    """Return whether a number is finite; of numbers of members all must agree."""
+    value: Any = value_of(number)
+    return bool(value > -math.inf and value < math.inf)

@@ -19,7 +19,7 @@ from thermid.model._parts.enclosures import enclosure_to
 from thermid.model._parts.facing import facing_to
 from thermid.model._parts.kinds import KINDS
 from thermid.model._parts.parameter import UNJUDGED, Parameter, parameter
-from thermid.model._tree.tree import Layer, M, Tree, parameter_table
+from thermid.model._tree.tree import Layer, M, Tree
 
 APART = "set for this instance"
 """Why a value is not that of its twins."""
@@ -81,21 +81,6 @@ def outside(paths: Iterable[str], places: Collection[str]) -> tuple[str, ...]:
     return tuple(p for p in paths if not any(inside(p, place) for place in places))
 
 
-def depth(place: str) -> int:
-    """Return how many levels a place lies below the root of its assembly; the root is the empty place."""
-    return place.count(".") + 1 if place else 0
-
-
-def rows_of_decks(model: Tree) -> Mapping[str, tuple[str, tuple[str, ...]]]:
-    """Return path -> (its name in the deck that writes it, all paths that this one row of the deck stands for)."""
-    of = dict(instances(model))
-    rows: dict[tuple[str, str], list[str]] = {}
-    for part, prefix in model.walk():
-        for name, _, _ in part.own_parameters():
-            rows.setdefault((of.get(prefix, ""), name), []).append(prefix + name)
-    return {p: (name, tuple(paths)) for (_, name), paths in rows.items() for p in paths}
-
-
 def local_identities(model: Tree, owner: str = "") -> Mapping[str, Identity]:
     """Return path -> `Identity` of every value, with a name for the uppermost deck in place of its hash, which takes a while to find."""
     out: Mapping[str, Identity] = model.memo.value(("identities", owner), lambda: _local_identities(model, owner))
@@ -123,7 +108,7 @@ def _local_identities(model: Tree, owner: str) -> dict[str, Identity]:
 
 def lay_values(model: M, values: Mapping[str, Any], origin: str) -> M:
     """Return a model with values laid over it; see `Model.with_values`."""
-    table = parameter_table(model)
+    table = model.parameter_table()
     layer: dict[str, Parameter] = {}
     shared: dict[int, list[str]] = {}
     for raw, value in values.items():
@@ -145,7 +130,7 @@ def cut(model: M, places: Sequence[str]) -> M:
     """Return a model in which some instances or values share with no other; see `Model.cut`."""
     if not places:
         return model
-    allowed = {*(prefix.removesuffix(".") for prefix, _ in instances(model)), *parameter_table(model)}
+    allowed = {*(prefix.removesuffix(".") for prefix, _ in instances(model)), *model.parameter_table()}
     cuts, layers = dict.fromkeys(model.cuts), model.layers
     for raw in places:
         place = model.canonical(raw)

@@ -10,7 +10,7 @@ from thermid.base.units import unit
 from thermid.model._parts.elements import Conductor, HeatLoad, Joint, Surface
 from thermid.model._parts.parameter import Parameter
 from thermid.model._tree.identity import cut, definition_of, inside, lay_values, local_identities
-from thermid.model._tree.tree import Element, Entry, M, ParameterSet, Submodel, Tree, parameter_table, used_offers
+from thermid.model._tree.tree import Element, Entry, M, ParameterSet, Submodel, Tree, used_offers
 
 PLACE, SCATTER = 0.30, 0.25
 """Standard deviation of the logarithm: of a coefficient that the old part had at its place, and between joints of parts of one kind."""
@@ -96,18 +96,18 @@ def replaced(model: M, raw: str, new: M, keep: Sequence[str] = ()) -> tuple[M, R
     """Return a model with another part at a path, and what became of the values there; see `Model.replaced`."""
     path = model.canonical(raw)
     old = model.submodel(path)
-    new_values = parameter_table(new)
+    new_values = new.parameter_table()
     stays = frozenset(model.canonical(k) for k in keep)
-    before = parameter_table(model)
+    before = model.parameter_table()
     for k in (k for k in keep if model.canonical(k) not in before):
         raise NameNotFoundError(f"'{k}' cannot be kept: the model has no such value.{nearest(model.canonical(k), before)}", model.title)
     after = _at(model, path, new, path, stays, new_values)
-    now = parameter_table(after)
+    now = after.parameter_table()
     lost = [k for k in keep if (p := model.canonical(k)) in now and now[p].origin != before[p].origin]  # laid over the old part itself
     for k in lost:
         after = lay_values(after, {k: before[model.canonical(k)].parameter}, before[model.canonical(k)].origin)
-    now = parameter_table(after)
-    own_values = {f"{path}.{p}": e for p, e in parameter_table(without_layers(old)).items()}
+    now = after.parameter_table()
+    own_values = {f"{path}.{p}": e for p, e in without_layers(old).parameter_table().items()}
     # what somebody above the part's own deck gave, or a stage of the part
     as_in_deck = {p: (e.parameter.text, e.origin) for p, e in own_values.items()}
     laid_values = {p: e for p, e in before.items() if inside(p, path) and as_in_deck.get(p) != (e.parameter.text, e.origin)}

@@ -15,11 +15,10 @@ import numpy as np
 from thermid.base.codes import CodedText, code_of
 from thermid.base.dual import value_of
 from thermid.base.errors import ThermidError, quoted
-from thermid.model._laws.curves import evaluate
 from thermid.model._parts.controls import named_control
 from thermid.model._parts.kinds import CARRIED_BY
 from thermid.model._parts.takes import exposed_area
-from thermid.model._tree.flat import Flat, FlatConductor, FlatLoad, FlatNode, bare, flatten, into_gas, radiates_into, still, unclosed, unfed
+from thermid.model._tree.flat import Flat, FlatConductor, FlatLoad, FlatNode, flatten
 from thermid.model._tree.identity import APART, cuts_of, local_identities
 from thermid.model._tree.tree import Tree
 from thermid.physics.constants import AMBIENT_DEFAULT
@@ -115,7 +114,7 @@ class _View:
         """Return the heat that a load gives, averaged over its cycle; a controlled heater at full power. [W]"""
         f = {name: self.values[path] for name, path in load.fields.items()}
         if load.curve is not None:
-            return float(f.get("scale", 1.0) * evaluate(load.curve, np.array([AMBIENT_DEFAULT]))[0])
+            return float(f.get("scale", 1.0) * load.curve.evaluate(np.array([AMBIENT_DEFAULT]))[0])
         cycle = load.cycle.mean_over(0.0, load.cycle.cycle or 1.0) if load.cycle is not None else 1.0
         return float(f["power"] * f.get("periodic.duty", 1.0) * cycle)
 
@@ -520,24 +519,22 @@ def _test_only(view: _View) -> Iterator[Finding]:
 
 def _radiating(view: _View) -> Iterator[Finding]:
     """Yield an error for each gas node that something radiates into."""
-    for gas, radiating in into_gas(view.flat, view.values).items():
-        where = next(n.where for n in view.flat.nodes if n.path == gas)
-        message = radiates_into(gas, radiating)
+    for where, message in view.flat.radiation_into_gas(view.values):
         yield Finding("error", where, message, code_of(message))
 
 
 def _streams(view: _View) -> Iterator[Finding]:
     """Yield an error for each node whose streams do not balance, a warning for each stream that leaves a node nothing enters."""
-    for where, message in unclosed(view.flat, view.values):
+    for where, message in view.flat.unbalanced_streams(view.values):
         yield Finding("error", where, message, code_of(message))
-    for path, message in unfed(view.flat).items():
+    for path, message in view.flat.unfed_streams.items():
         yield Finding("warning", next(c.where for c in view.flat.conductors if c.path == path), message, code_of(message))
 
 
 def _unsaid(view: _View) -> Iterator[Finding]:
     """Yield findings for surfaces and leads without htc or emissivity: a run with gas, or in vacuum, will be refused."""
     place = {path: face.where for path, face in view.flat.faces.items()} | {c.path: c.where for c in view.flat.conductors}
-    quiet = list(still(view.flat))
+    quiet = list(view.flat.without_convection)
     if quiet:
         yield Finding(
             "warning",
@@ -555,7 +552,7 @@ def _unsaid(view: _View) -> Iterator[Finding]:
                 "htc and emissivity instead; `td.inference.split` estimates them.",
                 "model.radiation-not-split",
             )
-    alone = list(bare(view.flat))
+    alone = list(view.flat.without_emissivity)
     if alone:
         yield Finding(
             "note",

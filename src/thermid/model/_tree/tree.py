@@ -232,7 +232,7 @@ class Tree:
         for _, name, element in self.elements():
             if path == name:
                 return element
-        table = parameter_table(self)
+        table = self.parameter_table()
         if path in table:
             return table[path].parameter
         if head in self.submodels:
@@ -257,7 +257,7 @@ class Tree:
         tables: dict[str, Any] = {t: {n: e for n, e in getattr(self, t).items() if not e.test_only} for t in TABLES}
         inner = {n: s.with_model(s.model.without_test_only()) for n, s in self.submodels.items()}
         bare = replace(self, **tables, submodels=inner, settings={}, layers=(), cuts=())
-        values, names = parameter_table(bare), local_names(bare)
+        values, names = bare.parameter_table(), local_names(bare)
         return replace(
             bare,
             offers=tuple(o for o in self.offers if bare.canonical(o) in names),
@@ -266,6 +266,40 @@ class Tree:
             layers=tuple(x.keeping(lambda p, _: bare.canonical(p) in values) for x in self.layers),
             cuts=tuple(c for c in self.cuts if c in values or c in names),
         )
+
+    def parameter_table(self, prefix: str = "") -> dict[str, Entry]:
+        """Return path -> `Entry` for every value of a tree.
+
+        Precedence, weakest first: a part's deck, values laid over the part, the user's [set], values laid over the user.
+
+        Raises
+        ------
+        NameNotFoundError   When a [set] names no parameter.
+        """
+        table: dict[str, Entry] = {}
+        for name, key, parameter in self.own_parameters():
+            table[prefix + name] = Entry(parameter, prefix, self.title, self.where(key))
+        for name, part in self.submodels.items():
+            table |= part.model.parameter_table(f"{prefix}{name}.")
+        for raw, parameter in self.settings.items():
+            _lay(table, self, prefix, raw, parameter, f"{SET}{self.title}", self.where(f"set.{raw}"))
+        for layer in self.layers:
+            for raw, parameter in layer.values.items():
+                _lay(table, self, prefix, raw, parameter, layer.origin, f"{layer.origin}, {raw}")
+        return table
+
+    def own_tables(self, prefix: str = "") -> dict[str, tuple[Curve, str]]:
+        """Return path -> table of points and its place in a deck, for every table over a temperature; no value is laid over these."""
+        curves = [(f"nodes.{n}.{e.table[0]}", f"{n}.{e.table[0]}", e.table[1]) for n, e in self.nodes.items() if e.table]
+        for group, elements in (("conductors", self.conductors), ("loads", self.loads)):
+            for n, element in elements.items():
+                if element.curve is not None:
+                    field = (KINDS[element.kind].tabulated if isinstance(element, Conductor) else "") or "table"
+                    curves.append((f"{group}.{n}.{field}", f"{n}.{field}", element.curve))
+        out = {prefix + path: (curve, self.where(key)) for key, path, curve in curves}
+        for name, part in self.submodels.items():
+            out |= part.model.own_tables(f"{prefix}{name}.")
+        return out
 
 
 def used_offers(model: Tree, part: str) -> set[str]:
@@ -460,47 +494,11 @@ class Entry:
     where: str
     shadowed: tuple[tuple[str, str], ...] = ()
 
-
-def parameter_table(model: Tree, prefix: str = "") -> dict[str, Entry]:
-    """Return path -> `Entry` for every value of a tree.
-
-    Precedence, weakest first: a part's deck, values laid over the part, the user's [set], values laid over the user.
-
-    Raises
-    ------
-    NameNotFoundError   When a [set] names no parameter.
-    """
-    table: dict[str, Entry] = {}
-    for name, key, parameter in model.own_parameters():
-        table[prefix + name] = Entry(parameter, prefix, model.title, model.where(key))
-    for name, part in model.submodels.items():
-        table |= parameter_table(part.model, f"{prefix}{name}.")
-    for raw, parameter in model.settings.items():
-        _lay(table, model, prefix, raw, parameter, f"{SET}{model.title}", model.where(f"set.{raw}"))
-    for layer in model.layers:
-        for raw, parameter in layer.values.items():
-            _lay(table, model, prefix, raw, parameter, layer.origin, f"{layer.origin}, {raw}")
-    return table
-
-
-def own_tables(model: Tree, prefix: str = "") -> dict[str, tuple[Curve, str]]:
-    """Return path -> table of points and its place in a deck, for every table over a temperature of a tree; no value is laid over these."""
-    curves = [(f"nodes.{n}.{e.table[0]}", f"{n}.{e.table[0]}", e.table[1]) for n, e in model.nodes.items() if e.table]
-    for group, elements in (("conductors", model.conductors), ("loads", model.loads)):
-        for n, element in elements.items():
-            if element.curve is not None:
-                field = (KINDS[element.kind].tabulated if isinstance(element, Conductor) else "") or "table"
-                curves.append((f"{group}.{n}.{field}", f"{n}.{field}", element.curve))
-    out = {prefix + path: (curve, model.where(key)) for key, path, curve in curves}
-    for name, part in model.submodels.items():
-        out |= own_tables(part.model, f"{prefix}{name}.")
-    return out
-
-
-def deck_text(entry: Entry) -> str:
-    """Return the text that the decks have of a value: that of the outermost [set], or of the deck of the part; layers are left out."""
-    every = [*entry.shadowed, (entry.origin, entry.parameter.text)]
-    return next((text for origin, text in reversed(every[1:]) if origin.startswith(SET)), every[0][1])
+    @property
+    def deck_text(self) -> str:
+        """Return the text that the decks have of a value: that of the outermost [set], or of the deck of the part; layers are left out."""
+        every = [*self.shadowed, (self.origin, self.parameter.text)]
+        return next((text for origin, text in reversed(every[1:]) if origin.startswith(SET)), every[0][1])
 
 
 def _lay(table: dict[str, Entry], model: Tree, prefix: str, raw: str, parameter: Parameter, origin: str, where: str) -> None:
@@ -528,7 +526,7 @@ class ParameterSet:
 
     def __init__(self, model: Tree) -> None:
         self.title = model.title
-        self.table: Mapping[str, Entry] = parameter_table(model)
+        self.table: Mapping[str, Entry] = model.parameter_table()
         self._needs: dict[str, tuple[str, ...]] = {
             path: tuple(self._lookup(name, entry) for name in entry.parameter.expression.names) for path, entry in self.table.items()
         }

@@ -17,7 +17,7 @@ from thermid.base.extensions import by_grammar
 from thermid.base.linear_algebra import Array
 from thermid.base.results import PlottedTrace, Result, Shown
 from thermid.base.toml_files import Places, read_toml, resolve_inside
-from thermid.fit.error_model import UNEXPLAINED
+from thermid.fit.error_model import BandCause
 from thermid.model.deck import load_model
 from thermid.model.elements import UNJUDGED, Standing
 from thermid.model.tree import Model
@@ -174,6 +174,11 @@ class HoldPoint:
         """The limit in words."""
         return f"{self.name}'s {self.limit:g} degC"
 
+    @property
+    def drivers_text(self) -> str:
+        """Return what drives a limit, in words."""
+        return ", ".join(f"{d.name} ({100 * d.share:.0f} %)" for d in self.drivers[:5] if d.share >= MIN_NAMED_SHARE)
+
 
 @dataclass(frozen=True, eq=False)
 class Hold(Result):
@@ -247,14 +252,14 @@ class Hold(Result):
                 lines.append(f"  all of them: met for {until}, {never}")
                 continue
             lines.append(f"  {p.name} {'above' if p.side == 'highest' else 'below'} {p.limit:g} degC: met for {until}, {never}")
-            lines += [f"    driven by {named}" for named in [driven_by(p)] if named]
+            lines += [f"    driven by {named}" for named in [p.drivers_text] if named]
         lines.append(f"  {self.members} members; the intervals show the error of their finite number, not that of the model")
         return self.standing.over("\n".join([*lines, f"  {self.counted}", *(f"  warning: {w}" for w in self.warnings)]))
 
     @property
     def counted(self) -> str:
         """Whether the model's discrepancy is in the bands, in words."""
-        others = [c for c in self.causes if c != UNEXPLAINED and not c.startswith("fit of ")]
+        others = [c for c in self.causes if c != BandCause.UNEXPLAINED and not c.startswith("fit of ")]
         also = f"counted besides: {', '.join(others)}; " if others else ""
         if self.discrepancy is None:
             why = next((x.what.partition(", because ")[2] for x in self.left_out if x.what in (UNFITTED, SILENT)), "")
@@ -395,11 +400,6 @@ def _hold_point(
     until, between = hold_time(crossings, confidence)
     share, share_interval = never / crossings.size, proportion(never, crossings.size)
     return HoldPoint(path, name, limit, side, crossings, exceedance, until, between, share, share_interval, drivers)
-
-
-def driven_by(point: HoldPoint) -> str:
-    """Return what drives a limit, in words."""
-    return ", ".join(f"{d.name} ({100 * d.share:.0f} %)" for d in point.drivers[:5] if d.share >= MIN_NAMED_SHARE)
 
 
 @dataclass(frozen=True, eq=False)

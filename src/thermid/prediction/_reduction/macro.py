@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from thermid.base.arguments import takes_objects
 from thermid.base.errors import DeckError, NameNotFoundError, quoted, refuse_unknown
 from thermid.model.deck import load_model
-from thermid.model.tree import Entry, Model, own_tables, parameter_table
+from thermid.model.tree import Entry, Model
 
 UNIT = "unit"
 """Name of the submodel that a macro model calls its unit."""
@@ -54,7 +54,7 @@ def macro_model(host: Model | str | os.PathLike[str], unit: Model | str | os.Pat
     if unit is not None:
         set_here = [p for p in map(model.canonical, model.settings) if p.startswith(f"{at}.")]  # what the host says of any unit in it
         model = model.replace(at, unit if isinstance(unit, Model) else load_model(unit), set_here)
-    shapes = own_tables(model)
+    shapes = model.own_tables()
     bare = [v.path for v in host_values(model, at) if not v.source]
     if bare:
         raise DeckError(
@@ -75,11 +75,11 @@ def host_values(model: Model, at: str = UNIT) -> tuple[HostValue, ...]:
     model : Model   The macro model.
     at : str        Name of its unit.
     """
-    table = parameter_table(model)
+    table = model.parameter_table()
     laid_paths = {model.canonical(p) for p in model.settings} | {p for layer in model.layers for p in layer.values}
     host_entries = {p: e for p, e in table.items() if e.parameter.is_literal and (not p.startswith(f"{at}.") or p in laid_paths)}
     values = [HostValue(p, e.parameter.text, _source(e, model), e.parameter.basis, e.origin) for p, e in host_entries.items()]
-    shapes = {p: shape for p, (shape, _) in own_tables(model).items() if not p.startswith(f"{at}.")}
+    shapes = {p: shape for p, (shape, _) in model.own_tables().items() if not p.startswith(f"{at}.")}
     return (*values, *(HostValue(p, f"a table of {c.x.size} points", c.source, c.basis, model.title) for p, c in shapes.items()))
 
 
@@ -93,10 +93,10 @@ def _source(entry: Entry, model: Model) -> str:
 def assumed(model: Model) -> tuple[str, ...]:
     """Return the assumed values and tables of a model, each place in a deck once, by the path of its first instance."""
     first: dict[str, str] = {}
-    for path, entry in parameter_table(model).items():
+    for path, entry in model.parameter_table().items():
         if entry.parameter.source == "assumed":
             first.setdefault(entry.where, path)
-    for path, (shape, where) in own_tables(model).items():
+    for path, (shape, where) in model.own_tables().items():
         if shape.source == "assumed":
             first.setdefault(where, path)
     return tuple(first.values())

@@ -12,7 +12,7 @@ from thermid.base.arguments import takes_objects
 from thermid.base.errors import ScenarioError, ThermidError, cap, errors_at, look_up, nearest, raising, refuse_unknown
 from thermid.base.expression import Kelvin, Quantity, amount, si_value
 from thermid.base.extensions import by_grammar
-from thermid.base.files import PROFILE, toml_value, write_text
+from thermid.base.files import FileKinds, toml_value, write_text
 from thermid.base.results import Result
 from thermid.base.sourced import check_mark, weakest
 from thermid.base.toml_files import Places
@@ -531,7 +531,7 @@ class ThermalProfile(Result):
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write it as a profile file that `load_profile` reads, every number with its mark."""
-        write_text(path, as_toml(self), PROFILE)
+        write_text(path, as_toml(self), FileKinds.PROFILE)
 
     def __str__(self) -> str:
         """The profile as a table with clauses and marks."""

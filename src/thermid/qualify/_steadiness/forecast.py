@@ -19,11 +19,11 @@ import numpy as np
 from thermid.base.arguments import takes_objects
 from thermid.base.errors import RecordError, ScenarioError
 from thermid.base.expression import amount
-from thermid.base.linear_algebra import Bools
+from thermid.base.linear_algebra import Array, Bools
 from thermid.base.memo import Memo
 from thermid.base.results import Result, Row
 from thermid.measure.amounts import duration_text, positive_seconds, short
-from thermid.measure.records import FloatArray, Record, stretch, within_log
+from thermid.measure.records import FloatArray, Record
 from thermid.measure.steadiness import StabilityRule, effective_samples, rule_of
 from thermid.model.tree import Model
 from thermid.physics.constants import ICE_POINT
@@ -556,6 +556,22 @@ def _longest_time_constant(slowest: str | float | None, span: float, where: str)
     return limit
 
 
+def _half_width(within: str | float, record: str) -> float:
+    """Return the largest half-width that an interval may have. [K]"""
+    half = amount(within, "K", "within")
+    if not half > 0.0:
+        raise RecordError(f"half of an interval is above zero, not {half:g} K.", f"{record}, within", code="value.outside-range")
+    return half
+
+
+def _reference_readings(record: Record, channel: str, inside: Bools) -> tuple[Array, Array] | None:
+    """Return times [s] and readings [K] of what a temperature follows, of the samples `inside` (samples,); None without a channel."""
+    if not channel:
+        return None
+    air = record.channel(channel)
+    return record.times[inside & air.valid], air.values[inside & air.valid]
+
+
 @takes_objects
 def forecast(
     record: Record,
@@ -592,11 +608,8 @@ def forecast(
     """
     name, inside, times, kelvin = _readings(record, channel, since, until, level)
     span, step = float(times[-1] - times[0]), record.channel(name).step
-    constants, half, wanted = _model_time_constants(model, scenario), amount(within, "K", "within"), rule_of(rule)
-    if not half > 0.0:
-        raise RecordError(f"half of an interval is above zero, not {half:g} K.", f"{record.name}, within", code="value.outside-range")
-    air = record.channel(reference) if reference else None
-    room = None if air is None else (record.times[inside & air.valid], air.values[inside & air.valid])
+    constants, half, wanted = _model_time_constants(model, scenario), _half_width(within, record.name), rule_of(rule)
+    room = _reference_readings(record, reference, inside)
     limit = _longest_time_constant(slowest, span, f"{record.name}, {name}, slowest")
     curve = approach(times, kelvin, limit, constants, room)
     guard = curve if constants or slowest is not None else approach(times, kelvin, limit, constants, room, GUARD)
@@ -635,8 +648,8 @@ def _readings(
         words = f"name the channel: {', '.join(record.measured) or 'there is no temperature'}."
         raise RecordError(words, record.name, code="value.incomplete")
     name = channel or record.measured[0]
-    within_log(record, until, f"{record.name}, forecast")
-    inside, _ = stretch(record, since, until, f"{record.name}, forecast")
+    record.refuse_beyond(until, f"{record.name}, forecast")
+    inside, _ = record.stretch(since, until, f"{record.name}, forecast")
     measured, where = record.channel(name), f"{record.name}, {name}"
     if measured.quantity != "temperature":
         raise RecordError(f"it is a {measured.quantity}; temperatures are forecast.", where, code="record.does-not-apply")

@@ -17,7 +17,7 @@ from thermid.base.dual import value_of
 from thermid.base.errors import RecordError, quoted
 from thermid.base.results import Result
 from thermid.measure.amounts import duration_text, positive_seconds
-from thermid.measure.records import FloatArray, Record, stretch, within_log
+from thermid.measure.records import FloatArray, Record
 from thermid.measure.steadiness import (
     DOUBT_IN_ERRORS,
     TAU_ERROR,
@@ -235,8 +235,8 @@ def _of_record(
     unit: str,
 ) -> Stability:
     """Judge a log; arguments as of `stability`, times in s."""
-    within_log(record, at, f"{record.name}, stability")
-    inside, _ = stretch(record, since, at, f"{record.name}, stability")
+    record.refuse_beyond(at, f"{record.name}, stability")
+    inside, _ = record.stretch(since, at, f"{record.name}, stability")
     times = record.times[inside]
     wanted = names or tuple(record.measured)
     if not wanted:

@@ -22,7 +22,7 @@ from typing import TYPE_CHECKING, Final
 from thermid.base.arguments import takes_objects
 from thermid.base.errors import MissingExtraError, ScenarioError, ThermidError
 from thermid.base.extensions import missing
-from thermid.base.files import PAGE, PAPER, SHEET, check_ending, may_write, scratch, write_bytes, write_text
+from thermid.base.files import FileKinds, check_ending, may_write, scratch, write_bytes, write_text
 from thermid.reporting._blocks.content import FoldOut, PageBlock, Section, Table, typeset
 
 if TYPE_CHECKING:
@@ -150,7 +150,7 @@ class Sheets:
         if self.files:
             self.folder.mkdir(parents=True, exist_ok=True)
         for name, text in self.files.items():
-            write_text(self.folder / name, text, SHEET)
+            write_text(self.folder / name, text, FileKinds.SHEET)
 
 
 def csv_of(table: Table) -> str:
@@ -231,8 +231,8 @@ def check_page(to: str | os.PathLike[str]) -> Path:
     NoBrowserError   When it is a PDF and no browser is installed that prints it.
     """
     target = Path(to)
-    kind = PAPER if target.suffix.lower() == ".pdf" else PAGE
-    if kind is PAPER:
+    kind = FileKinds.PAPER if target.suffix.lower() == ".pdf" else FileKinds.PAGE
+    if kind is FileKinds.PAPER:
         browser()
     # the folder of a page is made where it is missing
     return check_ending(target, kind) if not target.parent.is_dir() else may_write(target, kind) and target
@@ -261,9 +261,9 @@ def write_page(name: str, to: str | os.PathLike[str], *, sheets: Sheets | None =
     target.parent.mkdir(parents=True, exist_ok=True)
     if target.suffix.lower() == ".pdf":
         with scratch() as folder:
-            page_to_pdf(write_text(folder / "page.html", content, PAGE), target)
+            page_to_pdf(write_text(folder / "page.html", content, FileKinds.PAGE), target)
     else:
-        write_text(target, content, PAGE)
+        write_text(target, content, FileKinds.PAGE)
     files.write()
     return target
 
@@ -350,7 +350,7 @@ def page_to_pdf(page: str | os.PathLike[str], to: str | os.PathLike[str], *, sec
     """
     program, source, target = browser(), Path(page).resolve(strict=True), Path(to)
     target.parent.mkdir(parents=True, exist_ok=True)
-    may_write(target, PAPER)
+    may_write(target, FileKinds.PAPER)
     with scratch() as folder:
         pdf = folder / "page.pdf"
         # the browser's sandbox does not run for root; the page's policy permits no script but its own
@@ -366,4 +366,4 @@ def page_to_pdf(page: str | os.PathLike[str], to: str | os.PathLike[str], *, sec
             complaints = run.stderr.decode(errors="replace").strip().splitlines()
             why = f" It said: {complaints[-1][:200]}" if complaints else ""
             raise NoBrowserError(f"'{Path(program).name}' made no PDF of '{source.name}'.{why}")
-    return write_bytes(target, printed, PAPER)
+    return write_bytes(target, printed, FileKinds.PAPER)

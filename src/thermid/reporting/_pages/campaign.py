@@ -16,7 +16,7 @@ from thermid.base.errors import ThermidError
 from thermid.base.sourced import VERDICTS
 from thermid.base.units import counted, from_si, unit
 from thermid.campaign.stages import Campaign, JointFit, campaign_predictions
-from thermid.campaign.verdicts import CampaignPrediction, Verdict, largest, metric
+from thermid.campaign.verdicts import CampaignPrediction, Verdict, metric
 from thermid.fit.calibration import MOVED, NOT_REJECTED, UNDECIDED, Calibration, Move, SensorTrace
 from thermid.inference.criticism import criticise
 from thermid.inference.diagnosis import energy_balance
@@ -261,7 +261,7 @@ def _traces(
 def _limit(block: SensorTrace, verdict: Verdict | None) -> tuple[float | None, str]:
     """Return the limit of every single residual of a trace, and whether it is met; None and nothing where no such limit was judged."""
     for c in verdict.checks if verdict is not None else ():
-        if c.sensor == block.sensor and metric(c.criterion).of is largest:
+        if c.sensor == block.sensor and metric(c.criterion).of_single_readings:
             return c.limit, f"{VERDICTS[c.passed]}, limit ± {plain(c.limit, 4)} K"
     return None, ""
 

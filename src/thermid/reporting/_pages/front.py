@@ -14,7 +14,7 @@ from thermid.base.errors import ThermidError
 from thermid.base.linear_algebra import Array
 from thermid.base.sourced import VERDICTS
 from thermid.campaign.stages import Campaign
-from thermid.campaign.verdicts import Check, Verdict, largest, metric
+from thermid.campaign.verdicts import Check, Verdict, metric
 from thermid.fit.calibration import Calibration, SensorTrace
 from thermid.model.tree import Model, flatten
 from thermid.physics.constants import ICE_POINT
@@ -136,7 +136,7 @@ class Decisive:
     @property
     def limit(self) -> float | None:
         """Limit of every single residual, where that is what was judged. [K]"""
-        return self.check.limit if self.check is not None and metric(self.check.criterion).of is largest else None
+        return self.check.limit if self.check is not None and metric(self.check.criterion).of_single_readings else None
 
     def sentence(self) -> str:
         """Return a sentence on the sensor at its largest residual: both temperatures, and the checked figure over its limit.

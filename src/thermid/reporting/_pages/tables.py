@@ -14,10 +14,10 @@ import numpy as np
 from thermid.base.linear_algebra import HALF_WIDTH_95
 from thermid.base.units import counted, from_si, si_unit, unit
 from thermid.campaign.stages import Campaign
-from thermid.campaign.verdicts import CampaignPrediction, Check, Verdict, largest, metric
-from thermid.fit.calibration import MOVED, Calibration, instrument_shares, sensor_shares
+from thermid.campaign.verdicts import CampaignPrediction, Check, Verdict, metric
+from thermid.fit.calibration import MOVED, Calibration
 from thermid.measure.records import Record
-from thermid.model.tree import Model, ParameterSet, flatten, ledger, parameter_table
+from thermid.model.tree import Model, ParameterSet, flatten, ledger
 from thermid.physics.constants import ICE_POINT
 from thermid.reporting._blocks.content import (
     DASH,
@@ -62,7 +62,7 @@ def parameters(calibration: Calibration) -> Table:
         Head("source before"),
         Head("state"),
     ]
-    table = parameter_table(calibration.given_model)
+    table = calibration.given_model.parameter_table()
     rows: list[Line] = []
     for path, v in calibration.values.parameters.items():
         entry, random, best = table[path], v.shown(v.error_random), calibration.estimates[path]
@@ -215,7 +215,7 @@ def sensors(calibration: Calibration) -> Table:
                 Cell("yes") if s.white else Cell(f"no ({s.lag_one:+.2f})", "", "warn"),
             ]
         )
-    shares = "".join(f" {capitalised(str(share))}." for share in (*sensor_shares(calibration), *instrument_shares(calibration)))
+    shares = "".join(f" {capitalised(str(share))}." for share in (*calibration.sensor_shares, *calibration.instrument_shares))
     return Table.of_rows(columns, rows, f"Residuals are measured minus simulated, without the sensor's constant error.{shares}")
 
 
@@ -336,7 +336,7 @@ def verdicts(campaign: Campaign, ranked: bool = False) -> Table:
 
 def _outside(verdict: Verdict, check: Check) -> str:
     """Return how many samples lie beyond the limit of a single error."""
-    if metric(check.criterion).of is not largest:
+    if not metric(check.criterion).of_single_readings:
         return DASH
     residuals = [b.residuals for b in verdict.blocks if b.sensor == check.sensor]
     beyond = sum(int(np.count_nonzero(np.abs(r) > check.limit)) for r in residuals)

@@ -14,16 +14,18 @@ import numpy as np
 
 from thermid.base.arguments import takes_objects
 from thermid.base.errors import ThermidError
-from thermid.base.files import PICTURE, check_ending, write_bytes
+from thermid.base.files import FileKinds, check_ending, write_bytes, write_text
 from thermid.base.units import from_si, unit
 from thermid.inference.criticism import Criticism, cumulated_periodogram
 from thermid.inference.intervals import Profile
+from thermid.measure.looks import Look
 from thermid.physics.constants import ICE_POINT
-from thermid.prediction.members import Hold, clock, driven_by
+from thermid.prediction.members import Hold, clock
 from thermid.qualify.profiles import ProfileRun
 from thermid.reporting._blocks.extras import extra
 from thermid.reporting._pictures.chart import DASHES, SERIES, time_unit
 from thermid.reporting._pictures.figures import GRID, INK, RESIDUAL, SIMULATED, SOFT
+from thermid.reporting._pictures.log import log_drawing
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -31,31 +33,34 @@ if TYPE_CHECKING:
 
 
 @takes_objects
-def picture(thing: Profile | Criticism | Hold | ProfileRun, to: str | os.PathLike[str]) -> Path:
-    """Write the picture of a profile, a criticism, a hold or a profile's run, and return its path (png, svg, pdf).
+def picture(thing: Profile | Criticism | Hold | ProfileRun | Look, to: str | os.PathLike[str]) -> Path:
+    """Write the picture of a profile, a criticism, a hold, a profile's run (png, svg, pdf) or a look at a log (svg), and return its path.
 
     Parameters
     ----------
-    thing : Profile, Criticism, Hold or ProfileRun  What to draw; of a criticism, the trace that is least like noise.
-    to : path                               File to write.
+    thing : Profile, Criticism, Hold, ProfileRun or Look  What to draw; of a criticism, the trace that is least like noise.
+    to : path  File to write.
 
     Raises
     ------
-    ThermidError        When there is no picture of such a thing.
-    OutputError         When the name of the file does not end in png, svg or pdf.
+    ThermidError        When there is no picture of such a thing, or nothing of a log is known that could be drawn.
+    OutputError         When the name of the file does not end in png, svg or pdf; of a log, in svg.
     MissingExtraError   When matplotlib is not installed.
     """
+    if isinstance(thing, Look):
+        return write_text(check_ending(to, FileKinds.DRAWING), log_drawing(thing) + "\n", FileKinds.DRAWING)
     drawers: dict[type, Any] = {Profile: _profile, Criticism: _criticism, Hold: draw_hold, ProfileRun: draw_run}
     if type(thing) not in drawers:
         raise ThermidError(
-            f"a {type(thing).__name__} has no picture. Pictures exist of {', '.join(t.__name__ for t in drawers)}.", code="value.wrong-kind"
+            f"a {type(thing).__name__} has no picture. There are pictures of {', '.join(t.__name__ for t in (*drawers, Look))}.",
+            code="value.wrong-kind",
         )
-    target = check_ending(to, PICTURE)
+    target = check_ending(to, FileKinds.PICTURE)
     with _canvas() as figure:
         drawers[type(thing)](figure, thing)
         drawn = BytesIO()
         figure.savefig(drawn, format=target.suffix.lower()[1:], dpi=144, metadata={"Date": None} if target.suffix == ".svg" else None)
-    return write_bytes(target, drawn.getvalue(), PICTURE)
+    return write_bytes(target, drawn.getvalue(), FileKinds.PICTURE)
 
 
 @contextmanager
@@ -182,7 +187,7 @@ def draw_hold(figure: Figure, hold: Hold) -> None:
     axis.set_ylim(0.0, top)
     axis.set_xlabel(f"time, {name}")
     axis.set_ylabel("probability that the limit was exceeded, %")
-    driven = ", ".join(driven_by(hold.together).split(", ")[:3])
+    driven = ", ".join(hold.together.drivers_text.split(", ")[:3])
     axis.set_title(hold.sentence + (f"\ndriven by {driven}" if driven else ""), loc="left")
     axis.legend(loc="best")
 

@@ -15,7 +15,7 @@ import numpy as np
 from thermid.base.dual import Number, value_of
 from thermid.base.errors import DeckError
 from thermid.base.linear_algebra import Array
-from thermid.model.elements import COMPLEMENT, Curve, Melt, evaluate, named_control, slopes
+from thermid.model.elements import COMPLEMENT, Curve, Melt, named_control
 from thermid.model.tree import FlatControl
 from thermid.simulation._network.rows import LoadRow
 
@@ -159,7 +159,7 @@ class ControlRow:
         z = number(form.constant, 0.0) + sum(number(place, 0.0) * at(node) for node, place in form.nodes)
         if form.kind == LOOKUP:
             assert form.curve is not None
-            return evaluate(form.curve, np.asarray(z, dtype=float))
+            return form.curve.evaluate(np.asarray(z, dtype=float))
         return np.asarray(np.clip(z, number(form.low, -np.inf), number(form.high, np.inf)), dtype=float)
 
 
@@ -293,7 +293,7 @@ def _table(flat: FlatControl, f: Mapping[str, Number], make: _Maker) -> ControlR
 
 def _mapped(shape: Curve, base: float, scale: float) -> Curve:
     """Return a table with the values base + scale y, and slopes scale d, of another one."""
-    return replace(shape, y=base + scale * shape.y, d=None if shape.straight else scale * slopes(shape))
+    return replace(shape, y=base + scale * shape.y, d=None if shape.straight else scale * shape.slopes)
 
 
 def _limits(flat: FlatControl, f: Mapping[str, Number], kind: str) -> tuple[Number, Number, Number]:
@@ -377,36 +377,3 @@ _RECIPES: Final = {"thermostat": _thermostat, "modes": _modes, "table": _table, 
 def control_names(controls: Sequence[str]) -> list[str]:
     """Return the names of controls without the ``1 - `` that takes the rest of one."""
     return [named_control(name)[0] for name in controls]
-
-
-def refuse_controllers(controls: Mapping[str, FlatControl], named: Sequence[str], what: str) -> None:
-    """Refuse controls with a history (thermostats, modes, PID, sampled ones) for what has none, such as an export.
-
-    Parameters
-    ----------
-    controls : dict     Control path -> the control.
-    named : sequence    Those that something follows.
-    what : str          What is asked for.
-
-    Raises
-    ------
-    DeckError
-    """
-    for name in named:
-        if controls[name].has_history:
-            raise DeckError(
-                f"the state of the control '{name}' depends on its history, which {what} does not have. Use a table or a proportional "
-                "control, or simulate.",
-                code="model.element-not-supported",
-            )
-
-
-def refuse_controls(named: Sequence[str], what: str, cure: str) -> None:
-    """Refuse any control of a deck for what does not support them; `what` names it and `cure` says what to do.
-
-    Raises
-    ------
-    DeckError
-    """
-    if named:
-        raise DeckError(f"{what} does not support controls, and '{named[0]}' is in use. {cure}", code="model.element-not-supported")

@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
+import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
 
+import numpy as np
+
 from thermid.base.errors import DeckError, NameNotFoundError, ScenarioError, errors_at, refuse_unknown
 from thermid.base.expression import amount
 from thermid.base.linear_algebra import Array
 from thermid.base.results import Shown
 from thermid.base.units import TEMPERATURE
-from thermid.model.elements import Constant, Facing, Mixed, Signal, added, signal
+from thermid.model.elements import Constant, Facing, Mixed, Signal, signal
 from thermid.model.tree import Flat, FlatLoad, FlatSurface
 from thermid.physics.constants import STEFAN_BOLTZMANN
 
@@ -254,3 +257,18 @@ def _longwave(source: Irradiation | Sky, face: FlatSurface, path: str, boundarie
     """Return the long-wave flux on a surface, by the temperature of the boundary that it sees; zero where there is none. [W/m^2]"""
     with errors_at(f"irradiation.{path}"):
         return source.longwave(face.facing, boundaries.get(face.sees)) or Constant(0.0)
+
+
+def added(*terms: Signal) -> Signal:
+    """Return the sum of signals: of constants a constant, of constants and one signal that signal raised, else a `Mixed`."""
+    number = math.fsum(s.value for s in terms if isinstance(s, Constant))
+    rest = [s for s in terms if not isinstance(s, Constant)]
+    if not rest:
+        return Constant(number)
+    whole: Signal = rest[0] if len(rest) == 1 else Mixed(_sum, tuple(rest))
+    return whole if number == 0.0 else whole.raised(number)
+
+
+def _sum(*values: Array) -> Array:
+    """Return the sum (times,) of values (times,) of several signals."""
+    return np.asarray(np.sum(values, axis=0))

@@ -19,7 +19,7 @@ from thermid.base.errors import ScenarioError, quoted
 from thermid.base.linear_algebra import Array
 from thermid.base.memo import Memo
 from thermid.model.elements import ACCOMMODATION, Constant, Curve, Law, MadeIn, Mixed, Signal, Sine, TableSignal, degrees, literal
-from thermid.model.tree import Flat, FlatConductor, bare, gas_nodes, still, surrounding
+from thermid.model.tree import Flat, FlatConductor
 from thermid.physics.constants import AMBIENT_DEFAULT, ATMOSPHERE, STANDARD_GRAVITY
 from thermid.physics.convection import duct_nusselt, fin_efficiency
 from thermid.physics.correlations import forced_plate_nusselt, gap_nusselt_table, nusselt_table
@@ -647,7 +647,7 @@ def check_gas_laws(media: Media, flat: Flat) -> None:
     ScenarioError   When a surface or lead has a convection alone and its gas is gone at any time; when a surface has radiation alone in a
                     gas; when a reduced model is not in the gas that it was made in.
     """
-    thin = {} if media.as_printed else {path: gas for path, gas in bare(flat).items() if media.lowest(gas) <= VACUUM_LIMIT}
+    thin = {} if media.as_printed else {path: gas for path, gas in flat.without_emissivity.items() if media.lowest(gas) <= VACUUM_LIMIT}
     if thin:
         has, them = ("have", "them") if len(thin) > 1 else ("has", "it")
         raise ScenarioError(
@@ -656,7 +656,7 @@ def check_gas_laws(media: Media, flat: Flat) -> None:
             _where(flat, next(iter(thin))),
             code="model.needs-gas-law",
         )
-    filled = {path: gas for path, gas in still(flat).items() if not media.empty(gas)}
+    filled = {path: gas for path, gas in flat.without_convection.items() if not media.empty(gas)}
     if filled:
         has, they = ("have", "they") if len(filled) > 1 else ("has", "it")
         raise ScenarioError(
@@ -691,7 +691,7 @@ def _where(flat: Flat, path: str) -> str:
 def conductors_with_trace(media: Media, flat: Flat) -> frozenset[str]:
     """Return the paths of conductors that keep the conductance `TRACE`: to inner gas that is gone at any time and that no load heats."""
     heated = {load.node for load in flat.loads}
-    gone = {gas for gas in gas_nodes(flat) - heated if media.lowest(gas) <= VACUUM_LIMIT}
+    gone = {gas for gas in flat.gas_nodes - heated if media.lowest(gas) <= VACUUM_LIMIT}
     return frozenset(c.path for c in flat.conductors if c.kind in ("convection", "effective") and c.gas in gone)
 
 
@@ -712,7 +712,7 @@ def gas_remarks(media: Media, flat: Flat, values: Mapping[str, Any]) -> tuple[st
     stops = [p for p, c in through_gas.items() if c.gas in gone and not ((e := fields[p].get("emissivity")) and values[e] != 0.0)]
     if stops:
         out.append(CodedText(f"without gas no heat flows through {quoted(stops)}", "run.heat-stops-without-gas"))
-    around = gone & surrounding(flat)
+    around = gone & flat.convection_ends
     stays = [c.path for c in flat.conductors if c.kind in SOLID and around & set(c.ends)]
     if stays:
         end, stay = ("end", "stay") if len(stays) > 1 else ("ends", "stays")
@@ -724,7 +724,7 @@ def gas_remarks(media: Media, flat: Flat, values: Mapping[str, Any]) -> tuple[st
                 "run.path-stays-without-gas",
             )
         )
-    thin = [path for path, gas in bare(flat).items() if VACUUM_LIMIT < media.lowest(gas) < THIN]
+    thin = [path for path, gas in flat.without_emissivity.items() if VACUUM_LIMIT < media.lowest(gas) < THIN]
     if thin and not media.as_printed:
         has = "have" if len(thin) > 1 else "has"
         out.append(

@@ -22,7 +22,7 @@ from thermid.base.dual import Number, value_of
 from thermid.base.errors import DeckError, errors_at
 from thermid.base.memo import Memo
 from thermid.model.elements import COMPLEMENT, Curve, HeatStore, Law, exposed_area
-from thermid.model.tree import Flat, FlatConductor, FlatLoad, FlatNode, Model, flatten, into_gas, radiates_into, streams_of, unclosed
+from thermid.model.tree import Flat, FlatConductor, FlatLoad, FlatNode, Model, flatten, streams_of
 from thermid.simulation._network.controls import PHASE, ControlRow, control_names, control_row, phase_row, state_of
 from thermid.simulation._network.irradiation import absorbers
 from thermid.simulation._network.medium import TRACE, Media, check_gas_laws, conductors_with_trace
@@ -176,7 +176,7 @@ class Network:
             raise DeckError(message, where)
         capacitances, conductors, loads = (dict(base_parts.get(k, {})) for k in ("capacitances", "conductors", "loads"))
         if any(c.kind == "flow" for c in changed.conductors):
-            for where, message in unclosed(self.flat, values):
+            for where, message in self.flat.unbalanced_streams(values):
                 raise DeckError(message, where)
         for node in changed.nodes:
             capacitance: Number | None = node.capacitance(values)
@@ -386,8 +386,8 @@ def _compiled(model: Model, media: Media | None, prescribed: tuple[str, ...]) ->
     network = Network(model.title, flat, nodes, (*flat.names.boundaries, *driven), media or Media(), driven, stores, trace)
     if media is not None:
         check_gas_laws(media, flat)
-    for gas, radiating in into_gas(flat, network.numbers().values).items():
-        raise DeckError(radiates_into(gas, radiating), next(n.where for n in flat.nodes if n.path == gas))
+    for where, message in flat.radiation_into_gas(network.numbers().values):
+        raise DeckError(message, where)
     return network
 
 

@@ -12,7 +12,7 @@ import numpy as np
 from thermid import _kernel
 from thermid.base.dual import Number
 from thermid.base.linear_algebra import Array
-from thermid.model.elements import EXTENSION_REACH, Curve, Law, whole
+from thermid.model.elements import EXTENSION_REACH, Curve, Law
 
 ANCHOR: Final = _kernel.GAS_ANCHOR
 """Temperature to which the coefficients of gas laws refer. [K]"""
@@ -62,7 +62,7 @@ def curve_arrays(curve: Curve, refuse: bool = False) -> tuple[Array, Array, Arra
 
     With `refuse` a table has no values outside its limits, so that a run that leaves them ends; else it is held there.
     """
-    x, y, d = whole(curve)
+    x, y, d = curve.table
     if refuse and curve.limits is not None:
         inside = (x >= curve.limits[0]) & (x <= curve.limits[1])
         x, y, d = x[inside], y[inside], None if d is None else d[inside]

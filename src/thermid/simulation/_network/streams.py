@@ -18,7 +18,7 @@ from thermid.base.dual import Number
 from thermid.base.errors import ScenarioError, quoted
 from thermid.base.memo import Memo
 from thermid.model.elements import Constant, Drawn, Law, Mixed, Signal
-from thermid.model.tree import Flat, FlatConductor, by_volume, flow_of, fluid_of, streams_of, unfed
+from thermid.model.tree import Flat, FlatConductor, streams_of
 from thermid.physics.constants import AMBIENT_DEFAULT, ATMOSPHERE, ICE_POINT
 from thermid.physics.gas import GASES
 from thermid.simulation._network.medium import AIR_RANGE, VACUUM_LIMIT, Media
@@ -57,7 +57,7 @@ class Streams:
         """
         for c in streams_of(flat.conductors):
             off = [n for n in c.ends for low, high in (media.pressure(n).bounds,) if low < AIR_RANGE[0] or high > AIR_RANGE[1]]
-            if off and not fluid_of(c):
+            if off and not c.fluid:
                 raise ScenarioError(
                     f"'{c.path}' has no fluid, and the pressure in {quoted(off)} is not atmospheric. The flow of a gas depends on "
                     'pressure, that of a liquid does not. Write fluid = "air" (or another gas; its density then follows), or '
@@ -65,8 +65,8 @@ class Streams:
                     c.where,
                     code="model.needs-gas-law",
                 )
-        gas, inner = tuple(c for c in streams_of(flat.conductors) if fluid_of(c) in GASES), {n.path for n in flat.nodes}
-        return cls(gas, _shares(gas, values, inner), _lines(gas, inner), unfed(flat), media)
+        gas, inner = tuple(c for c in streams_of(flat.conductors) if c.fluid in GASES), {n.path for n in flat.nodes}
+        return cls(gas, _shares(gas, values, inner), _lines(gas, inner), flat.unfed_streams, media)
 
     def __contains__(self, path: str) -> bool:
         """Whether the conductor at a path is a stream of gas."""
@@ -91,7 +91,7 @@ class Streams:
         path : str              Of the stream.
         temperatures : dict     Boundary -> temperature; a source that is not among them has 20 degC. [K]
         """
-        sources = self.sources(path) if by_volume(self._named[path]) else {}
+        sources = self.sources(path) if self._named[path].by_volume else {}
         line = self.lines[path]
         # the distinct pressures of the nodes of the line, and node -> place of its own among them
         of_node = self.memo.value(line, lambda: {n: self.media.pressure(n) for n in line})
@@ -132,8 +132,8 @@ class Streams:
 
         The density for a volume flow, else 1, times the specific heat unless the deck gives it.
         """
-        gas = GASES[fluid_of(c)]
-        density = ATMOSPHERE / (gas.constant * AMBIENT_DEFAULT) if by_volume(c) else 1.0
+        gas = GASES[c.fluid]
+        density = ATMOSPHERE / (gas.constant * AMBIENT_DEFAULT) if c.by_volume else 1.0
         return density * (1.0 if "specific_heat" in c.fields else float(gas.cp(AMBIENT_DEFAULT)))
 
     def written(self, path: str, rate: float, specific_heat: float) -> tuple[str, float]:
@@ -146,9 +146,9 @@ class Streams:
         specific_heat : float   Written beside the flow. [J/(kg K)]
         """
         c, course = self._named[path], self.still(path)
-        gas, factor = GASES[fluid_of(c)], course.value if isinstance(course, Constant) else 1.0
-        density = ATMOSPHERE / (gas.constant * AMBIENT_DEFAULT) if by_volume(c) else 1.0
-        return ("volume_flow" if by_volume(c) else "mass_flow"), rate / (factor * density * specific_heat) if factor else 0.0
+        gas, factor = GASES[c.fluid], course.value if isinstance(course, Constant) else 1.0
+        density = ATMOSPHERE / (gas.constant * AMBIENT_DEFAULT) if c.by_volume else 1.0
+        return ("volume_flow" if c.by_volume else "mass_flow"), rate / (factor * density * specific_heat) if factor else 0.0
 
     def signals(self) -> dict[str, Signal]:
         """Return the inputs that multiply rows of streams whose mass changes in time, by `signal_of` their paths. [-]"""
@@ -165,7 +165,7 @@ class Streams:
         offsets : dict      Boundary -> temperature where the signal is constant, else what is added to it. [K]
         """
         sources = {n: share for n, share in self.sources(path).items() if n in offsets}
-        if not sources or not by_volume(self._named[path]):
+        if not sources or not self._named[path].by_volume:
             return 1.0
         before: Number = 1.0 - sum(sources.values())
         after: Number = before
@@ -183,7 +183,7 @@ class Streams:
         for c in self.conductors:
             gone = self._gone(c.path, end)
             if gone is not None:
-                stopped.setdefault((fluid_of(c), gone), []).append(c)
+                stopped.setdefault((c.fluid, gone), []).append(c)
         for (fluid, begin), group in stopped.items():
             which, many = quoted([c.path for c in group]), len(group) > 1
             pressures = {n: self.media.pressure(n) for c in group for n in self.lines[c.path]}
@@ -193,7 +193,7 @@ class Streams:
                 f"{which} {'are' if many else 'is'} {fluid} and {'stop' if many else 'stops'} without gas in {quoted(empty)}{when}",
                 "run.heat-stops-without-gas",
             )
-        loops = [c.path for c in self.conductors if by_volume(c) and set(self.sources(c.path)) <= self._inner]
+        loops = [c.path for c in self.conductors if c.by_volume and set(self.sources(c.path)) <= self._inner]
         if loops:
             come, their = ("come", "their") if len(loops) > 1 else ("comes", "its")
             yield CodedText(
@@ -201,12 +201,12 @@ class Streams:
                 "run.density-assumed",
             )
         for c in self.conductors:
-            other = {n: self.media.gas(n) for n in c.ends if self.media.gas(n) != fluid_of(c)}
+            other = {n: self.media.gas(n) for n in c.ends if self.media.gas(n) != c.fluid}
             if other:
                 kind = next(iter(other.values()))
                 yield (
                     CodedText(
-                        f"'{c.path}' is {fluid_of(c)}, and the gas of {quoted(list(other))} is {kind} for convection there. Give both the "
+                        f"'{c.path}' is {c.fluid}, and the gas of {quoted(list(other))} is {kind} for convection there. Give both the "
                         "same gas, in the environment or as the fluid",
                         "run.gases-differ",
                     )
@@ -246,7 +246,7 @@ def _shares(streams: Sequence[FlatConductor], values: Mapping[str, Any], inner: 
     first = _fed(streams, entered)
     index = {n: k for k, n in enumerate(entered) if n in first}
     origins = [c.path for c in streams if c.ends[0] not in index]
-    flows = {c.path: float(flow_of(c, values)) for c in streams}
+    flows = {c.path: float(c.flow(values)) for c in streams}
     least = 1e-12 * max(flows.values(), default=0.0) or 1.0
     matrix, right = np.zeros((len(entered), len(entered))), np.zeros((len(entered), len(origins)))
     for c in streams:

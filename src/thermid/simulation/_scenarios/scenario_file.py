@@ -13,7 +13,7 @@ from thermid.base.errors import ScenarioError, ThermidError, errors_at
 from thermid.base.extensions import by_grammar, extension
 from thermid.base.toml_files import Places, read_toml, resolve_inside
 from thermid.base.units import TEMPERATURE
-from thermid.model.elements import Signal, TableSignal, conducted, literal, signal
+from thermid.model.elements import Signal, TableSignal, literal, signal
 from thermid.simulation._network.environment import Environment
 from thermid.simulation._network.irradiation import Irradiation
 from thermid.simulation._scenarios.scenario import SLOTS, Scenario
@@ -152,4 +152,4 @@ class LogColumns:
         held = bool(value.get("hold", held)) and value.get("samples") != "average"
         rows = TableSignal(times - zero, values, held, record.channel(name).unit, (record.origin.sha256, zero))
         with errors_at(where):
-            return conducted(rows, value, where)
+            return rows.with_details(value, where)

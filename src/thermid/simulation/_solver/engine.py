@@ -16,7 +16,7 @@ from thermid import _kernel
 from thermid.base.codes import CodedText
 from thermid.base.dual import value_of
 from thermid.base.errors import ScenarioError, SolverError, nearest, refuse_unknown
-from thermid.base.linear_algebra import Array, solve_conserving
+from thermid.base.linear_algebra import Array
 from thermid.model.elements import Constant, Sine, TableSignal
 from thermid.physics.constants import ICE_POINT
 from thermid.simulation._network.controls import PHASE, state_of
@@ -902,3 +902,35 @@ def _flow_between_masses(jacobian: Array, massive: NDArray[np.bool_]) -> Array:
         jacobian[np.ix_(~massive, ~massive)], jacobian[np.ix_(~massive, massive)]
     )
     return np.asarray(flow - at_once)
+
+
+def solve_conserving(gains: Array, leaving: Array, right: Array) -> Array | None:
+    """Return x of A x = right, where A has -gains beside its diagonal and columns that sum to what leaves; None where A has no inverse.
+
+    Elimination without a difference, so that every entry of x keeps its digits however many decades the entries of A span: the diagonal
+    is never formed but as a sum of what leaves and what goes to the others (Grassmann, Taksar and Heyman, Oper. Res. 33 (1985) 1107; Alfa,
+    Xue and Ye, Math. Comp. 71 (2002) 217).
+
+    Parameters
+    ----------
+    gains : array (n, n)            What row i gains from column j, none below zero; the diagonal is not read. Such as W/K between nodes.
+    leaving : array (n,)            What leaves each column for good, none below zero. Such as W/K to boundaries.
+    right : array (n,) or (n, k)
+    """
+    size = leaving.size
+    g, out, b = gains.astype(float), leaving.astype(float), right.astype(float).reshape(size, -1)
+    np.fill_diagonal(g, 0.0)
+    pivots = np.zeros(size)
+    for k in range(size):
+        rest = slice(k + 1, size)
+        pivots[k] = out[k] + g[rest, k].sum()
+        if not pivots[k] > 0.0:
+            return None
+        share = g[rest, k] / pivots[k]
+        g[rest, rest] += share[:, None] * g[k, rest]
+        out[rest] += g[k, rest] * (out[k] / pivots[k])
+        b[rest] += share[:, None] * b[k]
+    x = np.zeros_like(b)
+    for k in reversed(range(size)):
+        x[k] = (b[k] + g[k, k + 1 :] @ x[k + 1 :]) / pivots[k]
+    return x.reshape(right.shape) if np.isfinite(x).all() else None

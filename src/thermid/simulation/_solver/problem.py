@@ -17,7 +17,7 @@ from thermid.base.dual import gradient_of, value_of
 from thermid.base.errors import ScenarioError, SolverError, ThermidError, refuse_unknown
 from thermid.base.linear_algebra import Array
 from thermid.base.memo import Memo
-from thermid.model.elements import Constant, Curve, Drawn, Signal, Sine, TableSignal, literal, named_control, value_and_slope
+from thermid.model.elements import Constant, Curve, Drawn, Signal, Sine, TableSignal, literal, named_control
 from thermid.model.tree import Tree
 from thermid.simulation._network.controls import FREE, FactorForm, GuardForm
 from thermid.simulation._network.network import Network, Numbers, held_in
@@ -87,10 +87,10 @@ class Traces:
         """
         state = held_in(name)
         store, level = self.assembled.reduced.stored[state][1], self.stored[:, self._columns[state]]
-        kelvin, slope = value_and_slope(store.curve, level)
+        kelvin, slope = store.curve.value_and_slope(level)
         if store.melt is None or name not in self._columns:
             return kelvin, slope
-        melt, rise = value_and_slope(store.melt.curve, level)
+        melt, rise = store.melt.curve.value_and_slope(level)
         temperature = self.stored[:, self._columns[name]]
         liquid = np.abs(melt - temperature) < np.abs(kelvin - temperature)
         return np.where(liquid, melt, kelvin), np.where(liquid, rise, slope)

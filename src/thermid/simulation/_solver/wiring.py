@@ -27,7 +27,6 @@ from thermid.model.elements import (
     in_run,
     literal,
     multiplied,
-    pulses,
     signal,
     together,
 )
@@ -1070,3 +1069,10 @@ def _numbered(rows: Sequence[Row]) -> Iterator[tuple[Row, int]]:
         position = counts.get(row.name, 0)
         counts[row.name] = position + 1
         yield row, position
+
+
+def pulses(period: float, duty: float) -> Signal:
+    """Return a signal that is 1 for the first `duty` (0 .. 1) of every `period` [s] and 0 for the rest."""
+    if duty in (0.0, 1.0):
+        return Constant(duty)
+    return TableSignal(np.array([0.0, duty * period, period]), np.array([1.0, 0.0, 1.0]), hold=True, after="repeat")

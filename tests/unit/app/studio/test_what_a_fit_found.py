@@ -14,7 +14,6 @@ import pytest
 from planted import campaign
 from thermid.app.studio.desk import Desk
 from thermid.app.studio.project import Project
-from thermid.model.tree import parameter_table
 from thermid.reporting.objects import fit_object
 from thermid.simulation.runs import prepare
 
@@ -84,7 +83,7 @@ def apart_of(project: Project) -> None:
 def test_an_unticked_parameter_stays_where_its_slider_is_though_the_stage_has_a_prior_for_it(project: Project) -> None:
     found = project.fit("pair", {"foot_x.conductance": 0.9}, ("x.skin.effective_htc",))
     assert set(found.values.parameters) == {"x.skin.effective_htc"}
-    assert parameter_table(found.model)["foot_x.conductance"].parameter.expression.literal.value == pytest.approx(0.9)
+    assert found.model.parameter_table()["foot_x.conductance"].parameter.expression.literal.value == pytest.approx(0.9)
     again = project.fit("pair", {"foot_x.conductance": 0.9}, ("x.skin.effective_htc", "foot_x.conductance"))
     assert (
         again.values["foot_x.conductance"].prior == project.done["pair"].values["foot_x.conductance"].prior

@@ -13,7 +13,7 @@ from scipy import stats
 import thermid as td
 from thermid.base.dual import value_of
 from thermid.fit.calibration import Calibration, Request
-from thermid.inference._explain.candidates import changes_of, faults_of, missing_elements
+from thermid.inference._explain.candidates import faults_of, missing_elements
 from thermid.inference._explain.criticism import Candidate, Criticism, TraceCriticism, ljung_box, periodogram
 from thermid.inference._explain.diagnosis import Diagnosis, Suspect
 from thermid.inference._explain.plausibility import RangeCheck
@@ -355,6 +355,6 @@ def test_a_round_of_a_search_for_structures_refits_four_changes() -> None:
 
     rounds = iter([True])
     request = asked(box(BARE | INNER), samples=101)
-    found = search_structure(request, changes=lambda seen: list(changes_of(seen)) if next(rounds, False) else [], rounds=1)
+    found = search_structure(request, changes=lambda seen: list(seen.changes()) if next(rounds, False) else [], rounds=1)
     assert found.scored > 4
     assert [len(s.changes) for s in found.structures] == [0, 1, 1, 1, 1]

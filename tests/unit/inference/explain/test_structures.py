@@ -13,8 +13,8 @@ import pytest
 
 import thermid as td
 from thermid.fit.calibration import Request, fit
-from thermid.inference._explain.candidates import Fitted, changes_of
-from thermid.inference._explain.structures import TIE, adopted, fitted_structure, search_structure
+from thermid.inference._explain.candidates import Fitted
+from thermid.inference._explain.structures import TIE, fitted_structure, search_structure
 from unit.fit.bench import HTC, MASS, box, log
 
 BARE = {"surfaces/skin/effective_htc": "6 [W/(m^2 K)]", "nodes/case/mass": "1.5 [kg]"}
@@ -86,7 +86,7 @@ def test_one_more_mass_that_the_readings_cannot_tell_is_said() -> None:
 
 def test_the_adopted_request_is_a_fit_at_the_found_values() -> None:
     found = search_structure(asked(box(BARE | INNER)))
-    done = fit(adopted(found.proposed))
+    done = fit(found.proposed.full_request)
     for path, value in found.proposed.values.items():
         assert done[path].value == pytest.approx(value, rel=0.1)
 
@@ -111,7 +111,7 @@ def test_changes_of_a_pair_reach_both_and_what_is_between() -> None:
     record = td.Record.from_arrays("r", run.times, channels)
     request = Request(model, (record,), ("a.capacitance",), {"*": td.Scenario("s", boundaries={"room": "20 [degC]"})})
     one = fitted_structure((), request, {})
-    changes = {c.name: c for c in changes_of(Fitted.of_problem(request, one.problem, one.end.fitted))}
+    changes = {c.name: c for c in Fitted.of_problem(request, one.problem, one.end.fitted).changes()}
     for words in (
         "a contact between 'a' and 'b'",
         "a mass that 'a', 'b' stand on",

@@ -10,8 +10,9 @@ import numpy as np
 import pytest
 
 import thermid as td
-from thermid.model.elements import Mixed, Signal, Sine, TableSignal, added, multiplied
+from thermid.model.elements import Mixed, Signal, Sine, TableSignal, multiplied
 from thermid.simulation._many.kept import digest
+from thermid.simulation._network.irradiation import added
 
 DAY, HOUR = Sine(295.0, 4.0, 86400.0), Sine(1.0, 0.1, 3600.0)
 

@@ -6,7 +6,6 @@ import json
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from html import escape
 from itertools import count, islice
 from pathlib import Path
 from typing import Any, Final
@@ -16,33 +15,18 @@ import numpy as np
 from thermid.base.arguments import takes_objects
 from thermid.base.errors import ThermidError
 from thermid.base.results import Result
-from thermid.base.units import counted, from_si, in_si, unit
+from thermid.base.units import counted, in_si, unit
+from thermid.measure._readers.columns import decimal_sign
+from thermid.measure._readers.common_step import CLOCKS_APART, CommonStep, LogCourse, common_step, zone_shared
+from thermid.measure._readers.formats import log_cells
+from thermid.measure._readers.guess import Column, columns_of
+from thermid.measure._readers.headers import name_and_unit
+from thermid.measure._readers.questions import board_restarts, hidden_switches, lost_hour, repeated_stamps, unit_question
+from thermid.measure._readers.stamps import Clock, Times, clock_column, read_times, zone_offset
+from thermid.measure._readers.textfile import Cells
+from thermid.measure._record.channel import SENSOR_FAULT_CODES, Channel, even_step, gap_from, usual_step
+from thermid.measure._record.record import thinned_step
 from thermid.measure.amounts import duration_text, short
-from thermid.measure.readers import (
-    CLOCKS_APART,
-    Cells,
-    Clock,
-    Column,
-    CommonStep,
-    LogCourse,
-    Times,
-    board_restarts,
-    clock_column,
-    columns_of,
-    common_step,
-    decimal_sign,
-    hidden_switches,
-    log_cells,
-    lost_hour,
-    name_and_unit,
-    read_times,
-    repeated_stamps,
-    unit_question,
-    zone_offset,
-    zone_shared,
-)
-from thermid.measure.records import SENSOR_FAULT_CODES, Channel, even_step, gap_from, thinned_step, usual_step
-from thermid.reporting._pictures.chart import DASHES, SERIES, Panel, Stroke, chart, time_unit
 
 ACCURACY: Final = 'add accuracy = "0.5 [K]" to each thermometer, half of the +-1 K of its data sheet; no log shows it'
 SUPPLY: Final = "P_supply"
@@ -50,7 +34,6 @@ _ELECTRIC: Final = re.compile(r"\A([vuia]|volts?|voltage|spannung|tens[aã]o|amp
 """A word that tells a voltage from a current, a number after it apart: `proc V` and `proc A`, `U1` and `I1` are of one supply each."""
 _BLOCKS: Final = "▁▂▃▄▅▆▇█"
 _SHOWN: Final = ("temperature", "boundary", "power", "duty")
-_PANELS: Final = (("temperature", "°C", ("temperature", "boundary")), ("power", "W", ("power",)), ("duty", "%", ("duty",)))
 MANY_READINGS: Final = 6000
 """Readings of a log from which its lines for a campaign thin it as `init` does: fits of 18,000 take minutes, and means lose nothing."""
 _STAMP: Final = re.compile(r"\d{4}-\d{2}-\d{2}[T ]\d{2}:\d{2}(:\d{2})?")
@@ -316,44 +299,6 @@ class Look(Result):
             "notes": list(self.cells.notes),
             "campaign": self.campaign(),
         }
-
-    def svg(self) -> str:
-        """Return a picture of temperatures, powers and duties over time, with a legend.
-
-        Raises
-        ------
-        ThermidError   When times cannot be read or no column is known.
-        """
-        if self.times is None:
-            raise ThermidError(f"nothing to draw: {self.problem}", self.path.name, code="result.nothing-to-draw")
-        length, unit_name = time_unit(float(self.times.values[-1] - self.times.values[0]))
-        x = (self.times.values - self.times.values[0]) / length
-        panels: list[Panel] = []
-        legend: list[tuple[str, str, str]] = []
-        for name, shown, guesses in _PANELS:
-            lines = []
-            for c in (c for c in self.columns if c.guess in guesses and c.good.any()):
-                k = len(legend)
-                colour, dash = SERIES[k % len(SERIES)], " ".join(f"{v:g}" for v in DASHES[k // len(SERIES) % len(DASHES)])
-                lines.append(
-                    Stroke(
-                        c.name,
-                        x[c.good],
-                        from_si(in_si(c.values, c.unit), {"°C": "degC"}.get(shown, shown))[c.good],
-                        (f"--s{k % len(SERIES)}", colour),
-                        dash=dash,
-                    )
-                )
-                legend.append((c.name, colour, dash))
-            if lines:
-                panels.append(Panel(name, shown, lines, share=2.0 if name == "temperature" else 1.0))
-        if not panels:
-            raise ThermidError(
-                "nothing to draw: no column is recognised as a temperature, power or duty cycle. Give its unit.",
-                self.path.name,
-                code="result.nothing-to-draw",
-            )
-        return _standing(panels, legend, self.path.name, unit_name)
 
 
 _OF_DAY = re.compile(r"(\d{1,2}):(\d{2})(?::(\d{2}(?:[.,]\d+)?))?(?:\s*([AaPp])\.?[Mm])?")
@@ -635,25 +580,6 @@ STAMPS_APART = 60.0
 """By how much stamps of two computers are usually apart: a step with a larger error that agrees with them tells less than they do. [s]"""
 MAX_OFFSET_ERRORS = 3.0
 """Standard errors of an offset that a fit may look for it in, and beyond which stamps disagree with it. [-]"""
-
-
-def _standing(panels: Sequence[Panel], legend: Sequence[tuple[str, str, str]], name: str, unit_name: str) -> str:
-    """Return a picture that stands by itself: white, with a title and a legend above the axes."""
-    wide, tall = 760.0, 170.0 + 130.0 * len(panels)
-    markup = chart(panels, key="look", label=f"Log {name}", x_name=("time", unit_name), size=(wide, tall))
-    across = [(52.0 + 176.0 * (k % 4), 44.0 + 18.0 * (k // 4)) for k in range(len(legend))]
-    entries = "".join(
-        f'<path d="M{x:g} {y - 4:g}h22" style="stroke:{colour};stroke-width:2;stroke-dasharray:{dash or "none"}"/>'
-        f'<text x="{x + 28:g}" y="{y:g}">{escape(_short(text, 22))}</text>'
-        for (x, y), (text, colour, dash) in zip(across, legend, strict=True)
-    )
-    top = across[-1][1] + 12.0
-    inner = markup.replace("<svg ", f'<svg x="0" y="{top:g}" width="{wide:g}" height="{tall:g}" ', 1)
-    return (
-        f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {wide:g} {top + tall:g}" width="{wide:g}" height="{top + tall:g}" '
-        f'style="font:12px system-ui,sans-serif"><rect width="100%" height="100%" style="fill:#fff"/>'
-        f'<text x="52" y="20" style="font-weight:600">{escape(name)}</text>{entries}{inner}</svg>'
-    )
 
 
 def _drawn(column: Column, width: int) -> str:

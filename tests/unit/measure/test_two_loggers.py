@@ -14,10 +14,9 @@ import pytest
 from typer.testing import CliRunner
 
 from thermid.app.cli.app import app
-from thermid.measure._readers.common_step import CommonStep
-from thermid.measure.readers import LogCourse, common_step, zone_shared
-from thermid.reporting._pictures.look import _OffsetSoFar, _Way
-from thermid.reporting.looks import Look, clock_lines, clocks_of, look, named_apart
+from thermid.measure._readers.common_step import CommonStep, LogCourse, common_step, zone_shared
+from thermid.measure._readers.look import _OffsetSoFar, _Way
+from thermid.measure.looks import Look, clock_lines, clocks_of, look, named_apart
 
 
 @pytest.fixture(scope="module")
@@ -405,7 +404,7 @@ def test_stamps_tell_more_than_a_step_that_only_a_slow_mass_shows(tmp_path: Path
     supply = bench_log(tmp_path / "supply.csv", (), -40.0, "08:28:50", step=5.0)
     dull = CommonStep(331.0, 158.0, "battery", "P", 0.99)
     with pytest.MonkeyPatch.context() as patched:
-        patched.setattr("thermid.reporting._pictures.look.common_step", lambda *courses: dull)
+        patched.setattr("thermid.measure._readers.look.common_step", lambda *courses: dull)
         (clock,) = clocks_of([first, supply])
         text = "\n".join(clock_lines([first, supply], [clock]))
     assert clock["at"]["by_stamps"]
@@ -466,7 +465,7 @@ def test_an_offset_that_stamps_of_two_clocks_gave_is_a_range_with_their_error(tm
     supply = bench_log(powers, (), 5.0, "08:30:46", step=5.0)
     steps = {("case", "board"): None, ("case", "P"): None, ("board", "P"): CommonStep(-25.5, 28.0, "board", "P", 0.99)}
     with pytest.MonkeyPatch.context() as patched:
-        patched.setattr("thermid.reporting._pictures.look.common_step", lambda a, b: steps[a[0].name, b[0].name])
+        patched.setattr("thermid.measure._readers.look.common_step", lambda a, b: steps[a[0].name, b[0].name])
         looks = [case, board, supply]
         (by_board, by_supply), lines = (clocks := clocks_of(looks)), joined_lines(looks, clocks)
         steps |= {(b, a): f and CommonStep(-f.offset, f.error, f.second, f.first, f.explained) for (a, b), f in steps.items()}
