@@ -215,16 +215,23 @@ def read_text(path: str | os.PathLike[str], encoding: str = "utf-8") -> str:
     return read_bytes(path).decode(encoding).replace("\r\n", "\n").replace("\r", "\n")
 
 
+PLAIN_KEY: Final = re.compile(r"[A-Za-z0-9_-]+")
+JSON_ENCODER: Final = json.JSONEncoder(ensure_ascii=False)
+"""As `json.dumps`, which makes an encoder for every text that is not to be ASCII."""
+
+
 def toml_key(name: str) -> str:
     """Return a key as TOML writes it, in quotes where it must be."""
-    return name if re.fullmatch(r"[A-Za-z0-9_-]+", name) else toml_value(name)
+    return name if PLAIN_KEY.fullmatch(name) else toml_value(name)
 
 
 def toml_value(value: Any) -> str:
     """Return a value on one line, with every digit. Its library takes time with the square of a table's length: 70 s for 12,000 rows."""
+    if type(value) is float:  # most of what is written
+        return repr(value)
     value = value.tolist() if hasattr(value, "tolist") else value  # of numpy
     if isinstance(value, str):
-        return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007F")  # a text of JSON is one of TOML, but for DEL
+        return JSON_ENCODER.encode(value).replace("\x7f", "\\u007F")  # a text of JSON is one of TOML, but for DEL
     if isinstance(value, bool):
         return "true" if value else "false"
     if isinstance(value, Mapping):
