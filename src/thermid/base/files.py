@@ -215,14 +215,9 @@ def read_text(path: str | os.PathLike[str], encoding: str = "utf-8") -> str:
     return read_bytes(path).decode(encoding).replace("\r\n", "\n").replace("\r", "\n")
 
 
-PLAIN_KEY: Final = re.compile(r"[A-Za-z0-9_-]+")
-JSON_ENCODER: Final = json.JSONEncoder(ensure_ascii=False)
-"""As `json.dumps`, which makes an encoder for every text that is not to be ASCII."""
-
-
 def toml_key(name: str) -> str:
     """Return a key as TOML writes it, in quotes where it must be."""
-    return name if PLAIN_KEY.fullmatch(name) else toml_value(name)
+    return name if re.fullmatch(r"[A-Za-z0-9_-]+", name) else toml_value(name)
 
 
 def toml_value(value: Any) -> str:
@@ -231,14 +226,12 @@ def toml_value(value: Any) -> str:
         return repr(value)
     value = value.tolist() if hasattr(value, "tolist") else value  # of numpy
     if isinstance(value, str):
-        return JSON_ENCODER.encode(value).replace("\x7f", "\\u007F")  # a text of JSON is one of TOML, but for DEL
-    if isinstance(value, bool):
-        return "true" if value else "false"
+        return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007F")  # a text of JSON is one of TOML, but for DEL
     if isinstance(value, Mapping):
         return "{" + ", ".join(f"{toml_key(str(key))} = {toml_value(inner)}" for key, inner in value.items()) + "}"
     if isinstance(value, list | tuple):
         return "[" + ", ".join(map(toml_value, value)) + "]"
-    return repr(value)
+    return repr(value).lower() if isinstance(value, bool) else repr(value)
 
 
 def parse_toml(text: str) -> dict[str, Any]:
