@@ -225,16 +225,16 @@ def toml_key(name: str) -> str:
 
 def toml_value(value: Any) -> str:
     """Return a value on one line, with every digit. Its library takes time with the square of a table's length: 70 s for 12,000 rows."""
+    if type(value) is float:  # most of what is written
+        return repr(value)
     value = value.tolist() if hasattr(value, "tolist") else value  # of numpy
     if isinstance(value, str):
         return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007F")  # a text of JSON is one of TOML, but for DEL
-    if isinstance(value, bool):
-        return "true" if value else "false"
     if isinstance(value, Mapping):
         return "{" + ", ".join(f"{toml_key(str(key))} = {toml_value(inner)}" for key, inner in value.items()) + "}"
     if isinstance(value, list | tuple):
         return "[" + ", ".join(map(toml_value, value)) + "]"
-    return repr(value)
+    return repr(value).lower() if isinstance(value, bool) else repr(value)
 
 
 def parse_toml(text: str) -> dict[str, Any]:
