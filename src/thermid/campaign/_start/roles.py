@@ -101,8 +101,8 @@ class Roles:
         """Whether the surroundings have a column."""
         return bool(self.surroundings) and "[" not in self.surroundings
 
-    def channels(self, noise: Mapping[str, float] | None = None, accuracy: float = 0.0) -> dict[str, dict[str, Any]]:
-        """Return the table of channels as a campaign has it; noise [K] by column, accuracy of every thermometer [K]."""
+    def channels(self, noise: Mapping[str, float] | None = None, accuracy: Mapping[str, float] | None = None) -> dict[str, dict[str, Any]]:
+        """Return the table of channels as a campaign has it; noise and accuracy [K] by column."""
         out: dict[str, dict[str, Any]] = {}
         for column, node in self.parts.items():
             out[column] = {"node": node}
@@ -119,11 +119,10 @@ class Roles:
         for column, text in self.units.items():
             if column in out and "gain" not in out[column]:
                 out[column]["unit"] = text
-        for column, size in (noise or {}).items():
-            if column in out:
-                out[column]["noise"] = f"{size:.3g} [K]"
-        for table in (t for t in out.values() if accuracy and ("node" in t or "boundary" in t)):
-            table["accuracy"] = f"{accuracy:.3g} [K]"
+        for key, sizes in (("noise", noise or {}), ("accuracy", accuracy or {})):
+            for column, size in sizes.items():
+                if column in out:
+                    out[column][key] = f"{size:.3g} [K]"
         return out
 
     def read(self, path: Path, noise: Mapping[str, float] | None = None) -> Record:
@@ -350,9 +349,15 @@ def noise_of(channel: Channel) -> float:
     return float(max(size, step / 12.0**0.5, 1e-3))
 
 
-def with_noise(record: Record, stated: Mapping[str, float] | None = None, accuracy: float = ACCURACY) -> tuple[Record, dict[str, float]]:
-    """Return a record whose temperatures have a noise and the accuracy of their instruments, and the noise of parts by column. [K]"""
+def with_noise(
+    record: Record, stated: Mapping[str, float] | None = None, accuracy: float = ACCURACY, reference: bool = False
+) -> tuple[Record, dict[str, float]]:
+    """Return a record whose temperatures have a noise and the accuracy of their instruments, and the noise of parts by column. [K]
+
+    Where the thermometer of the surroundings is the `reference`, the others have the accuracy of a difference to it.
+    """
     noises = {n: (stated or {}).get(n, noise_of(c)) for n, c in record.channels.items() if c.role == "node"}
-    around = [n for n, c in record.channels.items() if c.role == "boundary"]
+    around = [] if reference else [n for n, c in record.channels.items() if c.role == "boundary"]
+    accuracy *= 2.0**0.5 if reference else 1.0
     channels = [replace(record[n], noise=noises.get(n, record[n].noise), accuracy=accuracy) for n in (*noises, *around)]
     return record.with_channels(*channels), noises

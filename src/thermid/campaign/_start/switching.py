@@ -92,7 +92,7 @@ class Instants:
     def stepped(self, step: FloatArray) -> Instants:
         """Return the instants after a step (changes,). [s]"""
         moved = self.shifts + np.clip(step, -self.step, self.step)
-        return replace(self, shifts=np.clip(moved, -FARTHEST_SHIFT * self.step, FARTHEST_SHIFT * self.step))
+        return replace(self, shifts=np.clip(moved, -FARTHEST_SHIFT * self.step, 0.0))
 
 
 def found_instants(

@@ -78,9 +78,10 @@ def test_offsets_at_rest_are_found_said_and_written(hour: ModuleType, tmp_path: 
         true = bench.offsets[column] - bench.offsets["AMB"]
         assert abs(made["offsets_K"][column]["value"] - true) < 0.15, part
     campaign = (tmp_path / "p" / "campaign.toml").read_text()
-    assert campaign.count('accuracy = "0.5 [K]"') == 6  # three thermometers, fitted and judged
+    assert campaign.count('accuracy = "0.707 [K]"') == 4  # two thermometers, fitted and judged, against that of the room
     assert "BOX -0." in campaign
-    assert "begins at rest for" in campaign
+    assert "taken to begin at the temperature of AMB, +- 0.0" in campaign
+    assert tomllib.loads(campaign)["records"]["fit"]["local"].keys() == {"initial.box", "initial.plate"}
     code, done = said("calibrate", str(tmp_path / "p" / "campaign.toml"))
     assert code in (0, 5)
     values = done["stages"][0]["values"]
