@@ -151,7 +151,7 @@ def weights(model: Model, values: Mapping[str, float], roles: Roles, masses: Map
             total,
             0.0,
             *masses[part].bounds,
-            f"{masses[part].mass:.3g} kg with what is fixed to it",
+            f"{masses[part].mass:.3g} kg with what is fixed to it [J/K]",
             "table of init",
             meaning,
         )
@@ -186,7 +186,7 @@ def _checks(one: FittedStructure, roles: Roles, masses: Mapping[str, KnownMass])
         meaning = "A power is missing or wrong, or an instrument has an offset"
         if hidden and values[f"{node}.capacitance"] < least:
             meaning = f"'{hidden}' of {largest:.3g} J/K may be this part, behind its sensor: state --mass {node}=... or the paths"
-        yield check(f"{node}.capacitance", least, MOST_PART, "a part that carries a sensor", meaning)
+        yield check(f"{node}.capacitance", least, MOST_PART, "a part that carries a sensor [J/K]", meaning)
     for name, c in one.request.model.conductors.items():
         path = f"{name}.conductance"
         if path not in values:
@@ -202,7 +202,7 @@ def _checks(one: FittedStructure, roles: Roles, masses: Mapping[str, KnownMass])
             node = next(n for n in c.between if n != roles.boundary)
             size = masses[node].capacitance if node in masses else held.get(node, 0.0)
             most = MOST_FILM * FLATTEST * (size / LEAST_HEAT) ** (2.0 / 3.0)
-            what = f"the loss of a part of {size:.3g} J/K"
+            what = f"the loss of a part of {size:.3g} J/K [W/K]"
             yield check(
                 path, 0.0, most, what, "Its heat capacity is too small, or heat leaves by a mount or a fan that is not in the model"
             )

@@ -198,12 +198,20 @@ def test_a_deck_to_begin_with_is_kept(tmp_path: Path) -> None:
     assert done["stages"][0]["values"]["film.htc"] == pytest.approx(10.0, rel=0.03)
 
 
-@pytest.mark.parametrize(("unit", "what"), [("A2", "the square of a current"), ("kW/m2", "a power by area"), ("A", "a current")])
-def test_a_column_that_a_power_may_follow_from_is_asked_about(tmp_path: Path, unit: str, what: str) -> None:
+@pytest.mark.parametrize(
+    ("unit", "what", "ask"),
+    [
+        ("A2", "the square of a current", "is it a power? If so, give --formula P='X * "),
+        ("kW/m2", "a power by area", "is it a power? If so, give --formula P='X * "),
+        ("A", "a current", "is it a power? If so, give --formula P='V * X'"),
+        ("1/min", "a speed or a frequency", "is it a fan's?"),
+    ],
+)
+def test_a_column_that_only_its_owner_can_explain_is_asked_about(tmp_path: Path, unit: str, what: str, ask: str) -> None:
     log = plate(tmp_path / "log.csv", f"T_plate [degC],T_room [degC],X [{unit}]")
     _, made = said("init", str(log), "--to", str(tmp_path / "p"), "--evaluations", "50")
     (question,) = made["questions"]
-    assert question.startswith(f"X is {what} [{unit}]: is it a power?")
+    assert question.startswith(f"X is {what} [{unit}]: {ask}")
 
 
 def test_a_power_by_formula_is_taken_from_volts_and_amperes(tmp_path: Path) -> None:
