@@ -504,25 +504,21 @@ def beginning_rest(record: Record, roles: Roles, noise: Mapping[str, float], acc
     size = int(np.argmin(off)) or (off.size if off.all() else 0)
     if not roles.powers or size < MIN_REST_READINGS:
         return Rest()
-    changes: dict[str, tuple[float, float]] = {}  # of the mean, and what noise explains
-    mean = 0.0  # of the surroundings
+    changes: dict[str, tuple[float, float, float]] = {}  # of the mean, what noise explains of it, and the mean
     for c in (record[c] for c in (*roles.parts, roles.surroundings) if c in record.channels):
         values = c.values[:size][c.valid[:size]]
         if (half := values.size // 2) >= MIN_REST_READINGS // 2:
             by_noise = 3.0 * (noise.get(c.name) or noise_of(c)) / half**0.5 + 0.02
-            changes[c.name] = float(values[half:].mean() - values[:half].mean()), by_noise
-            mean = float(values.mean()) if c.name == roles.surroundings else mean
-    around, by_noise_around = changes.get(roles.surroundings, (0.0, 0.0))
+            changes[c.name] = float(values[half:].mean() - values[:half].mean()), by_noise, float(values.mean())
+    around, by_noise_around, mean = changes.get(roles.surroundings, (0.0, 0.0, 0.0))
     parts = {c: changes[c] for c in roles.parts if c in changes}
-    follows = all(min(around, 0.0) - limit <= change <= max(around, 0.0) + limit for change, limit in parts.values())
-    drift = max((abs(change - around) for change, _ in parts.values()), default=np.inf)
-    steady = abs(around) <= by_noise_around and all(abs(change) <= limit for change, limit in parts.values())
+    follows = all(min(around, 0.0) - limit <= change <= max(around, 0.0) + limit for change, limit, _ in parts.values())
+    drift = max((abs(change - around) for change, *_ in parts.values()), default=np.inf)
+    steady = abs(around) <= by_noise_around and all(abs(change) <= limit for change, limit, _ in parts.values())
     silent = tuple(c for c in roles.parts if c in record.channels and c not in parts)
     shows = bool(parts) and (steady or (follows and drift <= MAX_REST_DRIFT * accuracy))
-    starts = {}
-    if shows and mean:
-        start = LocalSpec(f"{mean - around - 273.15:.3f} [degC]", float(f"{2.0 * abs(around) + by_noise_around:.2g}"))
-        starts = {f"initial.{roles.parts[c]}": start for c in parts}
+    start = LocalSpec(f"{mean - around:.6g} [K]", float(f"{2.0 * abs(around) + by_noise_around:.2g}"))
+    starts = {f"initial.{roles.parts[c]}": start for c in parts} if shows and mean else {}
     return Rest(float(record.times[size - 1] - record.times[0]), drift, steady, shows, silent, starts)
 
 

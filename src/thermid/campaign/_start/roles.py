@@ -293,7 +293,7 @@ def _question(column: Column) -> str:
     except ThermidError:
         return ""
     for slot, (what, ask) in _QUESTIONS.items():
-        if of == unit(slot).dimension and (slot != "1/s" or np.nanmin(column.values) < 0.9 * np.nanmax(column.values)):
+        if of == unit(slot).dimension:
             name = column.name if column.name.isidentifier() else f"`{column.name}`"
             return f"{column.name} is {what} [{column.unit}]: {ask.format(name)}."
     return ""
@@ -360,6 +360,6 @@ def with_noise(
     """
     noises = {n: (stated or {}).get(n, noise_of(c)) for n, c in record.channels.items() if c.role == "node"}
     around = [] if reference else [n for n, c in record.channels.items() if c.role == "boundary"]
-    accuracy *= 2.0**0.5 if reference else 1.0
-    channels = [replace(record[n], noise=noises.get(n, record[n].noise), accuracy=accuracy) for n in (*noises, *around)]
+    accuracy = float(np.hypot(accuracy, accuracy)) if reference else accuracy
+    channels = (replace(record[n], noise=noises.get(n, record[n].noise), accuracy=accuracy) for n in (*noises, *around))
     return record.with_channels(*channels), noises

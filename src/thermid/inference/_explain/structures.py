@@ -170,8 +170,7 @@ class StructureSearch:
 
     def likelihood(self, one: FittedStructure) -> float:
         """Logarithm of the Bayes factor over the structure at the beginning. [-]"""
-        noise = _noise_of(self.structures)
-        return float(one.weighing.averaged[noise] - self.start.weighing.averaged[noise])
+        return float((one.weighing.averaged - self.start.weighing.averaged)[_noise_of(self.structures)])
 
     @property
     def ties(self) -> tuple[FittedStructure, ...]:
@@ -344,8 +343,11 @@ class _Searching:
         The best of many that do nothing gains about the logarithm of their number, and every mass more that one change brings, such as a
         lag of each sensor, gains by chance as a change of its own would.
         """
-        threshold = self.log(best) + math.log(max(tried, 1))
-        return [m for m in candidates if m.possible and self.log(m) > threshold + TIE * max(m.nodes - best.nodes, 1)]
+        return [
+            m
+            for m in candidates
+            if m.possible and self.log(m) - self.log(best) > math.log(max(tried, 1)) + TIE * max(m.nodes - best.nodes, 1)
+        ]
 
     def _challenged(self, best: FittedStructure) -> FittedStructure:
         """Return the best after the likeliest structures of one mass more were refitted.

@@ -80,7 +80,7 @@ def test_offsets_at_rest_are_found_said_and_written(hour: ModuleType, tmp_path: 
     campaign = (tmp_path / "p" / "campaign.toml").read_text()
     assert campaign.count('accuracy = "0.707 [K]"') == 4  # two thermometers, fitted and judged, against that of the room
     assert "BOX -0." in campaign
-    assert "taken to begin at the temperature of AMB, +- 0.0" in campaign
+    assert "of AMB, +- 0.0" in campaign
     assert tomllib.loads(campaign)["records"]["fit"]["local"].keys() == {"initial.box", "initial.plate"}
     code, done = said("calibrate", str(tmp_path / "p" / "campaign.toml"))
     assert code in (0, 5)
