@@ -16,7 +16,7 @@ import tomlkit
 from thermid.base.errors import NameNotFoundError, RecordError, ThermidError, nearest
 from thermid.base.extensions import by_grammar, file_kinds, json_schema
 from thermid.base.files import FileKind, FileKinds, may_write, parse_toml, read_text, write_bytes, write_text
-from thermid.campaign._start.proposal import LOOSE_AMBIENT, Proposal, orders_text
+from thermid.campaign._start.proposal import Proposal, orders_text
 from thermid.campaign._start.switching import instants_text, with_instants
 from thermid.fit.calibration import LocalSpec, Request
 from thermid.measure.records import Record, thinned_step
@@ -431,14 +431,21 @@ def _campaign(
 ) -> str:
     """Return the campaign: the logs, one stage, one verdict."""
     seats = {c.name: str(c.target) for c in request.records[0].channels.values() if c.role == "node"}
-    channels = _channels(proposal, seats)
+    channels = _channels(proposal, request, seats)
     whole = {p.channel: p.column for p in proposal.roles.powers if p.share}
     step = thinned_step(max(r.duration for r in fitted)) if max(r.times.size for r in fitted) > 600 else 0.0
     prepare = {"prepare": [{"resample": {"step": f"{step:g} [s]"}}]} if step else {}
     records = {
-        r.name: {"file": f"logs/{r.name}.csv", **prepare, **_gases(r), "channels": _written(r, channels, whole)} for r in (*fitted, holdout)
+        r.name: {
+            "file": f"logs/{r.name}.csv",
+            **prepare,
+            **_gases(r),
+            "channels": _written(r, channels, whole),
+            **({"local": starts} if (starts := _local(request.record_local.get(r.name, {}))) else {}),
+        }
+        for r in (*fitted, holdout)
     }
-    local, priors = _local(request), {path: {"mean": mean, "sd": sd} for path, (mean, sd) in request.priors.items()}
+    local, priors = _local(request.local), {path: {"mean": mean, "sd": sd} for path, (mean, sd) in request.priors.items()}
     stage: dict[str, Any] = {"name": "first fit", "model": deck, "records": [r.name for r in fitted], "free": list(request.free)}
     stage |= {k: v for k, v in (("scenario", _stage_scenario(proposal, request)), ("priors", priors), ("local", local)) if v}
     criteria = {"sensors": {c: {"rmse": f"{_limit(proposal, fitted, c):.2g} [K]"} for c in seats}}
@@ -482,9 +489,10 @@ def _written(record: Record, channels: Mapping[str, Mapping[str, Any]], whole: M
     return inside
 
 
-def _channels(proposal: Proposal, seats: Mapping[str, str]) -> dict[str, dict[str, Any]]:
+def _channels(proposal: Proposal, request: Request, seats: Mapping[str, str]) -> dict[str, dict[str, Any]]:
     """Return column -> its table: thermometers at the nodes that they read, powers with a row at every change where it was found."""
-    channels = proposal.roles.channels(proposal.noise, proposal.known.accuracy)
+    accuracy = {c.name: c.accuracy for r in request.records for c in r.channels.values() if c.accuracy}
+    channels = proposal.roles.channels(proposal.noise, accuracy)
     for column, node in seats.items():
         channels[column]["node"] = node
     for power in proposal.roles.powers if proposal.instants else ():
@@ -537,10 +545,6 @@ def _stage_scenario(proposal: Proposal, request: Request) -> dict[str, Any]:
     return {**out, **({"initial": initial} if initial else {})}
 
 
-def _local(request: Request) -> dict[str, dict[str, str]]:
-    """Return what each record has for itself, as tables of a campaign."""
-    out: dict[str, dict[str, str]] = {}
-    for name, spec in request.local.items():
-        sd = {"sd": f"{LOOSE_AMBIENT:g} [K]"} if isinstance(spec, LocalSpec) and math.isfinite(spec.sd) else {}
-        out[name] = {"start": spec.start, **sd}
-    return out
+def _local(specs: Mapping[str, LocalSpec]) -> dict[str, dict[str, str]]:
+    """Return what a record has for itself, as tables of a campaign."""
+    return {name: {"start": spec.start, **({"sd": f"{spec.sd:.3g} [K]"} if math.isfinite(spec.sd) else {})} for name, spec in specs.items()}

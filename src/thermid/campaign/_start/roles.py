@@ -101,8 +101,8 @@ class Roles:
         """Whether the surroundings have a column."""
         return bool(self.surroundings) and "[" not in self.surroundings
 
-    def channels(self, noise: Mapping[str, float] | None = None, accuracy: float = 0.0) -> dict[str, dict[str, Any]]:
-        """Return the table of channels as a campaign has it; noise [K] by column, accuracy of every thermometer [K]."""
+    def channels(self, noise: Mapping[str, float] | None = None, accuracy: Mapping[str, float] | None = None) -> dict[str, dict[str, Any]]:
+        """Return the table of channels as a campaign has it; noise and accuracy [K] by column."""
         out: dict[str, dict[str, Any]] = {}
         for column, node in self.parts.items():
             out[column] = {"node": node}
@@ -119,11 +119,10 @@ class Roles:
         for column, text in self.units.items():
             if column in out and "gain" not in out[column]:
                 out[column]["unit"] = text
-        for column, size in (noise or {}).items():
-            if column in out:
-                out[column]["noise"] = f"{size:.3g} [K]"
-        for table in (t for t in out.values() if accuracy and ("node" in t or "boundary" in t)):
-            table["accuracy"] = f"{accuracy:.3g} [K]"
+        for key, sizes in (("noise", noise or {}), ("accuracy", accuracy or {})):
+            for column, size in sizes.items():
+                if column in out:
+                    out[column][key] = f"{size:.3g} [K]"
         return out
 
     def read(self, path: Path, noise: Mapping[str, float] | None = None) -> Record:
@@ -233,7 +232,7 @@ def roles_of(
         parts = {n: word(n) for n in parts}
     if not parts:
         raise RecordError(
-            "no column is recognised as the temperature of a part. Name them: --temperature COLUMN=PART.",
+            f"no column is recognised as the temperature of a part. Name them: --temperature COLUMN=PART. Columns: {', '.join(columns)}.",
             path.name,
             code="record.nothing-there",
         )
@@ -245,7 +244,7 @@ def roles_of(
     used = {n for text in formulas.values() for n in columns if re.search(rf"(?<!\w){re.escape(n)}(?!\w)", text)}
     others = {n: c for n, c in columns.items() if n not in taken | used and c.guess != "time"}
     rest = {n: "never on" if _idle(c.values) and c.guess in ("power", "duty") else c.why for n, c in others.items()}
-    questions = tuple(q for n in rest if (q := _power_question(columns[n])))
+    questions = tuple(q for n in rest if (q := _question(columns[n])))
     return Roles(parts, around, logged_powers, units, time, {n: columns[n].why for n in taken if n in columns}, rest, questions=questions)
 
 
@@ -283,28 +282,30 @@ def _with_shares(powers: Sequence[Power], path: Path) -> tuple[Power, ...]:
     return tuple(out)
 
 
-def _power_question(column: Column) -> str:
-    """Return what to ask about a column that a power may follow from: a current or its square, a voltage, a power by area, an energy."""
+def _question(column: Column) -> str:
+    """Return what to ask about a column that a power may follow from, such as a current, or whose changes a model would have to know."""
     if _idle(column.values) or not column.unit:
         return ""
     try:
         of = unit(re.sub(r"(?<=[A-Za-z])(?=\d)", "^", column.unit)).dimension  # loggers write A2 and kW/m2
     except ThermidError:
         return ""
-    for slot, (what, how) in _OF_POWER.items():
+    for slot, (what, ask) in _QUESTIONS.items():
         if of == unit(slot).dimension:
-            return f"{column.name} is {what} [{column.unit}]: is it a power? If so, give {how}."
+            name = column.name if column.name.isidentifier() else f"`{column.name}`"
+            return f"{column.name} is {what} [{column.unit}]: {ask.format(name)}."
     return ""
 
 
-_OF_POWER = {
-    "A": ("a current", "--formula P='V * I', with its voltage"),
-    "A^2": ("the square of a current", "--formula P='X * 4.7 [ohm]', with its resistance"),
-    "V": ("a voltage", "--formula P='V * I', with its current"),
-    "W/m^2": ("a power by area", "--formula P='X * 20 [cm^2]', with the area that it falls on"),
-    "J": ("an energy", "power = { energy = ... } of a channel in the campaign"),
+_QUESTIONS = {
+    "A": ("a current", "is it a power? If so, give --formula P='V * {}', V the column of its voltage"),
+    "A^2": ("the square of a current", "is it a power? If so, give --formula P='{} * 4.7 [ohm]', with its resistance"),
+    "V": ("a voltage", "is it a power? If so, give --formula P='{} * I', I the column of its current"),
+    "W/m^2": ("a power by area", "is it a power? If so, give --formula P='{} * 20 [cm^2]', with the area that it falls on"),
+    "J": ("an energy", "is it a power? If so, give power = {{ energy = ... }} of a channel in the campaign"),
+    "1/s": ("a speed or a frequency", "is it a fan's? Losses change with it, which no structure tried here does: give logs of one speed"),
 }
-"""Unit of a column from which a power may follow -> what it is, and how the power follows."""
+"""Unit of a column -> what it is, and what to ask about it."""
 
 
 def named_part(name: str, parts: Mapping[str, str]) -> str:
@@ -348,9 +349,15 @@ def noise_of(channel: Channel) -> float:
     return float(max(size, step / 12.0**0.5, 1e-3))
 
 
-def with_noise(record: Record, stated: Mapping[str, float] | None = None, accuracy: float = ACCURACY) -> tuple[Record, dict[str, float]]:
-    """Return a record whose temperatures have a noise and the accuracy of their instruments, and the noise of parts by column. [K]"""
+def with_noise(
+    record: Record, stated: Mapping[str, float] | None = None, accuracy: float = ACCURACY, reference: bool = False
+) -> tuple[Record, dict[str, float]]:
+    """Return a record whose temperatures have a noise and the accuracy of their instruments, and the noise of parts by column. [K]
+
+    Where the thermometer of the surroundings is the `reference`, the others have the accuracy of a difference to it.
+    """
     noises = {n: (stated or {}).get(n, noise_of(c)) for n, c in record.channels.items() if c.role == "node"}
-    around = [n for n, c in record.channels.items() if c.role == "boundary"]
-    channels = [replace(record[n], noise=noises.get(n, record[n].noise), accuracy=accuracy) for n in (*noises, *around)]
+    around = [] if reference else [n for n, c in record.channels.items() if c.role == "boundary"]
+    accuracy = float(np.hypot(accuracy, accuracy)) if reference else accuracy
+    channels = (replace(record[n], noise=noises.get(n, record[n].noise), accuracy=accuracy) for n in (*noises, *around))
     return record.with_channels(*channels), noises

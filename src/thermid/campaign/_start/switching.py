@@ -124,8 +124,8 @@ def found_instants(
         cost, instants, at = other
     if any(float(np.ptp(f.shifts)) > 1.1 * f.step for f in instants.values()):
         return {}  # each is in the interval before its sample, on one clock: what differs by more is no instant, but a mass
-    if all(float(np.max(np.abs(f.shifts))) < 0.2 * f.step for f in instants.values()):
-        return {}  # they were logged when they changed
+    if all(float(np.max(np.abs(f.shifts))) < 0.2 * f.step or float(np.min(f.shifts)) > 0.0 for f in instants.values()):
+        return {}  # they were logged when they changed, or all before, and then their heat arrives through a mass
     return instants if rival.end.cost - cost > PROVES_INSTANT * reduced * sum(f.shifts.size for f in instants.values()) else {}
 
 

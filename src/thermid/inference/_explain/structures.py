@@ -228,8 +228,7 @@ class StructureSearch:
 
     def likelihood(self, one: FittedStructure) -> float:
         """Logarithm of the Bayes factor over the structure at the beginning. [-]"""
-        noise = noise_of(s.weighing for s in self.structures)
-        return float(one.weighing.averaged[noise] - self.start.weighing.averaged[noise])
+        return float((one.weighing.averaged - self.start.weighing.averaged)[_noise_of(self.structures)])
 
     @property
     def ties(self) -> tuple[FittedStructure, ...]:
@@ -402,8 +401,11 @@ class _Searching:
         The best of many that do nothing gains about the logarithm of their number, and every mass more that one change brings, such as a
         lag of each sensor, gains by chance as a change of its own would.
         """
-        threshold = self.log(best) + math.log(max(tried, 1))
-        return [m for m in candidates if m.possible and self.log(m) > threshold + TIE * max(m.nodes - best.nodes, 1)]
+        return [
+            m
+            for m in candidates
+            if m.possible and self.log(m) - self.log(best) > math.log(max(tried, 1)) + TIE * max(m.nodes - best.nodes, 1)
+        ]
 
     def _challenged(self, best: FittedStructure) -> FittedStructure:
         """Return the best after the likeliest structures of one mass more were refitted.
@@ -460,8 +462,8 @@ class _Searching:
         return structure
 
     def log(self, one: FittedStructure) -> float:
-        """Return the logarithm of how likely readings are, under the noise of the likeliest structure."""
-        return float(one.weighing.averaged[noise_of(s.weighing for s in self.done)])
+        """Return the logarithm of how likely readings are, under the noise of all."""
+        return float(one.weighing.averaged[_noise_of(self.done)])
 
     def _rank(self, one: FittedStructure) -> tuple[int, int, int, float]:
         """Return what the simplest of equals is least in: masses, laws that bend, values, then how unlikely readings are.
@@ -475,6 +477,14 @@ class _Searching:
         likelihood = self.log(best)
         alike = [s for s in self.done if (s.possible or not s.changes) and self.log(s) > likelihood - TIE * max(best.nodes - s.nodes, 1)]
         return min(alike, key=self._rank) if alike else best
+
+
+def _noise_of(structures: Sequence[FittedStructure]) -> int:
+    """Return the column by which structures are compared: the likeliest noise of the one that leaves the least.
+
+    That of the likeliest one would take a misfit of 0.5 K for noise that wanders, as long as no single change takes all of it away.
+    """
+    return noise_of([min(structures, key=lambda s: s.end.chi_square).weighing])
 
 
 def _pair(a: PromisedChange, b: PromisedChange) -> PromisedChange:

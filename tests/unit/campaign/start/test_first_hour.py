@@ -78,9 +78,10 @@ def test_offsets_at_rest_are_found_said_and_written(hour: ModuleType, tmp_path: 
         true = bench.offsets[column] - bench.offsets["AMB"]
         assert abs(made["offsets_K"][column]["value"] - true) < 0.15, part
     campaign = (tmp_path / "p" / "campaign.toml").read_text()
-    assert campaign.count('accuracy = "0.5 [K]"') == 6  # three thermometers, fitted and judged
+    assert campaign.count('accuracy = "0.707 [K]"') == 4  # two thermometers, fitted and judged, against that of the room
     assert "BOX -0." in campaign
-    assert "begins at rest for" in campaign
+    assert "of AMB, +- 0.0" in campaign
+    assert tomllib.loads(campaign)["records"]["fit"]["local"].keys() == {"initial.box", "initial.plate"}
     code, done = said("calibrate", str(tmp_path / "p" / "campaign.toml"))
     assert code in (0, 5)
     values = done["stages"][0]["values"]
@@ -197,12 +198,20 @@ def test_a_deck_to_begin_with_is_kept(tmp_path: Path) -> None:
     assert done["stages"][0]["values"]["film.htc"] == pytest.approx(10.0, rel=0.03)
 
 
-@pytest.mark.parametrize(("unit", "what"), [("A2", "the square of a current"), ("kW/m2", "a power by area"), ("A", "a current")])
-def test_a_column_that_a_power_may_follow_from_is_asked_about(tmp_path: Path, unit: str, what: str) -> None:
+@pytest.mark.parametrize(
+    ("unit", "what", "ask"),
+    [
+        ("A2", "the square of a current", "is it a power? If so, give --formula P='X * "),
+        ("kW/m2", "a power by area", "is it a power? If so, give --formula P='X * "),
+        ("A", "a current", "is it a power? If so, give --formula P='V * X'"),
+        ("1/min", "a speed or a frequency", "is it a fan's?"),
+    ],
+)
+def test_a_column_that_only_its_owner_can_explain_is_asked_about(tmp_path: Path, unit: str, what: str, ask: str) -> None:
     log = plate(tmp_path / "log.csv", f"T_plate [degC],T_room [degC],X [{unit}]")
     _, made = said("init", str(log), "--to", str(tmp_path / "p"), "--evaluations", "50")
     (question,) = made["questions"]
-    assert question.startswith(f"X is {what} [{unit}]: is it a power?")
+    assert question.startswith(f"X is {what} [{unit}]: {ask}")
 
 
 def test_a_power_by_formula_is_taken_from_volts_and_amperes(tmp_path: Path) -> None:

@@ -36,8 +36,28 @@ def test_a_still_room_and_one_that_drifts_are_rest() -> None:
     assert (still.seconds, still.steady, still.shows, still.silent) == (2400.0, True, True, ())
     assert (drifting.seconds, drifting.steady, drifting.shows) == (2400.0, False, True)
     assert drifting.drift == pytest.approx(0.15, abs=0.03)
-    value, error = drifting.offsets["plate"]
-    assert abs(value - 1.2) < 3 * error < 0.5
+    start = drifting.starts["initial.plate"]
+    assert float(start.start.split()[0]) == pytest.approx(295.15, abs=0.02)
+    assert start.sd == pytest.approx(0.5, abs=0.05)  # the room's drift, and noise
+
+
+@pytest.mark.parametrize(("hour", "since"), [(0.3, 0.0), (1.0, 1.0), (3.0, 2.0)])
+def test_a_part_that_follows_a_room_is_behind_it_by_no_more_than_is_said(hour: float, since: float) -> None:
+    """The mean difference stood with its own change as error: a part that had been behind all the time was 30 of them off."""
+    times, step = np.arange(-3600.0 * since, 3600.0, 30.0), 30.0
+    around = 295.15 + 0.3 * (times - times[0]) / 3600.0
+    part = np.full(times.size, around[0])
+    for k in range(1, times.size):
+        part[k] = part[k - 1] + (around[k - 1] - part[k - 1]) * step / (3600.0 * hour)
+    seen, rng = times >= 0.0, np.random.default_rng(5)
+    columns = {"plate": part[seen] + 1.2, "board": part[seen], "room": around[seen]}
+    channels = {n: td.Channel.from_array(n, v + 0.01 * rng.standard_normal(v.size), unit="K") for n, v in columns.items()}
+    power = td.Channel.from_array("P", np.where(times[seen] > 2400.0, 20.0, 0.0), quantity="power", unit="W")
+    found = beginning_rest(td.Record.from_arrays("r", times[seen], {**channels, "P": power}), ROLES, NOISE, 0.5)
+    start = found.starts["initial.plate"]
+    off = float(start.start.split()[0]) - part[seen][0]
+    assert abs(off) < 2.0 * start.sd
+    assert 0.2 < start.sd < 0.6
 
 
 @pytest.mark.parametrize(("plate", "room", "lag"), [(-10.0, 0.0, 36000.0), (-1.0, 0.5, 0.0), (0.5, 0.0, 0.0), (0.0, 1.5, 0.0)])

@@ -6,6 +6,7 @@ import multiprocessing
 from collections.abc import Callable
 from concurrent.futures import Executor, ProcessPoolExecutor, ThreadPoolExecutor
 from dataclasses import replace
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -14,7 +15,8 @@ import pytest
 import thermid as td
 from thermid.fit.calibration import Request, fit
 from thermid.inference._explain.candidates import Fitted
-from thermid.inference._explain.structures import TIE, fitted_structure, search_structure
+from thermid.inference._explain.structures import TIE, FittedStructure, StructureSearch, adopted, fitted_structure, search_structure
+from thermid.inference._explain.weighing import CauseScore
 from unit.fit.bench import HTC, MASS, box, log
 
 BARE = {"surfaces/skin/effective_htc": "6 [W/(m^2 K)]", "nodes/case/mass": "1.5 [kg]"}
@@ -158,3 +160,13 @@ def test_commands_that_act_late_are_found() -> None:
     request = Request(model, (record(noisy, levels),), ("a.capacitance", "loss.conductance"), scenario)
     found = search_structure(request)
     assert "commands that act 15 s late" in found.proposed.name
+
+
+def test_the_noise_is_that_of_the_structure_that_leaves_least() -> None:
+    """The likeliest structure took a misfit of 0.5 K for noise that wanders; structures with a fifth of it were then less likely."""
+    scores = [(np.array([[-100.0, -10.0]]), 1000.0), (np.array([[-12.0, -30.0]]), 100.0)]  # columns: white, and wandering
+    first, better = (
+        FittedStructure((), None, None, SimpleNamespace(chi_square=left), CauseScore(logs), 2)  # type: ignore[arg-type]
+        for logs, left in scores
+    )
+    assert StructureSearch((first, better), first, (), 1, 9, True).likelihood(better) == 88.0
