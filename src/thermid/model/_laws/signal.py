@@ -312,12 +312,6 @@ class TableSignal:
         before, after = np.diff(self.times[place - 1 : place + 2], append=np.inf)[:2]
         return float(before), float(after)
 
-    def delayed(self, place: int, by: float) -> TableSignal:
-        """Return the signal with the sample of index `place` later by `by`. [s]"""
-        times = self.times.copy()
-        times[place] += by
-        return replace(self, times=times)
-
     def mapped(self, law: Callable[[Array], Array]) -> TableSignal:
         """Return the signal with `law` applied to its values; lines between samples, or steps, stay so."""
         return replace(self, values=law(self.values), unit="")
