@@ -25,6 +25,7 @@ DECK = {
 }
 MODEL = td.model_from_dict(DECK)
 FREE = {"box.capacitance": (200.0, 450.0), "board.capacitance": (40.0, 90.0), "seat.conductance": (0.8, 2.5), "out.conductance": (0.3, 0.8)}
+AIR = td.Scenario("air", {"air": "20 [degC]"}, start="20 [degC]")
 TIMES = np.arange(0.0, 5401.0, 10.0)
 NOISE = 0.05
 RANGE = (-60.0, 60.0)
@@ -44,8 +45,11 @@ class Case:
     def fit(self, known: bool) -> td.Calibration:
         """Return the fit with the clock open, or with clock and instants known."""
         log = self.temperatures.joined(self.exact, 0.0) if known else self.temperatures.joined(self.powers, RANGE)
-        air = td.Scenario("air", {"air": "20 [degC]"}, start="20 [degC]")
-        return td.calibrate(MODEL, log, list(FREE), scenario=air)
+        return td.calibrate(MODEL, log, list(FREE), scenario=AIR)
+
+    def with_stated_clock(self, error: float) -> td.Calibration:
+        """Return the fit with every instant known, and the clock of the powers stated with an error. [s]"""
+        return td.calibrate(MODEL, self.temperatures.joined(self.exact, error), list(FREE), scenario=AIR)
 
 
 def drawn(seed: int, step: float = 60.0) -> Case:

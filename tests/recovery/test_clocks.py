@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from recovery.clock_cases import FREE, RANGE, drawn
+from thermid.inference import criticise
 
 pytestmark = pytest.mark.recovery
 PRIOR_SD = (RANGE[1] - RANGE[0]) / 12.0**0.5
@@ -32,6 +33,23 @@ def test_an_open_clock_is_known_better_than_before_the_readings_and_costs_the_va
     assert (clocks > 60.0 / (12.0 * 6) ** 0.5).all()  # at most five changes, each anywhere in 60 s
     assert np.median(ratios) < 4.0
     assert np.sqrt(np.mean(deviations**2)) < 1.6
+
+
+def first_named(seed: int, error: float) -> str:
+    """Return the cause that is named first where the clock of exact powers is stated wrongly by some seconds; empty for none."""
+    best = criticise(drawn(seed).with_stated_clock(error), elements=True).suggested
+    return best.name if best is not None else ""
+
+
+def test_a_wrong_offset_of_a_joined_log_is_a_candidate() -> None:
+    assert [first_named(0, error).partition(" of")[0] for error in (-38.0, 0.0)] == ["a wrong offset", ""]
+
+
+@pytest.mark.campaign
+def test_of_twenty_wrong_offsets_nineteen_are_named_first_and_none_of_twenty_right_ones() -> None:
+    errors = [(-1.0) ** seed * float(np.random.default_rng(seed).uniform(5.0, 60.0)) for seed in range(20)]
+    assert sum(first_named(seed, error).startswith("a wrong offset") for seed, error in enumerate(errors)) >= 18
+    assert not any(first_named(seed, 0.0) for seed in range(20))
 
 
 @pytest.mark.campaign

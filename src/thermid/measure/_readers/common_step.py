@@ -38,6 +38,10 @@ QUARTER = 0.25
 """Part of its range that a temperature changes by in the time that one place may lag another by. [-]"""
 BEGUN = 0.03
 """Part of a rise that stands for its beginning. [-]"""
+LEAST_ACTING = 0.1
+"""Part of the largest rise by a power from which another one acts on a thermometer too. [-]"""
+SHARES_HELD = 1e-4
+"""Weight that holds shares of responses near nothing: they would cancel in millions else, and stand for nothing that a network does. [-]"""
 MIN_INDEPENDENT = 4.0
 """Fewest residuals that count as independent. [-]"""
 FINER = 3
@@ -86,10 +90,10 @@ class Explanation:
         if not self.constants.size:
             return 0.0
         times = np.geomspace(1e-4, 1.0, 200) * length
-        rises = (self.sizes * shares[-self.constants.size :]) * (1.0 - np.exp(-times[:, None] / self.constants))
-        rise = rises.reshape(times.size, -1, np.unique(self.constants).size).sum(axis=2)
-        most = BEGUN * rise.max(axis=0)
-        return float(times[int(np.argmax((rise >= most)[:, most > BEGUN * BEGUN * rise.max()].any(axis=1)))])
+        of_each = self.sizes * shares[-self.constants.size :] * (1.0 - np.exp(-times[:, None] / self.constants))
+        rises = of_each.reshape(times.size, -1, np.unique(self.constants).size).sum(axis=2)
+        acting = rises.max(axis=0) >= LEAST_ACTING * rises.max()
+        return float(times[int(np.argmax((rises >= BEGUN * rises.max(axis=0))[:, acting].any(axis=1)))])
 
 
 @dataclass(frozen=True, eq=False)
@@ -386,18 +390,27 @@ def _rows(effect: LogCourse, responses: Explanation, offset: float) -> tuple[Flo
 
 
 def _solved(rows: FloatArray, target: FloatArray) -> tuple[float, FloatArray]:
-    """Fit x by least squares, rows x = target; return the sum of squared residuals, and x (terms,).
+    """Return the sum of squares that `_fitted` leaves, and its x (terms,)."""
+    residuals, shares = _fitted(rows, target)
+    return float(residuals @ residuals), shares
+
+
+def _fitted(rows: FloatArray, target: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return the residuals (readings,) and x (terms,) of least squares, rows x = target: ``|target - rows x|^2 + (w |rows| |x|)^2`` least.
 
     Parameters
     ----------
-    rows : array (readings, terms)      Terms of the linear model.
+    rows : array (readings, terms)      Terms of the linear model, the first one constant, which w = `SHARES_HELD` leaves alone.
     target : array (readings,)          Readings that it explains.
     """
-    scale = np.linalg.norm(rows, axis=0)
-    scale[scale == 0.0] = 1.0
-    shares = np.linalg.lstsq(rows / scale, target, rcond=None)[0] / scale
-    residuals = target - rows @ shares
-    return float(residuals @ residuals), shares
+    from scipy.linalg import solve
+
+    about, centred = rows - rows.mean(axis=0), target - target.mean()
+    scale = np.linalg.norm(about, axis=0)
+    scale[scale <= 1e-12 * np.linalg.norm(rows, axis=0)] = 1.0  # a constant
+    about = about / scale
+    x = solve(about.T @ about + SHARES_HELD**2 * np.eye(scale.size), about.T @ centred, assume_a="pos", check_finite=False)
+    return centred - about @ x, x / scale
 
 
 def _error(effect: LogCourse, responses: Explanation, best: float, step: float) -> float:
@@ -406,11 +419,9 @@ def _error(effect: LogCourse, responses: Explanation, best: float, step: float) 
     Points of residuals that wander are not independent. Of n points that follow each other with a correlation r, n (1 - r) / (1 + r) count,
     at least four, and the sign changes acos(r) / pi times a point (Rice), which wandering of a few points does not disturb. [s]
     """
-    rows, target = _rows(effect, responses, best)
-    scale = np.linalg.norm(rows, axis=0)
-    residuals = target - rows @ (np.linalg.lstsq(rows / scale, target, rcond=None)[0] / scale)
+    residuals, _ = _fitted(*_rows(effect, responses, best))
     changes = np.count_nonzero(np.diff(np.sign(residuals)))
-    count = max(target.size * float(np.tan(0.5 * np.pi * min(changes / target.size, 0.5))) ** 2, MIN_INDEPENDENT)
+    count = max(residuals.size * float(np.tan(0.5 * np.pi * min(changes / residuals.size, 0.5))) ** 2, MIN_INDEPENDENT)
     base = max(_part_unexplained(effect, responses, best), 1e-12)
     for width in _widths(step, float(effect.times[-1])):
         rise = min(_part_unexplained(effect, responses, best - width), _part_unexplained(effect, responses, best + width)) / base
