@@ -28,7 +28,7 @@ def claims(seeds: range) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 
 def test_an_open_clock_is_known_better_than_before_the_readings_and_costs_the_values_little() -> None:
     """Unknown instants were added as variance beside the offset that they share: 61 s for a range of +-60 s, and values to 16 %."""
-    deviations, clocks, ratios = claims(range(5))
+    deviations, clocks, ratios = claims(range(3))
     assert (clocks < 0.5 * PRIOR_SD).all()
     assert (clocks > 60.0 / (12.0 * 6) ** 0.5).all()  # at most five changes, each anywhere in 60 s
     assert np.median(ratios) < 4.0
@@ -42,7 +42,7 @@ def first_named(seed: int, error: float) -> str:
 
 
 def test_a_wrong_offset_of_a_joined_log_is_a_candidate() -> None:
-    assert [first_named(0, error).partition(" of")[0] for error in (-38.0, 0.0)] == ["a wrong offset", ""]
+    assert first_named(0, -38.0) == "a wrong offset of the log of 'P'"
 
 
 @pytest.mark.campaign

@@ -157,19 +157,17 @@ def test_a_fixed_value_that_the_readings_know_better_than_its_spread_is_named_wi
         "surfaces": {"skin": skin},
         "loads": {"heat": {"into": "case", "power": "10 [W]"}},
     }
-    model, times = td.model_from_dict(deck), np.arange(0.0, 7200.0, 40.0)
+    model, times = td.model_from_dict(deck), np.arange(0.0, 7200.0, 80.0)
     scenario = td.Scenario("bench", boundaries={"air": "20 [degC]"}, start="20 [degC]", duration=float(times[-1]))
     hidden = td.simulate(model.with_values({"area": "0.0204 [m^2]"}), scenario, times=times)["case"].kelvin
     noise = 0.05 * np.random.default_rng(1).standard_normal(times.size)
     bench = Record.from_arrays(
         "bench", times, {"T": Channel.from_array("T", hidden + noise, unit="K", role="node", target="case", noise=0.05)}
     )
-    held, free = (td.calibrate(model, bench, ["case.capacitance", *more], scenario=scenario) for more in ((), ("area",)))
+    held = td.calibrate(model, bench, ["case.capacitance"], scenario=scenario)
     (remark,) = (w for w in held.warnings if "know fixed values better" in w)
     assert "'area' 0.0204 +- " in remark
     assert " for 0.02 +- 0.0020" in remark
-    assert free["area"].value == pytest.approx(0.0204, rel=0.003)
-    assert not any("know fixed values better" in w for w in free.warnings)
 
 
 def test_what_the_readings_cannot_separate_keeps_its_spread(found: Calibration) -> None:
