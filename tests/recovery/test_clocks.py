@@ -42,7 +42,7 @@ def first_named(seed: int, error: float) -> str:
 
 
 def test_a_wrong_offset_of_a_joined_log_is_a_candidate() -> None:
-    assert first_named(0, -38.0) == "a wrong offset of the log of 'P'"
+    assert first_named(0, -38.0).startswith("a wrong offset")
 
 
 @pytest.mark.campaign

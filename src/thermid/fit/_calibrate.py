@@ -15,7 +15,7 @@ import numpy as np
 
 from thermid.base.arguments import takes_objects
 from thermid.base.errors import IdentificationError, SolverError, quoted
-from thermid.base.linear_algebra import Array, null_space, one_thread, symmetric_inverse
+from thermid.base.linear_algebra import HALF_WIDTH_95, Array, null_space, one_thread, symmetric_inverse
 from thermid.base.units import NAMES, counted, unit
 from thermid.fit._calibration import (
     CONTRADICTION_DEVIATIONS,
@@ -66,8 +66,6 @@ CHANCE_DEVIATIONS = 3.0
 """Standard deviations of chi-square by chance, from which residuals that wander are asked whether the structure lacks something. [-]"""
 UNSTATED_LAG = 5.0
 """Lag that a thermometer may have of which nobody states one: between a bare thermocouple and a probe in a pocket. [s]"""
-LAG_DEVIATIONS = 3.0
-"""Errors of a value by which that lag must move it for a remark. [-]"""
 UNKNOWN_CLOCK = 0.5
 """Part of the range of a second clock that its 95 % must leave, for the records to have determined it. [-]"""
 
@@ -656,19 +654,20 @@ def _taken_as_switched(problem: Problem, minimum: Fit, total: Array) -> list[str
 
 
 def without_lags(problem: Problem, minimum: Fit, total: Array) -> list[str]:
-    """Return one remark on sensors without a stated lag, where a usual one would move a value by more than its error can hide."""
-    names, shifts = shifts_by_lags(problem, minimum, UNSTATED_LAG)
+    """Return one remark on sensors without a stated lag, where one that the readings allow would move a value by more than its error."""
+    names, lag, shifts = shifts_by_lags(problem, minimum, UNSTATED_LAG)
     ratios = {
         u.name: abs(float(shifts[k])) / (float(np.sqrt(total[k, k])) or np.inf)
         for k, u in enumerate(problem.unknowns)
         if u.kind == "parameter" and np.isfinite(total[k, k])
     }
     worst_of_all = max(ratios, key=lambda name: ratios[name], default="")
-    if not names or not ratios or ratios[worst_of_all] < LAG_DEVIATIONS:
+    if not names or not ratios or ratios[worst_of_all] < HALF_WIDTH_95:
         return []
     return [
-        f"{FIRST}{quoted(names, 3)} {'state' if len(names) > 1 else 'states'} no lag, which counts as none: {UNSTATED_LAG:g} s would move "
-        f"'{worst_of_all}' by {short(ratios[worst_of_all], 2)} times its error. State lag = '5 [s]' with its lag_accuracy, or '0 [s]'."
+        f"{FIRST}{quoted(names, 3)} {'state' if len(names) > 1 else 'states'} no lag, which counts as none: {short(lag, 2)} s, which the "
+        f"readings allow, would move '{worst_of_all}' by {short(ratios[worst_of_all], 2)} times its error. State lag = '5 [s]' with its "
+        "lag_accuracy, or '0 [s]'."
     ]
 
 

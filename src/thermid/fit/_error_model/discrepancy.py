@@ -306,8 +306,8 @@ def assumed_moves(request: Request, problem: Problem, minimum: Fit, noise: Autoc
         u, (variance, shift) = more[r.path], min((of_assumed[p] for p in (r.path, *r.also) if p in of_assumed), default=(np.inf, 0.0))
         stated = r.law(u.start).variance
         if variance < stated:
-            value, error, held, spread = (short(x, 3) for x in (*_shown(u, u.start + shift, variance), *_shown(u, u.start, stated)))
-            better.append((variance / stated, f"'{u.name}' {value} +- {error} for {held} +- {spread} {u.unit}"))
+            value, error, fixed_at, spread = (short(x, 3) for x in (*_shown(u, u.start + shift, variance), *_shown(u, u.start, stated)))
+            better.append((variance / stated, f"'{u.name}' {value} +- {error} for {fixed_at} +- {spread} {u.unit}"))
     return AssumedMoves({p: x for p, x in moved.items() if p in here}, told_here, tuple(columns), tuple(text for _, text in sorted(better)))
 
 

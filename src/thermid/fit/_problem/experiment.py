@@ -589,7 +589,7 @@ def clock_target(name: str) -> tuple[int, int] | None:
     return number, place
 
 
-class Change(NamedTuple):
+class SampledChange(NamedTuple):
     """A change of a sampled power: its load, the row that shows it in the load's table, and the interval in which it happened. [s]"""
 
     path: str
@@ -608,7 +608,7 @@ class Ticks:
     zero : float                    Time on the record's own clock at which the experiment begins. [s]
     at : tuple of float             Offset [s] and rate [-] at which the scenario holds these signals, and of each of `changes` how far it
                                     is from the middle of its interval, -0.5 to 0.5. [-]
-    changes : tuple of Change       The largest changes of powers and commands that were sampled, not logged when they changed. Their
+    changes : tuple of SampledChange       The largest changes of powers and commands that were sampled, not logged when they changed. Their
                                     instants share the offset, so that a fit looks for them beside it; the others stand in the middle.
     read : tuple of str             Channels on it whose readings are compared.
     """
@@ -617,7 +617,7 @@ class Ticks:
     driven: tuple[tuple[str, str], ...]
     zero: float
     at: tuple[float, ...]
-    changes: tuple[Change, ...] = ()
+    changes: tuple[SampledChange, ...] = ()
     read: tuple[str, ...] = ()
 
     def read_at(self, times: Array) -> Array:
@@ -653,14 +653,10 @@ class Ticks:
         the derivative to u, its place in the interval, as that to the scale of the pulse: dT/du = interval dT/dt. The difference of two
         runs with the offset `shift` earlier and later is the same, so that the offset is the sum of its instants and no more.
         """
-        out = {}
-        for k, (path, row, interval) in enumerate(self.changes):
-            table = tables[path]
-            at, later = float(table.times[row]), self.at[RATE] * interval / (2.0 * self.shift)
-            times = at + self.shift * np.array([-2.0, -1.0, 1.0])
-            powers = later * np.array([0.0, table.values[row - 1] - table.values[row], 0.0])
-            out[f"{CLOCK} {number} {FIRST_INSTANT + k}"] = path, TableSignal(times, powers, True, before="hold", after="hold")
-        return out
+        return {
+            f"{CLOCK} {number} {FIRST_INSTANT + k}": (path, tables[path].pulse(row, self.shift, self.at[RATE] * interval))
+            for k, (path, row, interval) in enumerate(self.changes)
+        }
 
     @property
     def span(self) -> float:
@@ -811,8 +807,8 @@ class Experiment:
     @property
     def pulses(self) -> dict[str, tuple[str, TableSignal]]:
         """Name of each change on an unknown clock -> its load and the pulse that stands for a later one, see `Ticks.pulses`."""
-        held, plain = {**self.scenario.loads, **self.scenario.commands}, self.plain_loads
-        every = {name: of for n, ticks in enumerate(self.ticks) for name, of in ticks.pulses(n, held).items()}
+        tables, plain = {**self.scenario.loads, **self.scenario.commands}, self.plain_loads
+        every = {name: of for n, ticks in enumerate(self.ticks) for name, of in ticks.pulses(n, tables).items()}
         return {name: (path, pulse) for name, (path, pulse) in every.items() if path in plain}
 
     def on_clocks(self, at: Sequence[tuple[float, ...]]) -> Experiment:
@@ -998,13 +994,13 @@ def _ticks(record: Record, second: SecondClock, zero: float, inputs: Inputs, obs
     """Return which inputs and which of the compared readings follow a clock that the fit has yet to find."""
     tables = (("boundaries", inputs.boundaries), ("loads", inputs.loads), ("commands", inputs.commands))
     followed = tuple((name, p) for c, p in inputs.driven.items() if c in second.channels for name, held in tables if p in held)
-    sampled: list[tuple[float, Change]] = []
+    sampled: list[tuple[float, SampledChange]] = []
     for channel, path in inputs.driven.items():
         driving_channel = record.channels[channel]
         for _, held in tables if channel in second.channels and driving_channel.held and not driving_channel.prompt else ():
             if path in held and isinstance(table := held[path], TableSignal) and table.held:
                 change, intervals = _changes(driving_channel, table), np.diff(table.times) / second.at[RATE]
-                sampled += [(-abs(change[k]), Change(path, int(k) + 1, float(intervals[k]))) for k in np.flatnonzero(change)]
+                sampled += [(-abs(change[k]), SampledChange(path, int(k) + 1, float(intervals[k]))) for k in np.flatnonzero(change)]
                 held[path] = table.changed_within()
     changes = tuple(sorted(change for _, change in sorted(sampled)[:MAX_SWITCHES]))
     at = (*second.at, *(0.0 for _ in changes))

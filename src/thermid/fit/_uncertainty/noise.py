@@ -241,20 +241,28 @@ def own_switches(problem: Problem, minimum: Fit) -> Iterator[OwnSwitches]:
             yield OwnSwitches(powers[path], longest, np.hypot(0.5 * shifts.sum(axis=0), np.linalg.norm(shifts, axis=0) / np.sqrt(12.0)))
 
 
-def shifts_by_lags(problem: Problem, minimum: Fit, seconds: float) -> tuple[list[str], Array]:
-    """Return the sensors without a stated lag, and by how much one lag of all of them would shift the unknowns (unknowns,).
+def shifts_by_lags(problem: Problem, minimum: Fit, sd: float) -> tuple[list[str], float, Array]:
+    """Return the sensors without a stated lag, the lag that all may have, and by how much it would shift the unknowns (unknowns,).
 
-    To first order a sensor that lags reads its node less the lag times its rate of change.
+    To first order a sensor that lags by L reads its node less L times its rate of change, so that weighted residuals r become r + c L. The
+    readings say L = -c'r / I, with the information I = c'c - c'J C J'c that is not in the unknowns, J their derivatives and C their
+    covariance; `sd` is what is known of it before. The root of its mean square is returned. [s]
     """
-    names, gradient = dict[str, None](), np.zeros(len(problem.unknowns))
+    names, gradient, score, square = dict[str, None](), np.zeros(len(problem.unknowns)), 0.0, 0.0
     for i, e in enumerate(problem.experiments):
         bare = [s for s, o in enumerate(e.observations) if e.record.channels[o.sensor].part is None and o.index.size > 1]
         blocks, slopes = problem.blocks_and_slopes(i, minimum.fitted) if bare else ([], np.zeros(0))
         for s in bare:
             b, o = blocks[s], e.observations[s]
             names[b.sensor] = None
-            gradient += slopes[o.index, s, :].T @ np.gradient(b.predicted, b.times) * (seconds / b.noise)
-    return list(names), gradient @ covariances(minimum)[2]
+            column = np.gradient(b.predicted, b.times) / b.noise
+            gradient += slopes[o.index, s, :].T @ column
+            score, square = score + float(column @ b.weighted), square + float(column @ column)
+    moves = covariances(minimum)[2] @ gradient
+    level = max(minimum.chi_square / max(problem.freedom, 1.0), 1.0)
+    variance = 1.0 / (sd**-2.0 + max(square - float(gradient @ moves), 0.0) / level)
+    lag = float(np.hypot(variance * score / level, variance**0.5))
+    return list(names), lag, lag * moves
 
 
 def _errors_of_means(noise: InputNoise, times: Array, values: Array, place: Indices, size: int) -> Array:

@@ -732,9 +732,9 @@ def _wrong_clock(request: Request, channels: tuple[str, ...], zone: float, far: 
 
     def judge(values: Any) -> tuple[str, bool]:
         """Return the offsets that were found, in words, and that they are possible."""
-        found = [f"{short(values[n].value)} +- {short(values[n].error)} s for {at:g} s" for n, at in offsets.items()]
+        offsets_in_words = [f"{short(values[n].value)} +- {short(values[n].error)} s for {at:g} s" for n, at in offsets.items()]
         line = "To use it, state it as the offset of that log, or give offset as a range"
-        return f"{' and '.join(found)}. {line}", True
+        return f"{' and '.join(offsets_in_words)}. {line}", True
 
     hours = f" by {zone / HOUR:+g} h, as of another time zone" if zone else ""
     starts = tuple({n: at + zone + shift for n, at in offsets.items()} for shift in (0.0, -0.5 * far, 0.5 * far))

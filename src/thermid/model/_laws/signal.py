@@ -312,6 +312,12 @@ class TableSignal:
         before, after = np.diff(self.times[place - 1 : place + 2], append=np.inf)[:2]
         return float(before), float(after)
 
+    def pulse(self, place: int, half: float, later: float) -> TableSignal:
+        """Return what the step to the sample of index `place` takes off when it comes `later`, in a pulse of `half` to either side. [s]"""
+        times = self.times[place] + half * np.array([-2.0, -1.0, 1.0])
+        power = (self.values[place - 1] - self.values[place]) * later / (2.0 * half)
+        return TableSignal(times, np.array([0.0, power, 0.0]), True, before="hold", after="hold")
+
     def mapped(self, law: Callable[[Array], Array]) -> TableSignal:
         """Return the signal with `law` applied to its values; lines between samples, or steps, stay so."""
         return replace(self, values=law(self.values), unit="")
