@@ -707,9 +707,7 @@ class Switch:
 
 def _changes(channel: Channel, table: TableSignal) -> Array:
     """Return the changes from sample to sample of a power whose instants matter, zero where they do not (samples - 1,)."""
-    change = np.diff(table.values)
-    least = max(MIN_SWITCHED * float(np.abs(table.values).max()), MIN_SWITCHED_NOISES * _input_noise(channel).white)
-    return np.where(np.abs(change) > least, change, 0.0)
+    return table.steps_above(MIN_SWITCHED, MIN_SWITCHED_NOISES * _input_noise(channel).white)
 
 
 def _switches(powers: Mapping[str, tuple[Channel, TableSignal]]) -> tuple[Switch, ...]:
