@@ -15,7 +15,7 @@ import numpy as np
 
 from thermid.base.arguments import takes_objects
 from thermid.base.errors import IdentificationError, SolverError, quoted
-from thermid.base.linear_algebra import Array, null_space, one_thread, symmetric_inverse
+from thermid.base.linear_algebra import HALF_WIDTH_95, Array, null_space, one_thread, symmetric_inverse
 from thermid.base.units import NAMES, counted, unit
 from thermid.fit._calibration import (
     CONTRADICTION_DEVIATIONS,
@@ -35,7 +35,7 @@ from thermid.fit._error_model.kept import KEY as ERRORS, ErrorsOfFit, Keeping, w
 from thermid.fit._error_model.sizes import LEAST_NOISE, OUTSIDE
 from thermid.fit._inputs import inputs_of
 from thermid.fit._minimisation import Fit, KeptFit, covariances, ended, minimise
-from thermid.fit._problem.experiment import SCALE, SWITCH, UNSAID_NOISE, Experiment
+from thermid.fit._problem.experiment import FIRST_INSTANT, UNSAID_NOISE, Experiment
 from thermid.fit._problem.gather import build_problem
 from thermid.fit._problem.request import LocalSpec, Request, counted_twice, freed, mean_of, priors_of, weighing
 from thermid.fit._problem.residuals import Predictions, Problem, Unknown, pooled, starting_point, wanders
@@ -66,8 +66,6 @@ CHANCE_DEVIATIONS = 3.0
 """Standard deviations of chi-square by chance, from which residuals that wander are asked whether the structure lacks something. [-]"""
 UNSTATED_LAG = 5.0
 """Lag that a thermometer may have of which nobody states one: between a bare thermocouple and a probe in a pocket. [s]"""
-LAG_DEVIATIONS = 3.0
-"""Errors of a value by which that lag must move it for a remark. [-]"""
 UNKNOWN_CLOCK = 0.5
 """Part of the range of a second clock that its 95 % must leave, for the records to have determined it. [-]"""
 
@@ -122,7 +120,7 @@ def _beyond_accuracy(problem: Problem, minimum: Fit) -> tuple[float, str]:
 def at_bounds(problem: Problem, minimum: Fit, total: Array) -> list[tuple[Unknown, str, float]]:
     """Return the unknowns that ended at a bound, which one, and the bound in the fitted form."""
     ends = zip(problem.unknowns, minimum.fitted.tolist(), np.sqrt(np.diag(total)).tolist(), strict=True)
-    return [(u, side, bound) for u, fitted, error in ends for side, bound in u.bounds_met(fitted, error)]
+    return [(u, side, bound) for u, fitted, error in ends if not u.is_instant for side, bound in u.bounds_met(fitted, error)]
 
 
 def _beyond_stated(problem: Problem, spread: Autocorrelation, limit: float) -> list[str]:
@@ -511,7 +509,7 @@ def _locals(problem: Problem, minimum: Fit, total: Array) -> tuple[Local, ...]:
     """Return the unknowns of single records; their slopes are those of a Gaussian's conditional mean, C_lv C_vv^-1."""
     # when powers changed is asked for the sake of the other values only
     local = {k: u for k, u in enumerate(problem.unknowns) if u.kind == "local"}
-    at = {k: u.name.partition(": ") for k, u in local.items() if not any(t.name.startswith(SCALE + SWITCH) for t in u.targets)}
+    at = {k: u.name.partition(": ") for k, u in local.items() if not u.is_instant}
     shared = {k: u.name for k, u in enumerate(problem.unknowns) if u.kind != "local" and 0.0 < total[k, k] < np.inf}
     sizes = np.sqrt(np.diag(total)[[*shared]])  # of unlike units
     inverse = np.linalg.pinv(total[np.ix_([*shared], [*shared])] / np.outer(sizes, sizes), hermitian=True)
@@ -545,7 +543,10 @@ def _warnings(problem: Problem, minimum: Fit, total: Array, spread: Autocorrelat
         cut = f", where its standard error of {short(v.shown(v.uncut))} is cut" if u.name in values and (v := values[u.name]).uncut else ""
         out.append(f"'{u.name}' ended at its {side} bound {shown}{cut}. Widen the bound, or fix the parameter.")
     for u, error in (
-        (problem.unknowns[k], float(np.sqrt(total[k, k]))) for i in range(len(problem.experiments)) for k, _, _ in problem.ticking(i)
+        (problem.unknowns[k], float(np.sqrt(total[k, k])))
+        for i in range(len(problem.experiments))
+        for k, _, place in problem.ticking(i)
+        if place < FIRST_INSTANT
     ):
         if 4.0 * error > UNKNOWN_CLOCK * (u.high - u.low):
             out.append(
@@ -626,8 +627,7 @@ def _taken_as_switched(problem: Problem, minimum: Fit, total: Array) -> list[str
     out = [
         f"{FIRST}prompt = false of '{n}' has no effect, "
         + (
-            "because a fit finds its clock: each change then counts as anywhere in the interval before its sample, which widens errors. "
-            "State the offset as one number, and the fit finds the moments."
+            "because a fit finds its clock: it looks for the moments of its changes in any case, each in the interval before its sample."
             if n in seconds
             else "and its changes count from their samples. A fit looks for the moment of a change only where samples are instants, the "
             "load has no curve, flux, cycle or control, and the model is no FMU."
@@ -654,19 +654,20 @@ def _taken_as_switched(problem: Problem, minimum: Fit, total: Array) -> list[str
 
 
 def without_lags(problem: Problem, minimum: Fit, total: Array) -> list[str]:
-    """Return one remark on sensors without a stated lag, where a usual one would move a value by more than its error can hide."""
-    names, shifts = shifts_by_lags(problem, minimum, UNSTATED_LAG)
+    """Return one remark on sensors without a stated lag, where one that the readings allow would move a value by more than its error."""
+    names, lag, shifts = shifts_by_lags(problem, minimum, UNSTATED_LAG)
     ratios = {
         u.name: abs(float(shifts[k])) / (float(np.sqrt(total[k, k])) or np.inf)
         for k, u in enumerate(problem.unknowns)
         if u.kind == "parameter" and np.isfinite(total[k, k])
     }
     worst_of_all = max(ratios, key=lambda name: ratios[name], default="")
-    if not names or not ratios or ratios[worst_of_all] < LAG_DEVIATIONS:
+    if not names or not ratios or ratios[worst_of_all] < HALF_WIDTH_95:
         return []
     return [
-        f"{FIRST}{quoted(names, 3)} {'state' if len(names) > 1 else 'states'} no lag, which counts as none: {UNSTATED_LAG:g} s would move "
-        f"'{worst_of_all}' by {short(ratios[worst_of_all], 2)} times its error. State lag = '5 [s]' with its lag_accuracy, or '0 [s]'."
+        f"{FIRST}{quoted(names, 3)} {'state' if len(names) > 1 else 'states'} no lag, which counts as none: {short(lag, 2)} s, which the "
+        f"readings allow, would move '{worst_of_all}' by {short(ratios[worst_of_all], 2)} times its error. State lag = '5 [s]' with its "
+        "lag_accuracy, or '0 [s]'."
     ]
 
 

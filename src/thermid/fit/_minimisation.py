@@ -248,7 +248,7 @@ def _step(rows: Array, slopes: Array, x: Array, bounds: tuple[Array, Array], sca
         way[free] = _within(slopes[:, free], rows + slopes[:, ~free] @ step[~free], reach) - step[free]
         ends, move = np.where(way > 0.0, high - x, low - x), way * scale
         room = ends - step * scale
-        beyond = np.where(way > 0.0, move > room, move < room)
+        beyond = free & np.where(way > 0.0, move > room, move < room)  # what stands on a bound is there but for rounding
         if not beyond.any():
             step = step + way
             break

@@ -23,7 +23,7 @@ from thermid.base.errors import IdentificationError, ScenarioError, SolverError,
 from thermid.base.linear_algebra import NOTHING, Array, pseudo_inverse
 from thermid.base.units import counted
 from thermid.fit._minimisation import Fit, ended, minimise
-from thermid.fit._problem.experiment import OFFSET, SCALE, Experiment
+from thermid.fit._problem.experiment import FIRST_INSTANT, OFFSET, SCALE, Experiment
 from thermid.fit._problem.residuals import Problem, Unknown, clock_at, loss_of, starting_point
 from thermid.fit._uncertainty.noise import autocorrelation
 from thermid.model.elements import TableSignal
@@ -589,12 +589,12 @@ def widened_by_noise_of_powers(problem: Problem, fitted: Array) -> Array:
     out = np.ones(len(problem.unknowns))
     for i, e in enumerate(problem.experiments):
         calm = _calm(e)
-        ticking = [k for k, _, _ in problem.ticking(i)]
+        ticking = [k for k, _, place in problem.ticking(i) if place < FIRST_INSTANT]
         if calm is None or not ticking:
             continue
         quiet = replace(problem, experiments=tuple(calm if j == i else other for j, other in enumerate(problem.experiments)))
         full, true = (p.slopes(i, fitted).reshape(-1, out.size) for p in (problem, quiet))
-        others, _ = np.linalg.qr(full[:, [k for k in range(out.size) if k not in ticking]])
+        others, _ = np.linalg.qr(full[:, [k for k, u in enumerate(problem.unknowns) if k not in ticking and not u.is_instant]])
         for k in ticking:
             sizes = [float(np.sum((c - others @ (others.T @ c)) ** 2)) for c in (full[:, k], true[:, k])]
             out[k] = min(max(sizes[0] / max(sizes[1], 1e-300), 1.0), MAX_ERROR_GROWTH)
@@ -622,9 +622,9 @@ def _grid(problem: Problem, i: int, fitted: Array, number: int) -> Iterator[Arra
     rates = slowest + (fastest - slowest) * (np.arange(GRID_RATES if slowest < fastest else 1) + 0.5) / GRID_RATES
     for offset, rate in product(offsets, rates):
         point = fitted.copy()
-        for k, of, name in problem.ticking(i):
-            if of == number:
-                point[k] = offset if name == OFFSET else rate
+        for k, of, place in problem.ticking(i):
+            if of == number and place < FIRST_INSTANT:
+                point[k] = offset if place == OFFSET else rate
         yield point
 
 

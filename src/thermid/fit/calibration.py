@@ -36,7 +36,7 @@ from thermid.fit._problem.experiment import (
     power_while_on as power_while_on,
     role_and_target as role_and_target,
 )
-from thermid.fit._problem.gather import build_problem as build_problem, prior_of as prior_of, wired as wired
+from thermid.fit._problem.gather import build_problem as build_problem, clock_suffix as clock_suffix, prior_of as prior_of, wired as wired
 from thermid.fit._problem.request import (
     LocalSpec as LocalSpec,
     Reading as Reading,

@@ -9,7 +9,7 @@ import pytest
 from scipy.optimize import brentq, least_squares, lsq_linear
 
 from thermid.base.errors import SolverError
-from thermid.fit._minimisation import _within, descend
+from thermid.fit._minimisation import _step, _within, descend
 
 Array = np.ndarray
 FREE = (np.full(2, -np.inf), np.full(2, np.inf))
@@ -96,6 +96,17 @@ def test_what_would_cross_a_bound_stops_there_and_the_others_follow() -> None:
     # with x at -1 the least over y of (0.9 y - 1)^2 + (y - 4)^2
     assert end.x == pytest.approx([-1.0, (0.9 + 4.0) / (0.81 + 1.0)])
     assert len(seen) == 2
+
+
+def test_what_stands_on_a_bound_does_not_cross_it_by_rounding() -> None:
+    """An unknown that had met its bound crossed it by 1e-17: the rest of the way was divided by its step, which is zero."""
+    for seed in range(60):
+        rng = np.random.default_rng(seed)
+        x, scale = rng.uniform(-0.499, 0.499, 6), rng.uniform(0.1, 1.0, 6)
+        slopes, rows = rng.normal(size=(8, 6)) * 10 ** rng.uniform(-1, 1, 6), 30.0 * rng.normal(size=8)
+        with np.errstate(divide="raise", over="raise", invalid="raise"):
+            there = x + _step(rows, slopes, x, (np.full(6, -0.499), np.full(6, 0.499)), scale, np.inf)
+        assert (np.abs(there) < 0.499 + 1e-12).all()
 
 
 def test_an_unknown_leaves_a_bound_that_holds_it_no_more() -> None:

@@ -95,10 +95,17 @@ def test_a_forgotten_lag_is_asked_for_by_what_it_would_move() -> None:
     known = data.with_sensor("board", lag="5 [s]").with_sensor("case", lag="5 [s]")
     forgotten, stated = (build_problem(Request(model, (d,), free, scenarios)) for d in (data, known))
     wrong, right = (minimise(problem, "linear", 1.0) for problem in (forgotten, stated))
-    names, shifts = shifts_by_lags(forgotten, wrong, 5.0)
+    names, lag, shifts = shifts_by_lags(forgotten, wrong, 5.0)
     assert names == ["board", "case"]
+    assert 3.0 < lag < 7.0  # by differences of readings 30 s apart
     at = [k for k, u in enumerate(forgotten.unknowns) if u.kind == "parameter"]
-    assert shifts[at] == pytest.approx((wrong.fitted - right.fitted)[at], rel=0.25)
+    assert 5.0 * shifts[at] / lag == pytest.approx((wrong.fitted - right.fitted)[at], rel=0.25)
     said = without_lags(forgotten, wrong, covariances(wrong)[2])
     assert [s[:48] for s in said] == ["check: 'board' and 'case' state no lag, which co"]
     assert without_lags(stated, right, covariances(right)[2]) == []
+    prompt = {n: np.interp(times, run.times, run[n].kelvin) + rng.normal(0.0, 0.02, times.size) for n in ("board", "case")}
+    at_once = td.Record.from_arrays("log", times, {n: td.Channel.from_array(n, prompt[n], target=n, **fields) for n in prompt})
+    problem = build_problem(Request(model, (at_once,), free, scenarios))
+    end = minimise(problem, "linear", 1.0)
+    # readings that show that nothing lags are not asked about; with 5 s taken for possible whatever they show, all were
+    assert shifts_by_lags(problem, end, 5.0)[1] < 1.0

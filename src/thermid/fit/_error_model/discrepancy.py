@@ -17,6 +17,7 @@ from thermid.base.dual import value_of
 from thermid.base.errors import IdentificationError
 from thermid.base.linear_algebra import Array, covariance, finite, pseudo_inverse
 from thermid.base.results import Result
+from thermid.base.units import counted, from_si, unit
 from thermid.fit._calibration import Calibration
 from thermid.fit._error_model.courses import (
     ElementCourse,
@@ -33,6 +34,7 @@ from thermid.fit._problem.request import Request, known_before
 from thermid.fit._problem.residuals import Influence, Problem, Unknown
 from thermid.fit._uncertainty.information import Opened, opened_jacobian
 from thermid.fit._uncertainty.noise import Autocorrelation, Binned, binned, score_excess
+from thermid.measure.amounts import short
 from thermid.model.identity import identity_of
 from thermid.model.tree import FlatConductor
 from thermid.physics.gas import GASES, REFERENCE
@@ -133,11 +135,24 @@ class AssumedMoves:
     moved : dict    Assumed value -> what every unknown (unknowns,) would move by for one more of its SI unit; fitted form.
     said : dict     Assumed value -> variance that the readings leave it with all else open, and how far away they ask it to be. [SI]
     ranges : tuple  Source of each stated range, and what every unknown (unknowns,) moves by for one of its standard deviations.
+    better : tuple  In words, fixed values that the readings know better than their stated range does.
     """
 
     moved: Mapping[str, Array] = field(default_factory=dict)
     said: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     ranges: tuple[tuple[Source, Array], ...] = ()
+    better: tuple[str, ...] = ()
+
+    @property
+    def remarks(self) -> tuple[str, ...]:
+        """One remark on the fixed values that the readings know better; empty where there is none."""
+        if not self.better:
+            return ()
+        more = f"; {counted(len(self.better) - MAX_BETTER_SHOWN, 'more value')}" if len(self.better) > MAX_BETTER_SHOWN else ""
+        return (
+            f"the readings know fixed values better than the spreads that are stated of them: {'; '.join(self.better[:MAX_BETTER_SHOWN])}"
+            f"{more}. Add them to free: the stated spread is then the prior.",
+        )
 
 
 @takes_objects
@@ -194,7 +209,8 @@ def with_discrepancy(fit: Calibration, assumed: AssumedMoves) -> Calibration:
     provenance = {**fit.values.provenance, **({"conditions": points} if points else {}), "misfit": misfit, KEY: result.to_dict()}
     provenance |= {OWN_VALUES: alone} if alone else {}
     store = replace(fit.store, provenance={**fit.store.provenance, fit.values.stage: provenance})
-    return replace(fit, values=replace(fit.values, provenance=provenance), store=store)
+    warnings = (*fit.warnings, *assumed.remarks)
+    return replace(fit, values=replace(fit.values, provenance=provenance), store=store, warnings=warnings)
 
 
 def _constant(network: Network) -> dict[str, FlatConductor]:
@@ -285,7 +301,19 @@ def assumed_moves(request: Request, problem: Problem, minimum: Fit, noise: Autoc
         columns += [(source, share * move) for source, share in r.columns]
     here = problem.experiments[several[uppermost][0]].network.flat.parameters.table if uppermost in several else {}
     told_here = {p: x for p, x in of_assumed.items() if p in here}
-    return AssumedMoves({p: x for p, x in moved.items() if p in here}, told_here, tuple(columns))
+    better = []
+    for r in ranges.values():
+        u, (variance, shift) = more[r.path], min((of_assumed[p] for p in (r.path, *r.also) if p in of_assumed), default=(np.inf, 0.0))
+        stated = r.law(u.start).variance
+        if variance < stated:
+            value, error, fixed_at, spread = (short(x, 3) for x in (*_shown(u, u.start + shift, variance), *_shown(u, u.start, stated)))
+            better.append((variance / stated, f"'{u.name}' {value} +- {error} for {fixed_at} +- {spread} {u.unit}"))
+    return AssumedMoves({p: x for p, x in moved.items() if p in here}, told_here, tuple(columns), tuple(text for _, text in sorted(better)))
+
+
+def _shown(u: Unknown, value: float, variance: float) -> tuple[float, float]:
+    """Return a value [SI] of an unknown and the root of its variance in the unknown's unit."""
+    return from_si(value, u.unit), float(variance**0.5 / float(unit(u.unit).factor))
 
 
 def _opened_in(request: Request, problem: Problem, at: Array, runs: Sequence[int]) -> tuple[list[RangedValue], dict[str, Unknown]]:
@@ -299,7 +327,9 @@ def _opened_in(request: Request, problem: Problem, at: Array, runs: Sequence[int
     assumed = (p for p, e in deck.table.items() if e.parameter.source == "assumed" and e.parameter.is_literal and p not in taken)
     paths = dict.fromkeys([*(p for r in ranged for p in (r.path, *r.also)), *assumed])
     values = network.numbers({p: x for p, x in acting.items() if p in deck.table}).values
-    return ranged, {p: Unknown(p, "parameter", tuple(Influence(i, p) for i in runs), float(value_of(values[p]))) for p in paths}
+    units = {p: deck.table[p].parameter.unit or "1" for p in paths}
+    everywhere = {p: tuple(Influence(i, p) for i in runs) for p in paths}
+    return ranged, {p: Unknown(p, "parameter", everywhere[p], float(value_of(values[p])), unit=units[p]) for p in paths}
 
 
 def told_first(several: Iterable[Mapping[str, tuple[float, float]]]) -> dict[str, tuple[float, float]]:
@@ -332,10 +362,12 @@ def _said_of(
     excess = score_excess(pieces, noise.traces, level, {})
     variance = np.diag(covariance(rows) + inverse @ excess @ inverse / level**2)
     score = sum((b.slopes.T @ (b.count * b.mean) for b in pieces.values()), np.zeros(rows.shape[1])) / level + priors.T @ residuals
-    step = np.abs(inverse @ score)
+    step = -(inverse @ score)
     return {p: (float(variance[k]), float(step[k])) for k, p in enumerate(paths, size) if np.isfinite(variance[k])}
 
 
+MAX_BETTER_SHOWN: Final = 3
+"""Fixed values that the readings know better of which one remark shows the figures."""
 MIN_WANDERING: Final = 1e-6
 """What wanders by less is the end of a search or of a step, not what a model does not follow. [K]"""
 

@@ -6,7 +6,7 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import combinations
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -574,17 +574,27 @@ class InputNoise:
         return self.white > 0.0 or self.step > 0.0
 
 
-OFFSET, RATE = "clock.offset", "clock.rate"
-"""Begin of the names of offset and rate of a record's clock, before its number among these."""
+CLOCK = "clock"
+"""Begin of the names in the wiring of what a fit has to find of a second clock, before its number and a place in `Ticks.at`."""
+OFFSET, RATE, FIRST_INSTANT = 0, 1, 2
+"""Places in `Ticks.at`."""
 
 
-def clock_target(name: str) -> tuple[int, str] | None:
-    """Return the number of a clock, and `OFFSET` or `RATE`, of a name that stands for it; None of any other name."""
-    kind, _, number = name.partition(" ")
-    return (int(number), kind) if kind in (OFFSET, RATE) else None
+def clock_target(name: str) -> tuple[int, int] | None:
+    """Return the number of a clock and a place in its `Ticks.at`, of a name that stands for them; None of any other name."""
+    kind, _, numbers = name.partition(" ")
+    if kind != CLOCK:
+        return None
+    number, place = map(int, numbers.split())
+    return number, place
 
 
-"""Names in the wiring of what says where a second clock stands."""
+class SampledChange(NamedTuple):
+    """A change of a sampled power: its load, the row that shows it in the load's table, and the interval in which it happened. [s]"""
+
+    path: str
+    row: int
+    interval: float
 
 
 @dataclass(frozen=True)
@@ -596,17 +606,18 @@ class Ticks:
     clock : SecondClock             Where its offset and rate are looked for.
     driven : tuple of (str, str)    Table of the scenario and path of every signal that was logged on it.
     zero : float                    Time on the record's own clock at which the experiment begins. [s]
-    at : (offset, rate)             Those at which the scenario holds these signals. [s, -]
-    sampled : tuple of str          Paths of powers and commands that were sampled, not logged when they changed; their changes stand in the
-                                    middle of the interval in which they happened.
+    at : tuple of float             Offset [s] and rate [-] at which the scenario holds these signals, and of each of `changes` how far it
+                                    is from the middle of its interval, -0.5 to 0.5. [-]
+    changes : tuple of SampledChange       The largest changes of powers and commands that were sampled, not logged when they changed. Their
+                                    instants share the offset, so that a fit looks for them beside it; the others stand in the middle.
     read : tuple of str             Channels on it whose readings are compared.
     """
 
     clock: SecondClock
     driven: tuple[tuple[str, str], ...]
     zero: float
-    at: tuple[float, float]
-    sampled: tuple[str, ...] = ()
+    at: tuple[float, ...]
+    changes: tuple[SampledChange, ...] = ()
     read: tuple[str, ...] = ()
 
     def read_at(self, times: Array) -> Array:
@@ -614,18 +625,38 @@ class Ticks:
         ticks = (times + self.zero - self.clock.at[0]) / self.clock.at[1]
         return np.round(self.at[0] + self.at[1] * ticks - self.zero, 9)
 
-    def moved(self, signal: Signal, at: tuple[float, float]) -> Signal:
-        """Return a tabled signal on another offset and rate of a second clock; any other as it is."""
+    def moved(self, path: str, signal: Signal, at: tuple[float, ...]) -> Signal:
+        """Return the tabled signal of a path where a second clock and the instants of changes stand otherwise; any other as it is."""
         if not isinstance(signal, TableSignal):
             return signal
 
         def law(times: Array) -> Array:
             """Return times on the other clock. [s]"""
-            ticks = (times + self.zero - self.at[0]) / self.at[1]
+            ticks = (times + self.zero - self.at[OFFSET]) / self.at[RATE]
+            for change, now, then in zip(self.changes, self.at[FIRST_INSTANT:], at[FIRST_INSTANT:], strict=True):
+                if change.path == path:
+                    ticks[change.row] += (then - now) * change.interval
             # to the nanosecond, so that rounding does not part an instant from the start of the run or from a reading
-            return np.round(at[0] + at[1] * ticks - self.zero, 9)
+            return np.round(at[OFFSET] + at[RATE] * ticks - self.zero, 9)
 
         return signal.retimed(law)
+
+    @property
+    def shift(self) -> float:
+        """Time to either side over which derivatives to instants, offset and rate are taken. [s]"""
+        return SHIFT * self.clock.step * self.at[RATE]
+
+    def pulses(self, number: int, tables: Mapping[str, Any]) -> dict[str, tuple[str, TableSignal]]:
+        """Return the name of each change -> its load and the power that stands for it: what a later change takes off, in a short pulse.
+
+        A change dP that is later by dt takes dP dt off. The same energy in a pulse from `shift` before to `shift` after the instant gives
+        the derivative to u, its place in the interval, as that to the scale of the pulse: dT/du = interval dT/dt. The difference of two
+        runs with the offset `shift` earlier and later is the same, so that the offset is the sum of its instants and no more.
+        """
+        return {
+            f"{CLOCK} {number} {FIRST_INSTANT + k}": (path, tables[path].pulse(row, self.shift, self.at[RATE] * interval))
+            for k, (path, row, interval) in enumerate(self.changes)
+        }
 
     @property
     def span(self) -> float:
@@ -633,10 +664,14 @@ class Ticks:
         return max(abs(t - self.at[0]) for t in self.clock.times) / self.at[1]
 
 
+SHIFT = 0.1
+"""Shift over which differences are taken, in samples of the second log: smaller ones drown in the integrator's own error."""
 SWITCH = "switch"
 """Begin of the name of a load that stands for what an instant does to a power."""
 MAX_SWITCHES = 12
 """The largest changes of the powers of a record that have an instant of their own."""
+INSTANT_SD, LAST_INSTANT = 12.0**-0.5, 0.499
+"""Standard deviation, and the farthest from the middle, of a change that is anywhere in its interval as likely. [-]"""
 MIN_SWITCHED, MIN_SWITCHED_NOISES = 0.05, 6.0
 """Of the largest power, and of the noise of one sample, what a change exceeds whose instant matters. [-]"""
 SOME_SAMPLE = (0.25, 0.25), (0.0, (0.5 / 3.0 - 0.125) ** 0.5)
@@ -670,15 +705,14 @@ class Switch:
         return tuple(SCALE + self.beside(path) for path in self.more)
 
 
+def _changes(channel: Channel, table: TableSignal) -> Array:
+    """Return the changes from sample to sample of a power whose instants matter, zero where they do not (samples - 1,)."""
+    return table.steps_above(MIN_SWITCHED, MIN_SWITCHED_NOISES * _input_noise(channel).white)
+
+
 def _switches(powers: Mapping[str, tuple[Channel, TableSignal]]) -> tuple[Switch, ...]:
     """Return what is unknown of when sampled powers changed, from load -> its channel and its table."""
-    steps = {}
-    for path, (channel, table) in powers.items():
-        change = np.append(np.diff(table.values), 0.0)
-        size = np.abs(change) / max(
-            MIN_SWITCHED * float(np.abs(table.values).max()), MIN_SWITCHED_NOISES * _input_noise(channel).white, 1e-300
-        )
-        steps[path] = table, np.where(size > 1.0, change, 0.0), np.append(table.times[1:], np.inf)
+    steps = {p: (t, np.append(_changes(c, t), 0.0), np.append(t.times[1:], np.inf)) for p, (c, t) in powers.items()}
 
     def more(time: float | None) -> dict[str, TableSignal]:
         """Return path -> what the steps of tables add, of all or of those at one time. [s]"""
@@ -754,34 +788,49 @@ class Experiment:
         of_load = {self.network.flat.names.model.canonical(c.target or c.name): c for c in channels if c.samples != "average"}
         signals = {**self.scenario.commands, **self.scenario.loads}
         return {
-            load.path: (of_load[load.path], signal)
-            for load in self.network.flat.loads
-            if load.path in of_load and isinstance(signal := signals.get(load.path), TableSignal) and signal.held
-            if not (self.model.runner or load.curve or load.flux or load.cycle or load.controls or "periodic.period" in load.fields)
+            path: (of_load[path], signal)
+            for path in self.plain_loads
+            if path in of_load and isinstance(signal := signals.get(path), TableSignal) and signal.held
         }
 
-    def on_clocks(self, at: Sequence[tuple[float, float]]) -> Experiment:
-        """Return the experiment with what follows its unknown clocks at other offsets [s] and rates, of each clock."""
+    @property
+    def plain_loads(self) -> tuple[str, ...]:
+        """Loads whose power is that of their table, so that a load beside them can add to it."""
+        return tuple(
+            load.path
+            for load in self.network.flat.loads
+            if not (self.model.runner or load.curve or load.flux or load.cycle or load.controls or "periodic.period" in load.fields)
+        )
+
+    @property
+    def pulses(self) -> dict[str, tuple[str, TableSignal]]:
+        """Name of each change on an unknown clock -> its load and the pulse that stands for a later one, see `Ticks.pulses`."""
+        tables, plain = {**self.scenario.loads, **self.scenario.commands}, self.plain_loads
+        every = {name: of for n, ticks in enumerate(self.ticks) for name, of in ticks.pulses(n, tables).items()}
+        return {name: (path, pulse) for name, (path, pulse) in every.items() if path in plain}
+
+    def on_clocks(self, at: Sequence[tuple[float, ...]]) -> Experiment:
+        """Return the experiment with what follows its unknown clocks where they stand otherwise: `Ticks.at` of each clock."""
         tables = {name: dict(getattr(self.scenario, name)) for name in ("boundaries", "loads", "commands")}
         for ticks, there in zip(self.ticks, at, strict=True):
             for name, path in ticks.driven:
-                tables[name][path] = ticks.moved(tables[name][path], there)
+                tables[name][path] = ticks.moved(path, tables[name][path], there)
         moved = tuple(replace(ticks, at=there) for ticks, there in zip(self.ticks, at, strict=True))
         return replace(self, scenario=self.scenario.with_(**tables), ticks=moved)
 
     def with_switches(self, free: frozenset[str]) -> tuple[Network, Scenario]:
-        """Return network and scenario with a load for every part of an interval that is among some free names."""
+        """Return network and scenario with a load for every part of an interval, and every pulse, that is among some free names."""
         network, scenario = self.network, self.scenario
         loads = {load.path: load for load in network.flat.loads}
         tables: dict[str, dict[str, Any]] = {name: dict(getattr(scenario, name)) for name in ("loads", "commands", "gains")}
-        added = []
-        for switch in self.switches:
-            for path, signal in switch.more.items() if free.intersection(switch.scales) else ():
-                name = switch.beside(path)
-                added.append(replace(loads[path], path=name, scale=""))
-                tables["loads" if path in tables["loads"] else "commands"][name] = signal
-                if path in tables["gains"]:
-                    tables["gains"][name] = tables["gains"][path]
+        added, beside = [], {s.beside(path): (path, more) for s in self.switches for path, more in s.more.items()} | self.pulses
+        for name, (path, signal) in beside.items():
+            if SCALE + name not in free:
+                continue
+            added.append(replace(loads[path], path=name, scale=""))
+            tables["loads" if path in tables["loads"] else "commands"][name] = signal
+            if path in tables["gains"]:
+                tables["gains"][name] = tables["gains"][path]
         if not added:
             return network, scenario
         flat = replace(network.flat, loads=(*network.flat.loads, *added))
@@ -943,14 +992,17 @@ def _ticks(record: Record, second: SecondClock, zero: float, inputs: Inputs, obs
     """Return which inputs and which of the compared readings follow a clock that the fit has yet to find."""
     tables = (("boundaries", inputs.boundaries), ("loads", inputs.loads), ("commands", inputs.commands))
     followed = tuple((name, p) for c, p in inputs.driven.items() if c in second.channels for name, held in tables if p in held)
-    sampled = []
+    sampled: list[tuple[float, SampledChange]] = []
     for channel, path in inputs.driven.items():
         driving_channel = record.channels[channel]
         for _, held in tables if channel in second.channels and driving_channel.held and not driving_channel.prompt else ():
-            if path in held and isinstance(held[path], TableSignal) and held[path].held:
-                held[path] = held[path].changed_within()
-                sampled.append(path)
-    return Ticks(second, followed, zero, second.at, tuple(sampled), tuple(n for n in observed if n in second.channels))
+            if path in held and isinstance(table := held[path], TableSignal) and table.held:
+                change, intervals = _changes(driving_channel, table), np.diff(table.times) / second.at[RATE]
+                sampled += [(-abs(change[k]), SampledChange(path, int(k) + 1, float(intervals[k]))) for k in np.flatnonzero(change)]
+                held[path] = table.changed_within()
+    changes = tuple(sorted(change for _, change in sorted(sampled)[:MAX_SWITCHES]))
+    at = (*second.at, *(0.0 for _ in changes))
+    return Ticks(second, followed, zero, at, changes, tuple(n for n in observed if n in second.channels))
 
 
 def _read_within(channel: Channel, record: Record) -> Channel:

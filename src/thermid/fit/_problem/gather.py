@@ -11,9 +11,25 @@ from typing import Any
 from thermid.base.errors import IdentificationError, RecordError, nearest, refuse_unknown
 from thermid.base.expression import Kelvin
 from thermid.base.units import TEMPERATURE, require
-from thermid.fit._problem.experiment import OFFSET, RATE, SCALE, SWITCH, Experiment, Switch, bind, first_reading, gain_of, lag_of
+from thermid.fit._problem.experiment import (
+    CLOCK,
+    FIRST_INSTANT,
+    INSTANT_SD,
+    LAST_INSTANT,
+    OFFSET,
+    RATE,
+    SCALE,
+    SWITCH,
+    Experiment,
+    Switch,
+    bind,
+    first_reading,
+    gain_of,
+    lag_of,
+)
 from thermid.fit._problem.request import Request, known_before, mean_of
 from thermid.fit._problem.residuals import Influence, Prior, Problem, Unknown
+from thermid.measure.records import Record, SecondClock
 from thermid.measure.sensors import SensorPart
 from thermid.model.elements import Constant, StatedRange, TableSignal
 from thermid.values.spreads import read_spread
@@ -340,17 +356,26 @@ def instruments(experiments: Sequence[Experiment]) -> list[Unknown]:
     return out
 
 
+def clock_suffix(record: Record, clock: SecondClock) -> str:
+    """Return the end of the names of a clock's unknowns: its log, where a record has several clocks."""
+    return f" of {clock.log}" if len(record.clocks) > 1 and clock.log != record.name else ""
+
+
 def clock_unknowns(experiments: Sequence[Experiment]) -> list[Unknown]:
-    """Return offset and rate of every second clock that is known within a range only."""
+    """Return offset and rate of every second clock that is known within a range only, and the instants of the changes on it."""
     out = []
     for i, e in enumerate(experiments):
-        for n, c in enumerate(ticks.clock for ticks in e.ticks):
-            of = f" of {c.log}" if len(e.ticks) > 1 and c.log != e.record.name else ""
-            for name, target, (low, high), at, unit in (
+        for n, ticks in enumerate(e.ticks):
+            c, of = ticks.clock, clock_suffix(e.record, ticks.clock)
+            for name, place, (low, high), at, unit in (
                 (c.offset_is, OFFSET, c.offset, c.at[0], "s"),
                 ("clock rate", RATE, c.rate, c.at[1], "1"),
             ):
                 if low < high:
-                    acts = (Influence(i, f"{target} {n}"),)
+                    acts = (Influence(i, f"{CLOCK} {n} {place}"),)
                     out.append(Unknown(f"{e.record.name}: {name}{of}", "local", acts, at, low=low, high=high, unit=unit))
+            for k, change in enumerate(ticks.changes):
+                acts, name = (Influence(i, f"{CLOCK} {n} {FIRST_INSTANT + k}"),), f"{SWITCH} {change.row} of {change.path}"
+                prior, last = Prior(0.0, INSTANT_SD), LAST_INSTANT
+                out.append(Unknown(f"{e.record.name}: {name}{of}", "local", acts, 0.0, low=-last, high=last, prior=prior))
     return out

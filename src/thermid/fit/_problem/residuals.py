@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import reduce
 from typing import overload
@@ -15,7 +15,7 @@ from thermid.base.dual import Dual, Number, gradient_of, value_of
 from thermid.base.errors import DeckError, SolverError
 from thermid.base.linear_algebra import HALF_WIDTH_95, Array
 from thermid.base.memo import Memo
-from thermid.fit._problem.experiment import OFFSET, RATE, Experiment, Observation, clock_target
+from thermid.fit._problem.experiment import FIRST_INSTANT, OFFSET, RATE, SCALE, SHIFT, SWITCH, Experiment, Observation, clock_target
 from thermid.simulation.solver import Engine, Options, Squares, Traces, Weighing, Wiring, kept_for
 
 
@@ -84,6 +84,12 @@ class Unknown:
     def slope(self, fitted: float) -> float:
         """Return d value / d fitted."""
         return self.to_value(fitted) if self.log else 1.0
+
+    @property
+    def is_instant(self) -> bool:
+        """Whether it says when a power changed: it is looked for only for the sake of other values."""
+        at = [clock_target(t.name) for t in self.targets]
+        return any(of is not None and of[1] >= FIRST_INSTANT for of in at) or any(t.name.startswith(SCALE + SWITCH) for t in self.targets)
 
     @property
     def scale(self) -> float:
@@ -303,8 +309,8 @@ class Bench:
     memo: Memo = field(init=False, default_factory=Memo, compare=False, repr=False)
 
     @classmethod
-    def of_experiment(cls, experiment: Experiment, free: Sequence[str], at: tuple[tuple[float, float], ...] | None = None) -> Bench:
-        """Return the bench of an experiment, made once, with its clocks at offsets [s] and rates other than its own if asked."""
+    def of_experiment(cls, experiment: Experiment, free: Sequence[str], at: tuple[tuple[float, ...], ...] | None = None) -> Bench:
+        """Return the bench of an experiment, made once, with its clocks where `at` says instead of its own: `Ticks.at` of each."""
 
         def make() -> Bench:
             """Return the model wired for the free values, on the clocks of `at` where some are fitted."""
@@ -396,28 +402,26 @@ def _parts(node: str, recover: Mapping[str, Mapping[str, Number]]) -> dict[str, 
     return out
 
 
-SHIFT = 0.3
-"""Shift over which differences are taken, in samples of the second log: smaller ones drown in the integrator's own error."""
+def clock_at(problem: Problem, i: int, fitted: Array) -> tuple[tuple[float, ...], ...]:
+    """Return `Ticks.at` of every unknown clock of an experiment at some values of the unknowns."""
+    at = [list(ticks.at) for ticks in problem.experiments[i].ticks]
+    for k, number, place in problem.ticking(i):
+        at[number][place] = float(fitted[k])
+    return tuple(map(tuple, at))
 
 
-def clock_at(problem: Problem, i: int, fitted: Array) -> tuple[tuple[float, float], ...]:
-    """Return offset and rate of every unknown clock of an experiment at some values of the unknowns."""
-    at = [dict(zip((OFFSET, RATE), ticks.at, strict=True)) for ticks in problem.experiments[i].ticks]
-    for k, number, name in problem.ticking(i):
-        at[number][name] = float(fitted[k])
-    return tuple((one[OFFSET], one[RATE]) for one in at)
+def slopes_of_clock(problem: Problem, i: int, fitted: Array, times: Array | None = None, but: Collection[int] = ()) -> dict[int, Array]:
+    """Return position of an unknown -> derivatives (times, sensors) of the readings to offset, rate or an instant, by differences.
 
-
-def slopes_of_clock(problem: Problem, i: int, fitted: Array, times: Array | None = None) -> dict[int, Array]:
-    """Return position of an unknown -> derivatives (times, sensors) of the readings with respect to an offset or rate, by differences.
-
-    A switched power has no derivative with respect to its instant that a run could carry, so two runs are taken on either side.
+    A switched power has no derivative with respect to its instant that a run could carry, so two runs are taken on either side; none for
+    unknowns at positions `but`.
     """
     out: dict[int, Array] = {}
-    for k, number, name in problem.ticking(i):
+    for k, number, place in problem.ticking(i):
+        if k in but:
+            continue
         ticks = problem.experiments[i].ticks[number]
-        shift = SHIFT * ticks.clock.step * ticks.at[1]
-        step = shift if name == OFFSET else shift / max(ticks.span, ticks.clock.step)
+        step = {OFFSET: ticks.shift, RATE: ticks.shift / max(ticks.span, ticks.clock.step)}.get(place, SHIFT)
         sides = []
         for side in (-step, step):
             there = fitted.copy()
@@ -507,15 +511,15 @@ class Problem:
         """Return one bench per experiment, made once."""
         return self.memo.value("benches", lambda: tuple(Bench.of_experiment(e, self._names(i)) for i, e in enumerate(self.experiments)))
 
-    def bench(self, i: int, fitted: Array) -> Bench:
-        """Return the bench of an experiment with its unknown clocks where the unknowns put them."""
+    def bench(self, i: int, fitted: Array, more: Sequence[str] = ()) -> Bench:
+        """Return the bench of an experiment with its unknown clocks where the unknowns put them, and with `more` names free."""
         experiment = self.experiments[i]
-        if (at := clock_at(self, i, fitted)) == tuple(ticks.at for ticks in experiment.ticks):
-            return self.benches()[i]
-        return Bench.of_experiment(experiment, self._names(i), at)
+        at = clock_at(self, i, fitted)
+        moved = None if at == tuple(ticks.at for ticks in experiment.ticks) else at
+        return Bench.of_experiment(experiment, (*self._names(i), *more), moved)
 
-    def ticking(self, i: int) -> list[tuple[int, int, str]]:
-        """Return, of unknowns that are offset or rate of an experiment's clocks, position, number of the clock, and which of both."""
+    def ticking(self, i: int) -> list[tuple[int, int, int]]:
+        """Return, of unknowns of an experiment's clocks, position, number of the clock, and place in its `Ticks.at`."""
         targets = ((k, clock_target(t.name)) for k, u in enumerate(self.unknowns) for t in u.targets if t.experiment == i)
         return [(k, *of) for k, of in targets if of is not None]
 
@@ -669,11 +673,17 @@ class Problem:
 
     def _slopes(self, i: int, fitted: Array, times: Array | None) -> tuple[Array, Array]:
         """Return the temperatures (times, sensors) of the sensors' nodes [K], and `slopes`."""
-        bench = self.bench(i, fitted)
         x, chain = self.inputs(i, fitted)
+        names = {t.name: k for k, u in enumerate(self.unknowns) for t in u.targets if t.experiment == i}
+        instants = {n: names[n] for n in self.experiments[i].pulses if n in names}
+        bench = self.bench(i, fitted, [SCALE + name for name in instants])
+        x = np.append(x, np.zeros(len(instants)))
         columns, derivatives = bench.temperatures(x, bool(x.size), self.options, times)
-        out = _chained(derivatives, -chain) if x.size else np.zeros((*columns.shape, len(self.unknowns)))
-        for at, slope_of_clock in slopes_of_clock(self, i, fitted, times).items():
+        own = len(x) - len(instants)
+        out = _chained(derivatives[:, :, :own], -chain) if own else np.zeros((*columns.shape, len(self.unknowns)))
+        for n, k in enumerate(instants.values()):
+            out[:, :, k] -= derivatives[:, :, own + n]
+        for at, slope_of_clock in slopes_of_clock(self, i, fitted, times, instants.values()).items():
             out[:, :, at] -= slope_of_clock
         for k, o in enumerate(bench.experiment.observations):
             _, position = self._bias(o.sensor, fitted)

@@ -6,7 +6,7 @@ White noise plus an exponentially autocorrelated deviation, by restricted likeli
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from typing import NamedTuple
@@ -151,13 +151,7 @@ STRETCHES = 4 * MAX_STRETCHES
 for each stretch of the readings, or what it does within one would look like wandering."""
 
 
-Means = Mapping[tuple[str, str], Array]
-"""(record, sensor) -> means over its stretches of time (stretches,). [K]"""
-
-
-def answers_to_inputs(
-    problem: Problem, fitted: Array, pieces: Mapping[tuple[str, str], Binned], instants: Sequence[Sequence[Means]] | None = None
-) -> dict[tuple[str, str], Array]:
+def answers_to_inputs(problem: Problem, fitted: Array, pieces: Mapping[tuple[str, str], Binned]) -> dict[tuple[str, str], Array]:
     """Return (record, sensor) -> what a standard deviation of each independent cause does to its residuals (stretches, causes).
 
     Noise n_k of sample k of a signal moves the predicted readings by h_k n_k, all of one cause. The h of a stretch of samples is the
@@ -170,7 +164,6 @@ def answers_to_inputs(
     problem : Problem
     fitted : array (unknowns,)    The end of the fit, in the fitted form.
     pieces : dict                 (record, sensor) -> its derivatives in stretches of time, see `autocorrelation`.
-    instants : sequence           Of every experiment, see `_means_of_instants`, where they are at hand.
 
     Raises
     ------
@@ -179,16 +172,11 @@ def answers_to_inputs(
     out: dict[tuple[str, str], Array] = {}
     for i, experiment in enumerate(problem.experiments):
         noisy = {p: sd for p, sd in experiment.noisy.items() if isinstance(_signal(experiment, p), TableSignal)}
-        if not problem.unknowns or not (noisy or any(t.sampled for t in experiment.ticks)):
+        if not problem.unknowns or not noisy:
             continue
         keys = [(experiment.record.name, o.sensor) for o in experiment.observations]
         causes: dict[tuple[str, str], list[Array]] = {key: [] for key in keys}
-        for means in instants[i] if instants is not None else _means_of_instants(problem, i, fitted, pieces):
-            for key, o in zip(keys, experiment.observations, strict=True):
-                causes[key].append(means[key][:, None] / o.sigma(problem.noise))
-        for path, signal, answers in (
-            _answers(problem, i, fitted, list(noisy), [pieces[key].sampled.ravel() for key in keys]) if noisy else ()
-        ):
+        for path, signal, answers in _answers(problem, i, fitted, list(noisy), [pieces[key].sampled.ravel() for key in keys]):
             begin, end = float(experiment.times[0]), float(experiment.times[-1])
             within = (signal.instants >= begin) & (signal.instants <= end)
             times = signal.instants[within]
@@ -217,70 +205,6 @@ def _borders(times: Array, held: bool) -> Array:
 
 CHANGES = 20
 """The largest changes of a sampled power whose instants are followed; what small ones do is small."""
-
-
-def _instants(problem: Problem, i: int, fitted: Array) -> Iterator[Callable[[Array], Array]]:
-    """Yield, of each large change of a sampled power on a second clock, what a standard deviation of its instant does to the readings.
-
-    Each yielded function takes times (times,) [s] and returns (times, sensors) [K]. A change lies anywhere between two samples: a standard
-    deviation is the interval over the root of 12.
-    """
-    bench = problem.bench(i, fitted)
-    experiment, values = bench.experiment, problem.inputs(i, fitted)[0]
-    for name, path, sampled in ((*of, ticks.sampled) for ticks in experiment.ticks for of in ticks.driven):
-        table = getattr(experiment.scenario, name)[path]
-        if path not in sampled or not isinstance(table, TableSignal):
-            continue
-        for k in table.largest_changes(CHANGES):
-
-            def answer(times: Array, k: int = k, name: str = name, path: str = path, table: TableSignal = table) -> Array:
-                """Return what a standard deviation of the instant does to the readings (times, sensors). [K]"""
-                before, after = table.gaps(k)
-                sides, interval = [], 2.0 * before  # the sample stands in its middle
-                shift = 0.2 * min(interval, after)  # never past a neighbour
-                for side in (-shift, shift):
-                    changed = {name: {**getattr(experiment.scenario, name), path: table.delayed(k, side)}}
-                    other = replace(experiment, scenario=experiment.scenario.with_(**changed))
-                    sides.append(Bench.of_experiment(other, bench.free).temperatures(values, False, problem.options, times)[0])
-                return np.asarray((sides[1] - sides[0]) / (2.0 * shift) * interval / np.sqrt(12.0))
-
-            yield answer
-
-
-def _means_of_instants(problem: Problem, i: int, fitted: Array, pieces: Mapping[tuple[str, str], Binned]) -> list[Means]:
-    """Return, of each of `_instants`, what it does to the readings of each sensor; those of one log are asked at the same times."""
-    experiment, out = problem.experiments[i], list[Means]()
-    for change in _instants(problem, i, fitted):
-        answers, means = dict[bytes, Array](), dict[tuple[str, str], Array]()
-        for k, o in enumerate(experiment.observations):
-            at = pieces[experiment.record.name, o.sensor].sampled
-            answer = answers.get(at.tobytes())
-            answers[at.tobytes()] = answer = answer if answer is not None else change(at.ravel())
-            means[experiment.record.name, o.sensor] = answer[:, k].reshape(at.shape).mean(axis=1)
-        out.append(means)
-    return out
-
-
-def _score_of_instants(
-    problem: Problem, fitted: Array, pieces: Mapping[tuple[str, str], Binned], instants: Sequence[Sequence[Means]]
-) -> Array:
-    """Return what unknown instants of sampled powers add to the covariance of J'r beyond their means over stretches (unknowns, unknowns).
-
-    After a switch a fast mass answers within a part of a stretch, and so do derivatives by the clock: their product over all readings
-    is more than that of their means. A shift of all instants together is one of the clock, so it must not be lost.
-    """
-    size = len(problem.unknowns)
-    total = np.zeros((size, size))
-    for i, experiment in enumerate(problem.experiments):
-        slopes = problem.slopes(i, fitted) if instants[i] else np.zeros(0)
-        for change, means in zip(_instants(problem, i, fitted), instants[i], strict=True):
-            answer, moved, of_means = change(experiment.times), np.zeros(size), np.zeros(size)
-            for k, o in enumerate(experiment.observations):
-                b = pieces[experiment.record.name, o.sensor]
-                moved += slopes[o.index, k, :].T @ answer[o.index, k] / o.sigma(problem.noise)
-                of_means += (b.count[:, None] * b.slopes).T @ means[experiment.record.name, o.sensor] / o.sigma(problem.noise)
-            total += np.outer(moved, moved) - np.outer(of_means, of_means)
-    return total
 
 
 class OwnSwitches(NamedTuple):
@@ -317,20 +241,28 @@ def own_switches(problem: Problem, minimum: Fit) -> Iterator[OwnSwitches]:
             yield OwnSwitches(powers[path], longest, np.hypot(0.5 * shifts.sum(axis=0), np.linalg.norm(shifts, axis=0) / np.sqrt(12.0)))
 
 
-def shifts_by_lags(problem: Problem, minimum: Fit, seconds: float) -> tuple[list[str], Array]:
-    """Return the sensors without a stated lag, and by how much one lag of all of them would shift the unknowns (unknowns,).
+def shifts_by_lags(problem: Problem, minimum: Fit, sd: float) -> tuple[list[str], float, Array]:
+    """Return the sensors without a stated lag, the lag that all may have, and by how much it would shift the unknowns (unknowns,).
 
-    To first order a sensor that lags reads its node less the lag times its rate of change.
+    To first order a sensor that lags by L reads its node less L times its rate of change, so that weighted residuals r become r + c L. The
+    readings say L = -c'r / I, with the information I = c'c - c'J C J'c that is not in the unknowns, J their derivatives and C their
+    covariance; `sd` is what is known of it before. The root of its mean square is returned. [s]
     """
-    names, gradient = dict[str, None](), np.zeros(len(problem.unknowns))
+    names, gradient, score, square = dict[str, None](), np.zeros(len(problem.unknowns)), 0.0, 0.0
     for i, e in enumerate(problem.experiments):
         bare = [s for s, o in enumerate(e.observations) if e.record.channels[o.sensor].part is None and o.index.size > 1]
         blocks, slopes = problem.blocks_and_slopes(i, minimum.fitted) if bare else ([], np.zeros(0))
         for s in bare:
             b, o = blocks[s], e.observations[s]
             names[b.sensor] = None
-            gradient += slopes[o.index, s, :].T @ np.gradient(b.predicted, b.times) * (seconds / b.noise)
-    return list(names), gradient @ covariances(minimum)[2]
+            column = np.gradient(b.predicted, b.times) / b.noise
+            gradient += slopes[o.index, s, :].T @ column
+            score, square = score + float(column @ b.weighted), square + float(column @ column)
+    moves = covariances(minimum)[2] @ gradient
+    level = max(minimum.chi_square / max(problem.freedom, 1.0), 1.0)
+    variance = 1.0 / (sd**-2.0 + max(square - float(gradient @ moves), 0.0) / level)
+    lag = float(np.hypot(variance * score / level, variance**0.5))
+    return list(names), lag, lag * moves
 
 
 def _errors_of_means(noise: InputNoise, times: Array, values: Array, place: Indices, size: int) -> Array:
@@ -482,8 +414,7 @@ def autocorrelation(problem: Problem, minimum: Fit, loss: str = "linear", loss_s
     Gaps need no care, since the times of the stretches are what they are. A trace that wanders no more than chance would adds nothing.
     """
     pieces = binned(problem, minimum.fitted, loss, loss_scale)
-    instants = [_means_of_instants(problem, i, minimum.fitted, pieces) for i in range(len(problem.experiments))]
-    inputs = answers_to_inputs(problem, minimum.fitted, pieces, instants)
+    inputs = answers_to_inputs(problem, minimum.fitted, pieces)
     weights = finite(covariances(minimum)[2])
     # directions without information count as decided by each trace alone
     root_of_weights = square_root(weights)
@@ -505,10 +436,7 @@ def autocorrelation(problem: Problem, minimum: Fit, loss: str = "linear", loss_s
         freedom = samples * (1.0 - taken / max(problem.effective_samples, 1.0)) + sum(residuals.size for residuals in others)
         variance_factor = max(1.0, squares / max(freedom, 1.0))
     traces = tuple(_trace_noise(key, pieces[key], *part) for key, part in parts.items())
-    excess = score_excess(pieces, traces, variance_factor, inputs)
-    if problem.clocked:
-        excess = excess + _score_of_instants(problem, minimum.fitted, pieces, instants)
-    return Autocorrelation(traces, variance_factor, excess)
+    return Autocorrelation(traces, variance_factor, score_excess(pieces, traces, variance_factor, inputs))
 
 
 def _trace_noise(key: tuple[str, str], b: Binned, white: float, correlated: float, time: float) -> TraceNoise:

@@ -12,12 +12,16 @@ from typing import Any
 import numpy as np
 
 from thermid.base.dual import value_of
+from thermid.base.errors import quoted
 from thermid.base.linear_algebra import Array
-from thermid.fit.calibration import MEASURED, Calibration, Experiment, LocalSpec, Problem, Request, first_reading
+from thermid.fit.calibration import MEASURED, Calibration, Experiment, LocalSpec, Problem, Request, clock_suffix, first_reading
 from thermid.fit.power import PowerCourse
 from thermid.inference._explain.causes import SIZES, SizedValue
 from thermid.inference._explain.thresholds import (
     DEFAULT_COLD_TEMPERATURE,
+    HOUR,
+    MAX_CLOCK_ERROR,
+    MAX_CLOCK_SHARE,
     MAX_PLACES,
     MAX_TIP_SHARE,
     PACES,
@@ -25,6 +29,7 @@ from thermid.inference._explain.thresholds import (
     SLOWEST_MASS,
     SLOWEST_SAMPLES,
     START_SHARE,
+    WRONG_HOURS,
 )
 from thermid.measure.amounts import short
 from thermid.model.elements import Conductor, Curve, HeatLoad, Node, parameter
@@ -327,6 +332,7 @@ def missing_elements(fit: Calibration, request: Request) -> Iterator[MissingElem
         yield from _at_a_place(structure, place)
     yield from _missing_contacts(structure, places)
     yield from _of_hidden(structure, places)
+    yield from _wrong_clocks(structure.request)
 
 
 def hidden_defects(structure: Fitted) -> Iterator[MissingElement]:
@@ -695,6 +701,44 @@ def _one_way(request: Request, place: _Place, other: str, words: str) -> Missing
 
     name, sizes = f"a coupling of '{place.node}' and {words} that depends on direction", {free: SIZES["contact"].at(size / START_SHARE)}
     return MissingElement(name, make(request), judge, make, sizes=sizes, additive=True)
+
+
+def _wrong_clocks(request: Request) -> Iterator[MissingElement]:
+    """Yield wrong offsets of joined logs, of one instrument in all records together: about the stated one, and whole hours beside it."""
+    for channels in dict.fromkeys(c.channels for r in request.records for c in r.stated_clocks):
+        for hours in WRONG_HOURS:
+            clocks = [(r, c) for r in request.records for c in r.stated_clocks if c.channels == channels]
+            shortest = min(c.times[1] - c.times[0] for _, c in clocks)
+            if HOUR * abs(hours) + MAX_CLOCK_ERROR < MAX_CLOCK_SHARE * shortest or not hours:
+                yield _wrong_clock(request, channels, HOUR * hours, min(MAX_CLOCK_ERROR, MAX_CLOCK_SHARE * shortest))
+
+
+def _wrong_clock(request: Request, channels: tuple[str, ...], zone: float, far: float) -> MissingElement:
+    """Return the offset of one instrument's clock left to the fit, up to `far` about what was stated and `zone` more. [s]"""
+
+    def make(request: Request) -> Request:
+        """Return the request with the clock of the instrument open."""
+        records = tuple(
+            r.with_open_clock(channels, (zone - far, zone + far)) if any(c.channels == channels for c in r.stated_clocks) else r
+            for r in request.records
+        )
+        return replace(request, records=records, name=f"{request.name or request.model.title} with another clock")
+
+    made = make(request)
+    offsets = {f"{r.name}: {c.offset_is}{clock_suffix(r, c)}": c.at[0] for r in made.records for c in r.clocks if c.channels == channels}
+    spread = SIZES["clock"].spread
+    sizes = {n: SizedValue(at + zone, spread / abs(at + zone)) if at + zone else SizedValue(0.0, spread) for n, at in offsets.items()}
+
+    def judge(values: Any) -> tuple[str, bool]:
+        """Return the offsets that were found, in words, and that they are possible."""
+        offsets_in_words = [f"{short(values[n].value)} +- {short(values[n].error)} s for {at:g} s" for n, at in offsets.items()]
+        line = "To use it, state it as the offset of that log, or give offset as a range"
+        return f"{' and '.join(offsets_in_words)}. {line}", True
+
+    hours = f" by {zone / HOUR:+g} h, as of another time zone" if zone else ""
+    starts = tuple({n: at + zone + shift for n, at in offsets.items()} for shift in (0.0, -0.5 * far, 0.5 * far))
+    name = f"a wrong offset of the log of {quoted(channels)}{hours}"
+    return MissingElement(name, made, judge, make, sizes=sizes, starts=starts, chosen=int(bool(zone)))
 
 
 def _delays(request: Request) -> Iterator[MissingElement]:

@@ -75,6 +75,7 @@ SIZES: Final = {
     "growth": CauseSize(0.0, 0.004, "1/K", "copper", 0.0, 0.02),
     "settling": CauseSize(0.0, 0.2, "of the step", "heaters and converters that warm up", 0.0, 0.5),
     "course": CauseSize(0.0, 1.0, "of the power", "motors and pumps that start"),
+    "clock": CauseSize(0.0, 60.0, "s", "clocks that were set by hand, and computers that were not synchronised"),
     "unlogged": CauseSize(0.0, 3.0, "of the largest power", "a heater beside the logged one"),
     "boundary": CauseSize(0.0, 5.0, "K", "a chamber or a reference junction that is not where its display says"),
     "power": CauseSize(0.0, 0.4, "of the power", "a meter, an efficiency or a duty that was taken for another"),

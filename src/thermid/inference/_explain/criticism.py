@@ -414,7 +414,8 @@ def _tried(fit: Calibration, request: Request, executor: Workers, progress: Call
             try:
                 progress(f"full fit with {candidate.name}", 0.8)
                 refitted = refit(one.full_request)
-                words, possible = one.changes[0].judge(refitted)
+                locals_by_name = {f"{v.record}: {v.name}": v for v in refitted.local}
+                words, possible = one.changes[0].judge({**refitted.values.assignments, **locals_by_name})
                 out[n] = replace(candidate, found=words, possible=possible, fit=refitted), one
             except ThermidError as error:
                 out[n] = replace(candidate, refused=error.message, found=""), None

@@ -91,8 +91,7 @@ class FittedStructure:
     def judged(self) -> list[tuple[str, bool]]:
         """Return what each change found, in words, and whether that is physically possible."""
         errors, pairs = self.errors(), zip(self.problem.unknowns, self.end.fitted, strict=True)
-        slopes = {u.name: u.slope(float(x)) for u, x in pairs if u.kind == "parameter"}
-        values = {p: _ValueWithError(v, float(slopes[p] * errors[p])) for p, v in self.values.items()}
+        values = {u.name: _ValueWithError(u.to_value(float(x)), float(u.slope(float(x)) * errors[u.name])) for u, x in pairs}
         return [c.judge(values) for c in self.changes]
 
     @property
@@ -101,7 +100,7 @@ class FittedStructure:
         return all(possible for _, possible in self.judged())
 
     def errors(self, free: Sequence[str] | None = None) -> dict[str, float]:
-        """Return path -> standard error of what was fitted, of its logarithm where it is one; with `free`, all other parameters fixed."""
+        """Return name -> standard error of what was fitted, of its logarithm where it is one; with `free`, all other parameters fixed."""
         columns = [k for k, u in enumerate(self.problem.unknowns) if u.kind != "parameter" or free is None or u.name in free]
         rows = np.concatenate([self.end.jacobian, self.end.priors])[:, columns]
         scale = np.linalg.norm(rows, axis=0)
@@ -109,7 +108,7 @@ class FittedStructure:
         inverse = np.linalg.pinv((rows / scale).T @ (rows / scale), hermitian=True)
         sizes = np.sqrt(np.maximum(np.diag(inverse), 0.0)) / scale
         unknowns = [self.problem.unknowns[k] for k in columns]
-        return {u.name: float(s) for u, s in zip(unknowns, sizes, strict=True) if u.kind == "parameter"}
+        return {u.name: float(s) for u, s in zip(unknowns, sizes, strict=True)}
 
     @property
     def rmse(self) -> float:
@@ -674,7 +673,7 @@ def _with_loose_priors(problem: Problem, sizes: Mapping[str, SizedValue]) -> Pro
         """Return an unknown with the prior of the size that an element of its kind has."""
         if u.name in sizes and sizes[u.name].middle:
             return replace(
-                u, prior=Prior(u.to_fitted(sizes[u.name].middle), sizes[u.name].spread * (1.0 if u.log else sizes[u.name].middle))
+                u, prior=Prior(u.to_fitted(sizes[u.name].middle), sizes[u.name].spread * (1.0 if u.log else abs(sizes[u.name].middle)))
             )
         if u.prior is None and u.kind == "parameter" and u.log:
             return replace(u, prior=Prior(u.to_fitted(u.start), ANY_VALUE))

@@ -60,6 +60,13 @@ MAX_START_DEVIATIONS: Final = 4.0
 MAX_REFIT_UNKNOWNS, MAX_REFIT_SAMPLES, MAX_REFIT_NODES, MAX_REFIT_RECORDS = 16, 20_000, 20, 4
 """What a fit may hold for some ten refits of it to be worth their time."""
 
+# ---- clocks of joined logs
+
+HOUR, WRONG_HOURS = 3600.0, (0.0, -1.0, 1.0, -2.0, 2.0)
+"""An hour [s], and by how many a clock of another time zone, or of summer time, is off."""
+MAX_CLOCK_ERROR, MAX_CLOCK_SHARE = 300.0, 0.25
+"""How far a clock that nobody set by the other may be off [s], and the part of the log that this is at most. [-]"""
+
 # ---- diagnosis
 
 DIAGNOSED_STRETCHES: Final = 24

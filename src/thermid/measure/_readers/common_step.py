@@ -3,8 +3,9 @@
 In: courses of two logs, each on its own clock. Out: the offset with its standard error, and what it was found from. A course of one log
 explains one of the other: as it is, where both are temperatures or both powers; where one is a power and the other a temperature, by a sum
 of first-order responses with time constants from seconds to the length of the log, as every network of resistances and capacitances has,
-beside the decays of what was stored before both logs run. Logs may share a part of their time only, so offsets of the whole range compete:
-by the information N log(squares without the other course / squares left) of the N readings that both would share.
+beside the decays of what was stored before both logs run. Powers of one log act together: each has responses of its own. Logs may share a
+part of their time only, so offsets of the whole range compete: by the information N log(squares without the other course / squares left)
+of the N readings that both would share.
 """
 
 from __future__ import annotations
@@ -37,6 +38,10 @@ QUARTER = 0.25
 """Part of its range that a temperature changes by in the time that one place may lag another by. [-]"""
 BEGUN = 0.03
 """Part of a rise that stands for its beginning. [-]"""
+LEAST_ACTING = 0.1
+"""Part of the largest rise by a power from which another one acts on a thermometer too. [-]"""
+SHARES_HELD = 1e-4
+"""Weight that holds shares of responses near nothing: they would cancel in millions else, and stand for nothing that a network does. [-]"""
 MIN_INDEPENDENT = 4.0
 """Fewest residuals that count as independent. [-]"""
 FINER = 3
@@ -59,26 +64,36 @@ class Explanation:
     ----------
     times : array (points,)              Of its own log. [s]
     columns : array (points, columns)    The course as it is, or first-order responses to it.
-    constants : array (columns,) or (0,) Time constants of the responses. [s]
+    constants : array (columns,) or (0,) Time constants of the responses, of one power after the other. [s]
+    sizes : array (columns,) or (0,)     Range of the power of each response. [W]
     """
 
     times: FloatArray
     columns: FloatArray
     constants: FloatArray
+    sizes: FloatArray
 
     def rise(self, length: float) -> FloatArray:
-        """Return 1 - exp(-t / constant) of each column at t = 0.1, 0.3 and 1 times `length` (instants, columns); 1 without responses."""
+        """Return 1 - exp(-t / constant) of each column at t = 0.1, 0.3 and 1 times `length` (instants, columns); 1 without responses.
+
+        It is that of a step of the power's whole range, so that the sum over columns is of all powers switched on together. [W]
+        """
         if not self.constants.size:
             return np.ones((1, 1))
-        return 1.0 - np.exp(-length * np.array([0.1, 0.3, 1.0])[:, None] / self.constants)
+        return np.asarray(self.sizes * (1.0 - np.exp(-length * np.array([0.1, 0.3, 1.0])[:, None] / self.constants)))
 
     def begun(self, shares: FloatArray, length: float) -> float:
-        """Return when sum_k shares_k (1 - exp(-t / constant_k)) reaches 3 % of its largest value up to `length`; zero without any. [s]"""
+        """Return when sum_k shares_k (1 - exp(-t / constant_k)) reaches 3 % of its largest value up to `length`; zero without any. [s]
+
+        Of several powers it is the one that begins first.
+        """
         if not self.constants.size:
             return 0.0
         times = np.geomspace(1e-4, 1.0, 200) * length
-        rise = (1.0 - np.exp(-times[:, None] / self.constants)) @ shares[-self.constants.size :]
-        return float(times[int(np.argmax(rise >= BEGUN * np.max(rise)))])
+        of_each = self.sizes * shares[-self.constants.size :] * (1.0 - np.exp(-times[:, None] / self.constants))
+        rises = of_each.reshape(times.size, -1, np.unique(self.constants).size).sum(axis=2)
+        acting = rises.max(axis=0) >= LEAST_ACTING * rises.max()
+        return float(times[int(np.argmax((rises >= BEGUN * rises.max(axis=0))[:, acting].any(axis=1)))])
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,6 +107,7 @@ class LogCourse:
     times : array (samples,)    From the first sample of its log. [s]
     values : array (samples,)   [W or K]
     heated : bool               Whether a power may heat it: not the surroundings.
+    beside : tuple              Of a power, the others of its log that act together with it.
     """
 
     name: str
@@ -99,6 +115,7 @@ class LogCourse:
     times: FloatArray
     values: FloatArray
     heated: bool = True
+    beside: tuple[LogCourse, ...] = ()
 
     @property
     def moves(self) -> bool:
@@ -112,13 +129,31 @@ class LogCourse:
         """
         from scipy.signal import lfilter
 
-        times = np.arange(0.0, self.times[-1] + fine, fine)
-        held = self.values[np.clip(np.searchsorted(self.times, times, side="right") - 1, 0, self.times.size - 1)] - self.values[0]
-        out, constants = [], np.geomspace(fine, longest, count)
-        for constant in constants:
-            decay = float(np.exp(-fine / constant))
-            out.append(lfilter([0.0, 1.0 - decay], [1.0, -decay], held))  # the value of an interval acts at its end
-        return Explanation(times, np.column_stack(out), constants)
+        times, constants = np.arange(0.0, self.times[-1] + fine, fine), np.geomspace(fine, longest, count)
+        out, sizes = [], []
+        for course in (self, *self.beside):
+            held = (
+                course.values[np.clip(np.searchsorted(course.times, times, side="right") - 1, 0, course.times.size - 1)] - course.values[0]
+            )
+            for constant in constants:
+                decay = float(np.exp(-fine / constant))
+                out.append(lfilter([0.0, 1.0 - decay], [1.0, -decay], held))  # the value of an interval acts at its end
+                sizes.append(float(np.ptp(course.values)))
+        return Explanation(times, np.column_stack(out), np.tile(constants, 1 + len(self.beside)), np.array(sizes))
+
+    @property
+    def switched(self) -> FloatArray:
+        """Times at which it, or a power beside it, switches. [s]"""
+        every = [c.times[1:][np.abs(np.diff(c.values)) > SWITCH * float(np.ptp(c.values))] for c in (self, *self.beside)]
+        return np.unique(np.concatenate(every))
+
+
+def _together(courses: Sequence[LogCourse]) -> list[LogCourse]:
+    """Return courses that move, those of several powers as one: they act together on what a thermometer reads."""
+    moving = [c for c in courses if c.moves]
+    powers = [c for c in moving if c.power]
+    one = [replace(powers[0], name=" + ".join(c.name for c in powers), beside=tuple(powers[1:]))] if powers else []
+    return [*one, *(c for c in moving if not c.power)]
 
 
 @dataclass(frozen=True)
@@ -156,7 +191,9 @@ def common_step(first: Sequence[LogCourse], second: Sequence[LogCourse]) -> Comm
     ----------
     first, second : sequence of LogCourse   Columns of either log.
     """
-    offsets = [one for a in first for b in second if a.moves and b.moves and (one := _compared(a, b)) is not None]
+    acting = [(a, b) for a in _together(first) for b in _together(second) if a.power != b.power]
+    alike = [(a, b) for a in first for b in second if a.power == b.power and a.moves and b.moves]
+    offsets = [one for a, b in (*acting, *alike) if (one := _compared(a, b)) is not None]
     length = min((c.times[-1] for c in (*first, *second) if c.moves), default=0.0)
     offsets = _as_pairs_agree(offsets)
     places = [f for f in offsets if f.lags]
@@ -182,9 +219,9 @@ def zone_shared(pairs: Sequence[tuple[Sequence[LogCourse], Sequence[LogCourse], 
     ways = [
         (*((a, b, 1.0) if b.power else (b, a, -1.0)), late)
         for first, second, late in pairs
-        for a in first
-        for b in second
-        if a.power != b.power and a.heated and b.heated and a.moves and b.moves and _switched(a if a.power else b).size > 1
+        for a in _together(first)
+        for b in _together(second)
+        if a.power != b.power and a.heated and b.heated and (a if a.power else b).switched.size > 1
     ]
     made = [_ways(effect, cause)[0] for effect, cause, _, _ in ways]
     for hours in sorted(ZONES, key=abs):
@@ -228,10 +265,10 @@ def _seen_late(cause: LogCourse) -> float:
 
     A log with a reading at each switch and hardly another one shows them as they are.
     """
-    switched = np.flatnonzero(np.abs(np.diff(cause.values)) > SWITCH * float(np.ptp(cause.values)))
+    switched = np.searchsorted(cause.times, cause.switched)
     if not cause.power or 2 * switched.size > cause.times.size:
         return 0.0
-    return 0.5 * float(np.median(np.diff(cause.times)[switched])) if switched.size else 0.0
+    return 0.5 * float(np.median(np.diff(cause.times)[switched - 1])) if switched.size else 0.0
 
 
 def _compared(a: LogCourse, b: LogCourse) -> CommonStep | None:
@@ -285,20 +322,14 @@ def _scatter(course: LogCourse) -> float:
 
 def _enough_switches(seen: LogCourse, cause: LogCourse, offset: float) -> bool:
     """Whether a course covers two switches of a power, or all that it has: any single rise looks like any other."""
-    switched = _switched(cause)
-    inside = np.count_nonzero((switched > -offset) & (switched < seen.times[-1] - offset))
-    return bool(inside >= min(2, switched.size))
-
-
-def _switched(cause: LogCourse) -> FloatArray:
-    """Return the times at which a power switches. [s]"""
-    return cause.times[1:][np.abs(np.diff(cause.values)) > SWITCH * float(np.ptp(cause.values))]
+    inside = np.count_nonzero((cause.switched > -offset) & (cause.switched < seen.times[-1] - offset))
+    return bool(inside >= min(2, cause.switched.size))
 
 
 def _ways(effect: LogCourse, cause: LogCourse) -> list[Explanation]:
     """Return the forms in which one course may act on another: sets of responses where a power acts on a temperature, else as it is."""
     if cause.power == effect.power:
-        return [Explanation(cause.times, cause.values[:, None], np.zeros(0))]
+        return [Explanation(cause.times, cause.values[:, None], np.zeros(0), np.zeros(0))]
     fine = max(float(np.median(np.diff(cause.times))), cause.times[-1] / MAX_POINTS)
     return [cause.responses(fine, count, max(effect.times[-1], cause.times[-1])) for count in RESPONSES]
 
@@ -350,25 +381,36 @@ def _rows(effect: LogCourse, responses: Explanation, offset: float) -> tuple[Flo
     moved = [np.interp(times - offset, responses.times, column) for column in responses.columns.T]
     since = times - (times[0] if times.size else 0.0)
     decays = (
-        responses.constants[np.linspace(1, responses.constants.size - 1, DECAYS).astype(int)] if responses.constants.size else np.zeros(0)
+        np.unique(responses.constants)[np.linspace(1, np.unique(responses.constants).size - 1, DECAYS).astype(int)]
+        if responses.constants.size
+        else np.zeros(0)
     )
     own = [np.exp(-since / constant) for constant in decays] or [times / max(effect.times[-1], 1e-9)]
     return np.column_stack([np.ones(times.size), *own, *moved]), target
 
 
 def _solved(rows: FloatArray, target: FloatArray) -> tuple[float, FloatArray]:
-    """Fit x by least squares, rows x = target; return the sum of squared residuals, and x (terms,).
+    """Return the sum of squares that `_fitted` leaves, and its x (terms,)."""
+    residuals, shares = _fitted(rows, target)
+    return float(residuals @ residuals), shares
+
+
+def _fitted(rows: FloatArray, target: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return the residuals (readings,) and x (terms,) of least squares, rows x = target: ``|target - rows x|^2 + (w |rows| |x|)^2`` least.
 
     Parameters
     ----------
-    rows : array (readings, terms)      Terms of the linear model.
+    rows : array (readings, terms)      Terms of the linear model, the first one constant, which w = `SHARES_HELD` leaves alone.
     target : array (readings,)          Readings that it explains.
     """
-    scale = np.linalg.norm(rows, axis=0)
-    scale[scale == 0.0] = 1.0
-    shares = np.linalg.lstsq(rows / scale, target, rcond=None)[0] / scale
-    residuals = target - rows @ shares
-    return float(residuals @ residuals), shares
+    from scipy.linalg import solve
+
+    about, centred = rows - rows.mean(axis=0), target - target.mean()
+    scale = np.linalg.norm(about, axis=0)
+    scale[scale <= 1e-12 * np.linalg.norm(rows, axis=0)] = 1.0  # a constant
+    about = about / scale
+    x = solve(about.T @ about + SHARES_HELD**2 * np.eye(scale.size), about.T @ centred, assume_a="pos", check_finite=False)
+    return centred - about @ x, x / scale
 
 
 def _error(effect: LogCourse, responses: Explanation, best: float, step: float) -> float:
@@ -377,11 +419,9 @@ def _error(effect: LogCourse, responses: Explanation, best: float, step: float) 
     Points of residuals that wander are not independent. Of n points that follow each other with a correlation r, n (1 - r) / (1 + r) count,
     at least four, and the sign changes acos(r) / pi times a point (Rice), which wandering of a few points does not disturb. [s]
     """
-    rows, target = _rows(effect, responses, best)
-    scale = np.linalg.norm(rows, axis=0)
-    residuals = target - rows @ (np.linalg.lstsq(rows / scale, target, rcond=None)[0] / scale)
+    residuals, _ = _fitted(*_rows(effect, responses, best))
     changes = np.count_nonzero(np.diff(np.sign(residuals)))
-    count = max(target.size * float(np.tan(0.5 * np.pi * min(changes / target.size, 0.5))) ** 2, MIN_INDEPENDENT)
+    count = max(residuals.size * float(np.tan(0.5 * np.pi * min(changes / residuals.size, 0.5))) ** 2, MIN_INDEPENDENT)
     base = max(_part_unexplained(effect, responses, best), 1e-12)
     for width in _widths(step, float(effect.times[-1])):
         rise = min(_part_unexplained(effect, responses, best - width), _part_unexplained(effect, responses, best + width)) / base

@@ -468,6 +468,7 @@ class Samples:
     origin: Origin
     steps: tuple[str, ...] = ()
     clocks: tuple[SecondClock, ...] = ()
+    stated_clocks: tuple[SecondClock, ...] = ()
     environment: Mapping[str, Any] = field(default_factory=dict)
 
     @property

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 import numpy as np
 
-from thermid.base.errors import RecordError, ThermidError, errors_at, refuse_unknown
+from thermid.base.errors import RecordError, ThermidError, errors_at, quoted, refuse_unknown
 from thermid.base.expression import amount, clocked, counts_rows, seconds
 from thermid.base.extensions import optional
 from thermid.base.files import FileKinds, replacing
@@ -66,6 +66,7 @@ class Record(Samples, Result):
     origin : Origin                  Where the samples came from; kept by every copy.
     steps : tuple of str             What was done to the samples, in words and numbers.
     clocks : tuple of SecondClock    Clocks beside its own that a fit has yet to find.
+    stated_clocks : tuple of SecondClock   Those of joined logs whose offset and rate somebody, or their stamps, stated.
     environment : mapping            Gas node -> the state of its gas in this test, as of a scenario; see `with_environment`.
 
     Raises
@@ -429,12 +430,28 @@ class Record(Samples, Result):
         )
         middle = 0.5 * sum(offsets), 0.5 * sum(rates)
         joint = self._joined(other, *middle, rates[0])
-        if offsets[0] == offsets[1] and rates[0] == rates[1]:
-            return joint
         clock = SecondClock(tuple(other.channels), offsets, rates, middle, self.ends, other.step, other.name)
+        if offsets[0] == offsets[1] and rates[0] == rates[1]:
+            return replace(joint, stated_clocks=(*self.stated_clocks, clock))
         between = f"between {offsets[0]:.6g} and {offsets[1]:.6g} s late and {rates[0]:.6g} to {rates[1]:.6g} times as slow, by the fit"
         steps = (*joint.steps[:-1], f"joined with {other.origin.file}, whose clock is {between}")
         return replace(joint, clocks=(*self.clocks, clock), steps=steps)
+
+    def with_open_clock(self, channels: Sequence[str], offset: tuple[float, float]) -> Record:
+        """Return the record with the clock of the joined log of some channels left to the fit, in a range about its stated offset. [s]
+
+        Raises
+        ------
+        RecordError   When no joined log with a stated offset has just these channels.
+        """
+        clock = next((c for c in self.stated_clocks if c.channels == tuple(channels)), None)
+        if clock is None:
+            raise RecordError(
+                f"{quoted(channels)} are not the channels of a joined log with a stated offset.", self.name, code="record.does-not-apply"
+            )
+        stated = tuple(c for c in self.stated_clocks if c is not clock)
+        opened = replace(clock, offset=(clock.at[0] + offset[0], clock.at[0] + offset[1]))
+        return replace(self, clocks=(*self.clocks, opened), stated_clocks=stated)
 
     @property
     def ends(self) -> tuple[float, float]:

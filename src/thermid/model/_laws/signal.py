@@ -312,11 +312,16 @@ class TableSignal:
         before, after = np.diff(self.times[place - 1 : place + 2], append=np.inf)[:2]
         return float(before), float(after)
 
-    def delayed(self, place: int, by: float) -> TableSignal:
-        """Return the signal with the sample of index `place` later by `by`. [s]"""
-        times = self.times.copy()
-        times[place] += by
-        return replace(self, times=times)
+    def steps_above(self, share: float, least: float) -> Array:
+        """Return the steps between samples (samples - 1,), zero where they are below a share of the largest value or `least`. [SI]"""
+        steps = np.diff(self.values)
+        return np.where(np.abs(steps) > max(share * float(np.abs(self.values).max()), least), steps, 0.0)
+
+    def pulse(self, place: int, half: float, later: float) -> TableSignal:
+        """Return what the step to the sample of index `place` takes off when it comes `later`, in a pulse of `half` to either side. [s]"""
+        times = self.times[place] + half * np.array([-2.0, -1.0, 1.0])
+        power = (self.values[place - 1] - self.values[place]) * later / (2.0 * half)
+        return TableSignal(times, np.array([0.0, power, 0.0]), True, before="hold", after="hold")
 
     def mapped(self, law: Callable[[Array], Array]) -> TableSignal:
         """Return the signal with `law` applied to its values; lines between samples, or steps, stay so."""

@@ -15,7 +15,7 @@ import pytest
 import thermid as td
 from thermid.fit.calibration import Request, fit
 from thermid.inference._explain.candidates import Fitted
-from thermid.inference._explain.structures import TIE, FittedStructure, StructureSearch, adopted, fitted_structure, search_structure
+from thermid.inference._explain.structures import TIE, FittedStructure, StructureSearch, fitted_structure, search_structure
 from thermid.inference._explain.weighing import CauseScore
 from unit.fit.bench import HTC, MASS, box, log
 
