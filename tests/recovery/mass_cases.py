@@ -53,8 +53,11 @@ class Drawn:
     masses: Mapping[str, float]
 
 
-def drawn(seed: int, parts: int | None = None, matched: bool = False) -> Drawn:
-    """Return a bench; its log has the power that was set, not what it became. `matched`: the truth has the document's structure."""
+def drawn(seed: int, parts: int | None = None, matched: bool = False, said: float | None = NOISE) -> Drawn:
+    """Return a bench; its log has the power that was set, not what it became, and says a noise [K] or None.
+
+    `matched`: the truth has the document's structure.
+    """
     rng = np.random.default_rng([SEED, seed])
     plain = deck(1 + seed % 3 if parts is None else parts)
     truth = lawful(plain, rng) if not matched else copy.deepcopy(plain)
@@ -83,9 +86,9 @@ def drawn(seed: int, parts: int | None = None, matched: bool = False) -> Drawn:
         return np.asarray(np.round((kelvin + NOISE * rng.standard_normal(TIMES.size) - ICE) / STEP) * STEP + ICE)
 
     channels = {
-        n: Channel.from_array(n, read(run[n].kelvin), unit="K", role="node", target=n, noise=NOISE, resolution=STEP) for n in plain["nodes"]
+        n: Channel.from_array(n, read(run[n].kelvin), unit="K", role="node", target=n, noise=said, resolution=STEP) for n in plain["nodes"]
     }
-    channels["air"] = Channel.from_array("air", read(air), unit="K", role="boundary", target="air", noise=NOISE, resolution=STEP)
+    channels["air"] = Channel.from_array("air", read(air), unit="K", role="boundary", target="air", noise=said, resolution=STEP)
     channels["P"] = Channel.from_array("P", watts, quantity="power", role="load", target="heat")
     free = [*masses, *(f"{s}.effective_htc" for s in plain["surfaces"]), *(f"{c}.conductance" for c in plain.get("conductors", {}))]
     return Drawn(td.model_from_dict(plain), tuple(free), Record.from_arrays("bench", TIMES, channels), masses)
@@ -167,11 +170,13 @@ class Masses:
         self.inadequate += found.standing.state == "not adequate"
 
 
-def campaign(seeds: range, steps: tuple[str, ...] = tuple(STEPS), matched: bool = False, told: bool = False) -> dict[str, Masses]:
-    """Return step -> what became of the masses of benches of some seeds."""
+def campaign(
+    seeds: range, steps: tuple[str, ...] = tuple(STEPS), matched: bool = False, told: bool = False, said: float | None = NOISE
+) -> dict[str, Masses]:
+    """Return step -> what became of the masses of benches of some seeds, whose logs say a noise. [K]"""
     out = {step: Masses() for step in steps}
     for seed in seeds:
-        bench = drawn(seed, matched=matched)
+        bench = drawn(seed, matched=matched, said=said)
         try:
             first = td.calibrate(bench.model, bench.record, list(bench.free))
         except ThermidError as refusal:

@@ -50,6 +50,13 @@ def test_values_if_elements_depart_are_narrow_and_hold() -> None:
     assert expected.inside == fitted.inside == 1.0
 
 
+def test_a_noise_that_readings_refute_widens_nothing() -> None:
+    """Stated three times too large or not at all, half-widths were 1.9 and 2.0 times those with the right noise."""
+    right, none, large = (campaign(range(602, 603), ("if elements depart",), said=said)["if elements depart"] for said in (0.05, None, 0.15))
+    assert none.half == pytest.approx(right.half, rel=0.15)
+    assert large.half == pytest.approx(right.half, rel=0.15)
+
+
 def test_a_fit_that_its_readings_support_expects_nothing_else() -> None:
     bench = drawn(0, matched=True)
     found = td.calibrate(bench.model, bench.record, list(bench.free))
