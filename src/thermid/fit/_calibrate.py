@@ -946,9 +946,7 @@ def _suspect(fit: Calibration, spread: Autocorrelation) -> bool:
     stated = all(o.noise is not None for o in fit.problem.observations())
     slow = _slow(spread) if _wandering(spread) else []
     # squares of what wanders in units of the noise that the readings show
-    more = [
-        max(taken[key] / shown_noise[key], 1.0) ** 2 if (key := (t.record, t.sensor)) in shown_noise else float(stated) for t in slow
-    ]
+    more = [max(taken[key] / shown_noise[key], 1.0) ** 2 if (key := (t.record, t.sensor)) in shown_noise else float(stated) for t in slow]
     squares = [t.samples * (t.white_variance + t.correlated_variance) * m for t, m in zip(slow, more, strict=True)]
     count = sum(t.samples for t in slow)
     if stated and fit.chi_square > OUTSIDE**2 * max(fit.freedom, 1):

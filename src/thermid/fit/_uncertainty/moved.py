@@ -456,12 +456,14 @@ class _Inherited:
     Parameters
     ----------
     at : tuple of int               Their positions among the unknowns; instruments that were found with them too.
-    states : tuple of State         As their stages printed them; None for an instrument.
+    states : tuple of State         As their stages have them; None for an instrument.
+    mean : array (at,)              Where their stages expect them, in the fitted form of the unknowns.
     root : array (at, sources)      Root of their covariance, in the fitted form of the unknowns.
     """
 
     at: tuple[int, ...]
     states: tuple[State | None, ...]
+    mean: Array
     root: Array
 
 
@@ -485,14 +487,15 @@ def _inherited(request: Request, opened: Opened, fixed: Mapping[tuple[str, ...],
     unknowns_before = [unknowns[k] for k in before.at]
     states = [next((moving[n] for n in (u.name, *u.also) if n in moving), None) if u.kind == "parameter" else None for u in unknowns_before]
     named = {group[0]: s for group, s in fixed.items()}
-    at, rows = [int(k) for k in before.at], list(before.rows)
+    at, mean, rows = [int(k) for k in before.at], before.mean.tolist(), list(before.rows)
     for k, u in enumerate(unknowns[opened.own :], start=opened.own):
         state = named[u.name]
         row = store.rows([state.path])[0] * form(state, u)
         at.append(k)
+        mean.append(u.to_fitted(state.value))
         states.append(state)
         rows.append(np.concatenate([row, np.zeros(before.rows.shape[1] - row.size)]))
-    return _Inherited(tuple(at), tuple(states), np.array(rows).reshape(len(at), before.rows.shape[1]))
+    return _Inherited(tuple(at), tuple(states), np.array(mean), np.array(rows).reshape(len(at), before.rows.shape[1]))
 
 
 def moves_above(request: Request, problem: Problem, minimum: Fit, level: float = 1.0) -> Moves:
@@ -521,13 +524,12 @@ def moves_above(request: Request, problem: Problem, minimum: Fit, level: float =
 def _tested(request: Request, opened: Opened, inherited: _Inherited, at: Array, level: float) -> tuple[Moves, Array]:
     """Return what the logs say with the derivatives at some values of all unknowns, and where these lead with the moved values free.
 
-    Residuals are measured less what the model says, in units of the noise; the step begins where the stages below left the values. `level`
+    Residuals are measured less what the model says, in units of the noise; the step begins where the stages below expect values. `level`
     is that of `moves_above`.
     """
     unknowns = opened.problem.unknowns
     start = opened.fitted.copy()
-    for k, state in zip(inherited.at, inherited.states, strict=True):
-        start[k] = unknowns[k].to_fitted(state.value if state is not None else request.store[unknowns[k].name].value)
+    start[list(inherited.at)] = inherited.mean
     pieces = binned(opened.problem, at, request.loss, request.loss_scale, STRETCHES_PER_TRACE)
     here = [replace(b, mean=b.mean + b.slopes @ (start - at)) for b in pieces.values()]
     priors, pulls = _beside(opened.problem, start, inherited.at)
@@ -538,7 +540,8 @@ def _tested(request: Request, opened: Opened, inherited: _Inherited, at: Array, 
     for (k, state), s in zip(state_of_position.items(), shifts(test, list(state_of_position)), strict=True):
         u, there = unknowns[inherited.at[k]], inherited.at[k]
         alone, used = _alone(u, float(at[there]), float(start[there] + s.size)), u.to_value(opened.fitted[there])
-        below = (state.value, request.store.error(state.path), state.random)
+        expected = u.to_value(float(start[there]))
+        below = (expected, float(np.linalg.norm(inherited.root[k])) * u.slope(float(start[there])), state.random)
         values.append(_move(u.name, part_of(request.model, u.name), state.origin.stage or state.origin.kind, below, alone, used, u, s))
     rows = {m.path: k for m, k in zip(values, state_of_position, strict=True)}
     far = [rows[m.path] for m in values if m.verdict == MOVED]
