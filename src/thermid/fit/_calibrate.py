@@ -685,16 +685,6 @@ def differing(problem: Problem) -> list[str]:
     return out[:1]
 
 
-def _seen_noise(problem: Problem) -> dict[tuple[str, str], float]:
-    """Return record and sensor -> the noise of its readings, of those that show some and whose noise is not said to be slow. [K]"""
-    return {
-        (e.record.name, o.sensor): channel.noise_seen
-        for e in problem.experiments
-        for o in e.observations
-        if o.effective_share == 1.0 and (channel := e.record.channels[o.sensor]).noise_seen > LEAST_NOISE
-    }
-
-
 def _noise_apart(problem: Problem) -> list[str]:
     """Return one remark on sensors whose stated noise is far from what their readings show; the farthest is named."""
     apart = {
@@ -941,12 +931,16 @@ def _suspect(fit: Calibration, spread: Autocorrelation) -> bool:
     """
     if fit.problem is None:
         return False
-    shown_noise = _seen_noise(fit.problem)
-    taken = {(e.record.name, o.sensor): o.noise or fit.problem.noise[o.sensor] for e in fit.problem.experiments for o in e.observations}
+    over_seen = {
+        (e.record.name, o.sensor): (o.noise or fit.problem.noise[o.sensor]) / channel.noise_seen
+        for e in fit.problem.experiments
+        for o in e.observations
+        if o.effective_share == 1.0 and (channel := e.record.channels[o.sensor]).noise_seen > LEAST_NOISE
+    }
     stated = all(o.noise is not None for o in fit.problem.observations())
     slow = _slow(spread) if _wandering(spread) else []
     # squares of what wanders in units of the noise that the readings show
-    more = [max(taken[key] / shown_noise[key], 1.0) ** 2 if (key := (t.record, t.sensor)) in shown_noise else float(stated) for t in slow]
+    more = [max(over_seen[key], 1.0) ** 2 if (key := (t.record, t.sensor)) in over_seen else float(stated) for t in slow]
     squares = [t.samples * (t.white_variance + t.correlated_variance) * m for t, m in zip(slow, more, strict=True)]
     count = sum(t.samples for t in slow)
     if stated and fit.chi_square > OUTSIDE**2 * max(fit.freedom, 1):

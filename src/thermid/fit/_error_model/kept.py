@@ -687,7 +687,7 @@ def _with_sources_of_structure(fit: Calibration, covariance: Array, moved: Mappi
 
     Legend: B own covariance of the fit, C that of the model of error, ``B = L L'``, ``L^-1 C L^-T = W D W'``. Responses become
     ``L W min(D, 1)^1/2 W' L^-1`` times themselves, and sources for the rest make C; what B holds beyond C, within bounds, and the moves
-    are sources of the fitted values alone.
+    are sources of the fitted values alone. No error becomes smaller.
     """
     assert fit.problem is not None
     unknowns = {u.name: u for u in fit.problem.unknowns}
@@ -702,7 +702,8 @@ def _with_sources_of_structure(fit: Calibration, covariance: Array, moved: Mappi
     more, less = (directions * np.sqrt(np.maximum(x, 0.0)) for x in (ratios - 1.0, 1.0 - ratios))
     expected, beyond = np.diag(covariance)[at] + moves**2, np.sum(less**2, axis=1)
     within = [square_between(unknowns[n], fit.fitted[n], x) for n, x in zip(paths, (expected + beyond).tolist(), strict=True)]
-    less *= np.sqrt(np.maximum(within - expected, 0.0) / np.maximum(beyond, 1e-300))[:, None]
+    least = np.maximum(within, np.sum(responses**2, axis=1)) - expected
+    less *= np.sqrt(np.maximum(least, 0.0) / np.maximum(beyond, 1e-300))[:, None]
     root = np.zeros((len(fit.store.states), len(fit.store.sources) + 2 * len(at) + 1))
     root[:, : len(own)] = fit.store.root
     root[np.ix_(places, np.flatnonzero(own))] = directions @ (np.sqrt(np.minimum(ratios, 1.0))[:, None] * ways.T) @ inverse @ responses

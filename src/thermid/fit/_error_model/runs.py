@@ -176,7 +176,7 @@ class Departures:
         for node in (n for n in self.nodes if n in course.stores):
             for time in self.hidden:
                 name = f"mass ({time:.3g} s) of {node}"
-                out.append((UnknownColumn(name, "hidden", len(self.hidden) ** -0.5, node), hidden_mass(name, course, node, time)))
+                out.append((UnknownColumn(name, "hidden", 1.0, node), hidden_mass(name, course, node, time)))
         return out
 
     def of_run(self, network: Network, course: ElementCourse) -> list[tuple[UnknownColumn, DepartureHeat]]:

@@ -504,14 +504,10 @@ def known_before(request: Request, unknowns: Sequence[Unknown]) -> KnownBefore:
     free = {t.name for u in unknowns for t in u.targets}
     ranges = ranged_values(request.model, ParameterSet(request.model), free) if inherited else ()
     held = np.isin([s.name for s in store.sources], [s.name for r in ranges for s, _ in r.columns])
-    mean = np.array([u.to_fitted(state.value) for _, u, state in inherited]) + rows[:, _named(sources, EXPECTED)].sum(axis=1)
-    rows[:, _named(sources, EXPECTED) | _named(sources, AS_FITTED)] = 0.0
+    moves, fits = ([k for k, s in enumerate(sources) if part in s.name] for part in (EXPECTED, AS_FITTED))
+    mean = np.array([u.to_fitted(state.value) for _, u, state in inherited]) + rows[:, moves].sum(axis=1)
+    rows[:, moves + fits] = 0.0
     return KnownBefore(at, mean, rows, tuple(sources), np.tile(held, len(places)))
-
-
-def _named(sources: Sequence[Source], part: str) -> NDArray[np.bool_]:
-    """Return which sources (sources,) have a text in their name."""
-    return np.array([part in s.name for s in sources], dtype=bool)
 
 
 def counted_twice(store: Store, prior: Sequence[str], records: Sequence[Record]) -> list[str]:

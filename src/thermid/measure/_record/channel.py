@@ -662,10 +662,10 @@ def _usual_size(differences: FloatArray, step: float) -> float:
     Stuart, The Advanced Theory of Statistics, vol. 1, Griffin 1977, sections 2.8 and 3.18).
     """
     sizes = np.abs(differences)
-    median = float(np.median(sizes))
-    low, high = max(median - 0.5 * step, 0.0), median + 0.5 * step
-    below, up_to = float(np.mean(sizes < low)), float(np.mean(sizes <= high))
-    median = low + (high - low) * (0.5 - below) / max(up_to - below, 1e-300)
+    if median := float(np.median(sizes)):  # where it is zero, readings hardly ever change
+        low, high = max(median - 0.5 * step, 0.0), median + 0.5 * step
+        below, up_to = np.mean(sizes < low), np.mean(sizes <= high)
+        median = float(low + (high - low) * (0.5 - below) / max(up_to - below, 1e-300))
     return math.sqrt(max((1.4826 * median) ** 2 - step**2 / 12.0, 0.0))
 
 
