@@ -691,7 +691,7 @@ def _noise_apart(problem: Problem) -> list[str]:
         (e.record.name, o.sensor): (o.noise, e.record.channels[o.sensor].noise_seen)
         for e in problem.experiments
         for o in e.observations
-        if o.noise and o.refuted_by(e.record.channels[o.sensor])
+        if o.noise and o.noise_shown(e.record.channels[o.sensor]) != o.noise
     }
     if not apart:
         return []

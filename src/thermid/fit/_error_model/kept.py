@@ -663,11 +663,11 @@ def _widened(fit: Calibration, moved: Mapping[str, float], covariance: Array, un
     quote = "Quote the values and errors that are printed first: they allow its elements to depart from their laws."
     if unexplained:
         quote = f"The values that are printed first allow its elements to depart from their laws, but {unexplained}: find the cause first."
-    used = "They are the priors of stages above. The fitted values, which -v prints beside them, draw the curves, with wider errors."
+    quote += " They are the priors of stages above. The fitted values, which -v prints beside them, draw the curves, with wider errors."
     fit = replace(fit, expected=expected, unexplained=unexplained)
     at_fit, at_estimates = (far_from_sheet(fit.given_model, replace(fit.values, items_=i)) for i in (fit.values.items_, fit.estimates))
     doubted = {w.split(" is ")[0] for w in at_fit} - {w.split(" is ")[0] for w in at_estimates}
-    return replace(fit, warnings=(*(w for w in fit.warnings if w.split(" is ")[0] not in doubted), f"{FIRST}{why}. {quote} {used}"))
+    return replace(fit, warnings=(*(w for w in fit.warnings if w.split(" is ")[0] not in doubted), f"{FIRST}{why}. {quote}"))
 
 
 def _others(fit: Calibration) -> list[bool]:
@@ -693,7 +693,7 @@ def _with_sources_of_structure(fit: Calibration, covariance: Array, moved: Mappi
     unknowns = {u.name: u for u in fit.problem.unknowns}
     at = [k for k, n in enumerate(moved) if fit.store[n].known]
     paths = [n for n in moved if fit.store[n].known]
-    places, own = [[*fit.store.states].index(n) for n in paths], ~np.array(_others(fit))
+    places, own = np.array([[*fit.store.states].index(n) for n in paths]), np.flatnonzero(~np.array(_others(fit), dtype=bool))
     responses, moves = fit.store.root[np.ix_(places, own)], np.array([moved[n] for n in paths])
     lower = _triangular(responses @ responses.T)
     inverse = np.linalg.inv(lower)
@@ -702,21 +702,19 @@ def _with_sources_of_structure(fit: Calibration, covariance: Array, moved: Mappi
     more, less = (directions * np.sqrt(np.maximum(x, 0.0)) for x in (ratios - 1.0, 1.0 - ratios))
     expected, beyond = np.diag(covariance)[at] + moves**2, np.sum(less**2, axis=1)
     within = [square_between(unknowns[n], fit.fitted[n], x) for n, x in zip(paths, (expected + beyond).tolist(), strict=True)]
-    least = np.maximum(within, np.sum(responses**2, axis=1)) - expected
-    less *= np.sqrt(np.maximum(least, 0.0) / np.maximum(beyond, 1e-300))[:, None]
+    least = np.maximum(np.maximum(within, np.sum(responses**2, axis=1)) - expected, 0.0)
     root = np.zeros((len(fit.store.states), len(fit.store.sources) + 2 * len(at) + 1))
-    root[:, : len(own)] = fit.store.root
-    root[np.ix_(places, np.flatnonzero(own))] = directions @ (np.sqrt(np.minimum(ratios, 1.0))[:, None] * ways.T) @ inverse @ responses
-    root[places, len(own) :] = np.column_stack([more, less, moves])
+    root[:, : len(fit.store.sources)] = fit.store.root
+    root[np.ix_(places, own)] = directions @ (np.sqrt(np.minimum(ratios, 1.0))[:, None] * ways.T) @ inverse @ responses
+    root[places, len(fit.store.sources) :] = np.column_stack([more, less * np.sqrt(least / np.maximum(beyond, 1e-300))[:, None], moves])
     key, words = f"{fit.request.fit_key[:16] if fit.request else fit.stage}:structure", f"structure of stage '{fit.stage}'"
     names = (*(f"{key} {k}" for k in at), *(f"{key}{AS_FITTED} {k}" for k in at), f"{key}{EXPECTED}")
-    sources = (*fit.store.sources, *(Source(n, "structural", Normal(), words) for n in names))
-    store = replace(fit.store, sources=sources, root=root).trimmed()
+    added = (Source(n, "structural", Normal(), words) for n in names)
+    store = replace(fit.store, sources=(*fit.store.sources, *added), root=root).trimmed()
     items = {n: replace(v, error=store.error(n)) for n, v in fit.values.items()}
     covariance = np.where(np.isfinite(fit.values.covariance), store.covariance(items), np.inf)
     # what moves a value moves a start, a room or a clock that the same readings give
     slopes = np.array([[v.slopes.get(n, 0.0) for n in fit.store.states] for v in fit.local]).reshape(len(fit.local), len(root))
     more_of_local = np.sum((slopes @ root) ** 2, axis=1) - np.sum((slopes @ fit.store.root) ** 2, axis=1)
-    variances = np.array([v.error for v in fit.local]) ** 2 + np.maximum(more_of_local, 0.0)
-    local = tuple(replace(v, error=x) for v, x in zip(fit.local, np.sqrt(variances).tolist(), strict=True))
+    local = tuple(replace(v, error=math.sqrt(v.error**2 + max(x, 0.0))) for v, x in zip(fit.local, more_of_local.tolist(), strict=True))
     return replace(fit, store=store, values=replace(fit.values, items_=items, covariance=covariance), local=local)

@@ -244,8 +244,7 @@ def traces_of(problem: Problem, i: int, network: Network, heats: Sequence[Depart
 
 def noise_of(e: Experiment, o: Observation) -> float:
     """Return the noise of a reading: as stated, else or where they refute that as neighbouring readings scatter; at any weight. [K]"""
-    channel = e.record.channels[o.sensor]
-    noise = channel.noise_seen if not o.noise or o.refuted_by(channel) else o.noise
+    noise = o.noise_shown(e.record.channels[o.sensor])
     return (noise if noise > LEAST_NOISE else UNSAID_NOISE) / float(np.sqrt(o.effective_share))
 
 

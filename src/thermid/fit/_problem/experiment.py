@@ -556,11 +556,14 @@ class Observation:
         """
         return (self.noise or assumed[self.sensor]) / self.weight / float(np.sqrt(self.effective_share))
 
-    def refuted_by(self, channel: Channel) -> bool:
-        """Return whether its readings scatter by more or less than its noise, where that is not said to be slow; by more than chance."""
-        ratio = max(NOISE_RATIO, math.exp(CHANCE_DEVIATIONS * ERROR_OF_SEEN_NOISE / math.sqrt(channel.valid.sum())))
-        seen = channel.noise_seen if self.effective_share == 1.0 else 0.0
-        return seen > LEAST_NOISE and abs(math.log((self.noise or seen) / seen)) > math.log(ratio)
+    def noise_shown(self, channel: Channel) -> float:
+        """Return its noise, as neighbouring readings scatter where nobody states it or they refute it by more than chance. [K]
+
+        Noise that is said to be slow is none that they could refute.
+        """
+        seen, chance = channel.noise_seen, CHANCE_DEVIATIONS * ERROR_OF_SEEN_NOISE / math.sqrt(channel.valid.sum())
+        is_apart = seen > LEAST_NOISE and abs(math.log((self.noise or seen) / seen)) > max(math.log(NOISE_RATIO), chance)
+        return seen if not self.noise or (is_apart and self.effective_share == 1.0) else self.noise
 
     @property
     def effective_samples(self) -> float:

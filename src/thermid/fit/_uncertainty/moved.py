@@ -487,15 +487,15 @@ def _inherited(request: Request, opened: Opened, fixed: Mapping[tuple[str, ...],
     unknowns_before = [unknowns[k] for k in before.at]
     states = [next((moving[n] for n in (u.name, *u.also) if n in moving), None) if u.kind == "parameter" else None for u in unknowns_before]
     named = {group[0]: s for group, s in fixed.items()}
-    at, mean, rows = [int(k) for k in before.at], before.mean.tolist(), list(before.rows)
+    at, rows = [int(k) for k in before.at], list(before.rows)
     for k, u in enumerate(unknowns[opened.own :], start=opened.own):
         state = named[u.name]
         row = store.rows([state.path])[0] * form(state, u)
         at.append(k)
-        mean.append(u.to_fitted(state.value))
         states.append(state)
         rows.append(np.concatenate([row, np.zeros(before.rows.shape[1] - row.size)]))
-    return _Inherited(tuple(at), tuple(states), np.array(mean), np.array(rows).reshape(len(at), before.rows.shape[1]))
+    mean = np.array([*before.mean, *(u.to_fitted(named[u.name].value) for u in unknowns[opened.own :])])
+    return _Inherited(tuple(at), tuple(states), mean, np.array(rows).reshape(len(at), before.rows.shape[1]))
 
 
 def moves_above(request: Request, problem: Problem, minimum: Fit, level: float = 1.0) -> Moves:
@@ -540,8 +540,7 @@ def _tested(request: Request, opened: Opened, inherited: _Inherited, at: Array, 
     for (k, state), s in zip(state_of_position.items(), shifts(test, list(state_of_position)), strict=True):
         u, there = unknowns[inherited.at[k]], inherited.at[k]
         alone, used = _alone(u, float(at[there]), float(start[there] + s.size)), u.to_value(opened.fitted[there])
-        expected = u.to_value(float(start[there]))
-        below = (expected, float(np.linalg.norm(inherited.root[k])) * u.slope(float(start[there])), state.random)
+        below = (u.to_value(start[there]), float(np.linalg.norm(inherited.root[k])) * u.slope(start[there]), state.random)
         values.append(_move(u.name, part_of(request.model, u.name), state.origin.stage or state.origin.kind, below, alone, used, u, s))
     rows = {m.path: k for m, k in zip(values, state_of_position, strict=True)}
     far = [rows[m.path] for m in values if m.verdict == MOVED]

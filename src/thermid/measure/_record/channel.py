@@ -212,14 +212,21 @@ class Channel(Shown):
 
         Differences of order k of white noise have binomial(2 k, k) times its variance, and those of anything slow next to nothing, less the
         higher the order: the smallest of three estimates counts. The median size stands for the root mean square, so that jumps do not
-        count. Readings in steps show the noise of their rounding too; their differences are counted as spread evenly over a step, since a
-        median of whole steps is off by up to a third. A power that is switched between few levels has no noise.
+        count. Readings in steps show the noise of their rounding too; their differences are spread evenly over a step, and its variance is
+        taken off again (Sheppard's correction), since a median of whole steps is off by up to a third. Where most differences are zero, and
+        of a power that is switched between few levels, there is no noise.
         """
         valid = self.values[self.valid]
         if valid.size < SWITCHED or (self.quantity != "temperature" and np.unique(np.round(valid, 9)).size * SWITCHED <= valid.size):
             return 0.0
-        sizes = [_usual_size(np.diff(valid, k), self.step) / np.sqrt(math.comb(2 * k, k)) for k in ORDERS if valid.size >= SWITCHED + k]
-        return float(min(sizes, default=0.0))
+        even = self.step * np.array([math.remainder(k * math.e, 1.0) for k in range(valid.size)])
+        orders = [k for k in ORDERS if valid.size >= SWITCHED + k]
+        sizes = [
+            1.4826 * float(np.median(np.abs(d + even[: d.size]))) if np.median(np.abs(d)) else 0.0
+            for d in (np.diff(valid, k) for k in orders)
+        ]
+        squares = [max(size**2 - float(even.var()), 0.0) / math.comb(2 * k, k) for size, k in zip(sizes, orders, strict=True)]
+        return math.sqrt(min(squares, default=0.0))
 
     @property
     def noise_seen(self) -> float:
@@ -653,20 +660,6 @@ USUAL_CHANGES: Final = 8.0
 """Usual changes between neighbours from which a power counts as switched."""
 SWITCHED: Final = 8
 """Samples a level of a power has on average from which it is switched between levels and does not scatter; fewer samples show no noise."""
-
-
-def _usual_size(differences: FloatArray, step: float) -> float:
-    """Return the root mean square that the median size (n,) of normal differences shows, which lie whole steps apart. [SI]
-
-    The median is that of grouped data, and the variance of a step, ``step^2 / 12``, is taken off again (Sheppard's correction; Kendall and
-    Stuart, The Advanced Theory of Statistics, vol. 1, Griffin 1977, sections 2.8 and 3.18).
-    """
-    sizes = np.abs(differences)
-    if median := float(np.median(sizes)):  # where it is zero, readings hardly ever change
-        low, high = max(median - 0.5 * step, 0.0), median + 0.5 * step
-        below, up_to = np.mean(sizes < low), np.mean(sizes <= high)
-        median = float(low + (high - low) * (0.5 - below) / max(up_to - below, 1e-300))
-    return math.sqrt(max((1.4826 * median) ** 2 - step**2 / 12.0, 0.0))
 
 
 def _step_of(channel: Channel) -> float:
