@@ -693,7 +693,7 @@ def _with_sources_of_structure(fit: Calibration, covariance: Array, moved: Mappi
     unknowns = {u.name: u for u in fit.problem.unknowns}
     at = [k for k, n in enumerate(moved) if fit.store[n].known]
     paths = [n for n in moved if fit.store[n].known]
-    places, own = np.array([[*fit.store.states].index(n) for n in paths]), np.flatnonzero(~np.array(_others(fit), dtype=bool))
+    places, own = np.array([[*fit.store.states].index(n) for n in paths], dtype=int), np.flatnonzero(~np.array(_others(fit), dtype=bool))
     responses, moves = fit.store.root[np.ix_(places, own)], np.array([moved[n] for n in paths])
     lower = _triangular(responses @ responses.T)
     inverse = np.linalg.inv(lower)
