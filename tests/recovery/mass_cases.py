@@ -44,51 +44,125 @@ def deck(parts: int) -> dict[str, Any]:
 
 
 @dataclass(frozen=True)
+class Truth:
+    """What a bench really is: its deck, its power and air, and the numbers that were drawn.
+
+    Parameters
+    ----------
+    deck : dict         Of the truth, with other numbers; the power is a command.
+    values : dict       What was drawn -> its value.
+    spreads : dict      The same -> standard deviation of the range that it was drawn from; of a mass that of its logarithm.
+    begin : float       When the power sets in. [s]
+    watts : array       The power that was set (times,). [W]
+    air : array         (times,) [K]
+    """
+
+    deck: Mapping[str, Any]
+    values: Mapping[str, float]
+    spreads: Mapping[str, float]
+    begin: float
+    watts: np.ndarray
+    air: np.ndarray
+
+    def temperatures(self, values: Mapping[str, float]) -> dict[str, np.ndarray]:
+        """Return node -> temperature (times,) with some values. [K]"""
+        made = copy.deepcopy(dict(self.deck))
+        for path, value in values.items():
+            name, _, what = path.partition(".")
+            if what == "mass":
+                made["nodes"][name]["mass"] = f"{value!r} [kg]"
+            elif what == "coefficient":
+                made["surfaces"][name]["htc"]["coefficient"] = f"{value!r} [W/(m^2 K)]"
+            elif what == "emissivity":
+                made["surfaces"][name]["emissivity"] = value
+            elif what == "conductance":
+                made["conductors"][name]["conductance"] = f"{value!r} [W/K]"
+        power = {"temperature_coefficient": f"{values['growth']!r} [1/K]", "reference_temperature": "25 [degC]"}
+        made["loads"] = {"heat": {"into": "case", "power": "1 [W]", **power}}
+        settled = 1.0 + values["settling"] * np.exp(-np.maximum(TIMES - self.begin, 0.0) / values["pace"])
+        boundaries = {"air": (TIMES, td.quantity(self.air, unit="K"))}
+        given = Scenario("bench", boundaries=boundaries, start=f"{float(self.air[0])!r} [K]", duration=float(TIMES[-1]))
+        commands = {"heat": TableSignal(TIMES, self.watts * settled, True)}
+        run = simulate(td.model_from_dict(made), given.with_(commands=commands), times=TIMES)
+        return {n: run[n].kelvin for n in made["nodes"]}
+
+    def oracle(self) -> dict[str, float]:
+        """Return the half-width of the 95 % interval of each mass, in parts of it, by the true laws and all that was drawn from.
+
+        The posterior of a straight line about the truth, whose priors are normal: ``(J'J / sigma^2 + P^-1)^-1``.
+        """
+        sizes = {p: s * (self.values[p] if p.endswith(".mass") else 1.0) for p, s in self.spreads.items()}
+
+        def apart(path: str) -> np.ndarray:
+            ends = [self.temperatures({**self.values, path: self.values[path] + side * 0.02 * sizes[path]}) for side in (1.0, -1.0)]
+            return np.concatenate([ends[0][n] - ends[1][n] for n in ends[0]]) / 0.04
+
+        rows = np.column_stack([apart(p) for p in sizes]) / np.hypot(NOISE, STEP / 12**0.5)
+        spread = np.sqrt(np.diag(np.linalg.inv(rows.T @ rows + np.eye(len(sizes)))))
+        return {p: 1.959964 * float(s) * self.spreads[p] for p, s in zip(sizes, spread, strict=True) if p.endswith(".mass")}
+
+
+@dataclass(frozen=True)
 class Drawn:
-    """A bench: the model of the document, what is free, the log, and the true masses [kg]."""
+    """A bench: the model of the document, what is free, the log, the true masses [kg], and all of the truth."""
 
     model: Model
     free: tuple[str, ...]
     record: Record
     masses: Mapping[str, float]
+    truth: Truth
 
 
-def drawn(seed: int, parts: int | None = None, matched: bool = False) -> Drawn:
-    """Return a bench; its log has the power that was set, not what it became. `matched`: the truth has the document's structure."""
-    rng = np.random.default_rng([SEED, seed])
-    plain = deck(1 + seed % 3 if parts is None else parts)
-    truth = lawful(plain, rng) if not matched else copy.deepcopy(plain)
-    masses = {f"{n}.mass": float(rng.uniform(1.0, 2.5) if n == "case" else rng.uniform(0.3, 1.0)) for n in plain["nodes"]}
-    truth["nodes"] = copy.deepcopy(plain["nodes"])
-    for path, mass in masses.items():
-        truth["nodes"][path.removesuffix(".mass")]["mass"] = f"{mass!r} [kg]"
-    for name, seam in plain.get("conductors", {}).items():
-        truth["conductors"] = {**truth["conductors"], name: {**seam, "conductance": f"{rng.uniform(0.2, 1.5)!r} [W/K]"}}
-    share = 0.0 if matched else 1.0
-    power = {"temperature_coefficient": f"{share * rng.uniform(0.0, 0.004)!r} [1/K]", "reference_temperature": "25 [degC]"}
-    truth["loads"] = {"heat": {"into": "case", "power": "1 [W]", **power}}
+def truth_of(rng: np.random.Generator, plain: Mapping[str, Any], matched: bool = False) -> Truth:
+    """Return a truth that is drawn; `matched`: it has the document's structure."""
+    values: dict[str, float] = {}
+    spreads: dict[str, float] = {}
+
+    def draw(name: str, low: float, high: float, share: float = 1.0) -> None:
+        values[name] = share * float(rng.uniform(low, high))
+        spreads[name] = float(np.log(high / low) if name.endswith(".mass") else high - low) / 12**0.5
+
+    truth = lawful(dict(plain), rng) if not matched else copy.deepcopy(dict(plain))
+    for name in truth["surfaces"] if not matched else ():  # as `lawful` drew them
+        surface = truth["surfaces"][name]
+        values |= {f"{name}.coefficient": float(surface["htc"]["coefficient"].split()[0]), f"{name}.emissivity": surface["emissivity"]}
+        spreads |= {f"{name}.coefficient": 1.4 / 12**0.5, f"{name}.emissivity": 0.85 / 12**0.5}
+    for name in plain["nodes"]:
+        draw(f"{name}.mass", *((1.0, 2.5) if name == "case" else (0.3, 1.0)))
+    for name in plain.get("conductors", {}):
+        draw(f"{name}.conductance", 0.2, 1.5)
+    draw("growth", 0.0, 0.004, 0.0 if matched else 1.0)
     begin, later = float(rng.choice([60.0, 600.0, 1800.0])), float(rng.uniform(10000.0, 14000.0))
     watts = np.where(TIMES < begin, 0.0, np.where(TIMES < later, rng.uniform(4.0, 8.0), rng.uniform(0.0, 2.5)))
     if rng.uniform() < 0.3:
         watts = np.where(TIMES > 17000.0, rng.uniform(3.0, 6.0), watts)
-    pace = rng.uniform(900.0, 3600.0)
-    settled = 1.0 + share * rng.uniform(0.0, 0.06) * np.exp(-np.maximum(TIMES - begin, 0.0) / pace)
+    draw("pace", 900.0, 3600.0)
+    draw("settling", 0.0, 0.06, 0.0 if matched else 1.0)
     air = ICE + 23.0 + 0.4 * np.sin(TIMES / 5000.0 + rng.uniform(0, 6))
-    given = Scenario(
-        "bench", boundaries={"air": (TIMES, td.quantity(air, unit="K"))}, start=f"{float(air[0])!r} [K]", duration=float(TIMES[-1])
-    )
-    run = simulate(td.model_from_dict(truth), given.with_(commands={"heat": TableSignal(TIMES, watts * settled, True)}), times=TIMES)
+    return Truth(copy.deepcopy(truth), values, spreads, begin, watts, air)
+
+
+def drawn(seed: int, parts: int | None = None, matched: bool = False, said: float | None = NOISE) -> Drawn:
+    """Return a bench; its log has the power that was set, not what it became, and says a noise [K] or None.
+
+    `matched`: the truth has the document's structure.
+    """
+    rng = np.random.default_rng([SEED, seed])
+    plain = deck(1 + seed % 3 if parts is None else parts)
+    truth = truth_of(rng, plain, matched)
+    masses = {p: x for p, x in truth.values.items() if p.endswith(".mass")}
 
     def read(kelvin: np.ndarray) -> np.ndarray:
         return np.asarray(np.round((kelvin + NOISE * rng.standard_normal(TIMES.size) - ICE) / STEP) * STEP + ICE)
 
     channels = {
-        n: Channel.from_array(n, read(run[n].kelvin), unit="K", role="node", target=n, noise=NOISE, resolution=STEP) for n in plain["nodes"]
+        n: Channel.from_array(n, read(kelvin), unit="K", role="node", target=n, noise=said, resolution=STEP)
+        for n, kelvin in truth.temperatures(truth.values).items()
     }
-    channels["air"] = Channel.from_array("air", read(air), unit="K", role="boundary", target="air", noise=NOISE, resolution=STEP)
-    channels["P"] = Channel.from_array("P", watts, quantity="power", role="load", target="heat")
+    channels["air"] = Channel.from_array("air", read(truth.air), unit="K", role="boundary", target="air", noise=said, resolution=STEP)
+    channels["P"] = Channel.from_array("P", truth.watts, quantity="power", role="load", target="heat")
     free = [*masses, *(f"{s}.effective_htc" for s in plain["surfaces"]), *(f"{c}.conductance" for c in plain.get("conductors", {}))]
-    return Drawn(td.model_from_dict(plain), tuple(free), Record.from_arrays("bench", TIMES, channels), masses)
+    return Drawn(td.model_from_dict(plain), tuple(free), Record.from_arrays("bench", TIMES, channels), masses, truth)
 
 
 def scores(found: Calibration, masses: Mapping[str, float]) -> list[float]:
@@ -167,11 +241,13 @@ class Masses:
         self.inadequate += found.standing.state == "not adequate"
 
 
-def campaign(seeds: range, steps: tuple[str, ...] = tuple(STEPS), matched: bool = False, told: bool = False) -> dict[str, Masses]:
-    """Return step -> what became of the masses of benches of some seeds."""
+def campaign(
+    seeds: range, steps: tuple[str, ...] = tuple(STEPS), matched: bool = False, told: bool = False, said: float | None = NOISE
+) -> dict[str, Masses]:
+    """Return step -> what became of the masses of benches of some seeds, whose logs say a noise. [K]"""
     out = {step: Masses() for step in steps}
     for seed in seeds:
-        bench = drawn(seed, matched=matched)
+        bench = drawn(seed, matched=matched, said=said)
         try:
             first = td.calibrate(bench.model, bench.record, list(bench.free))
         except ThermidError as refusal:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -107,7 +108,7 @@ def campaign(seed: int, levels: int) -> list[tuple[int, str, float]]:
                 )
                 true *= 1.0 + v["growth"][name] * (float(heat @ at / heat.sum()) - 303.15)
             out.append((level, what, math.log(found[path].value / true) * found[path].value / found[path].error))
-        below = {"inherit": {".": found.values.only([*masses, *joints])}}
+        below = {"inherit": {".": replace(found.values, store=found.store).only([*masses, *joints])}}
     return out
 
 

@@ -50,6 +50,15 @@ def test_values_if_elements_depart_are_narrow_and_hold() -> None:
     assert expected.inside == fitted.inside == 1.0
 
 
+def test_a_noise_that_readings_refute_widens_nothing() -> None:
+    """Stated three times too large or not at all, half-widths were 1.9 and 2.0 times those with the right noise."""
+    right, none, large = (
+        campaign(range(602, 603), ("if elements depart",), said=said)["if elements depart"] for said in (0.05, None, 0.15)
+    )
+    assert none.half == pytest.approx(right.half, rel=0.15)
+    assert large.half == pytest.approx(right.half, rel=0.15)
+
+
 def test_a_fit_that_its_readings_support_expects_nothing_else() -> None:
     bench = drawn(0, matched=True)
     found = td.calibrate(bench.model, bench.record, list(bench.free))
@@ -58,19 +67,23 @@ def test_a_fit_that_its_readings_support_expects_nothing_else() -> None:
 
 
 def test_what_is_printed_is_handed_on(first: Calibration, tmp_path: Path) -> None:
-    """Files, priors of the level above and draws had the errors without what the structure may lack: a third of those printed."""
+    """A stage above had fitted values as priors, with errors several times those of the values that are printed before them."""
     assert first.request is not None
     assert first.problem is not None
     first.save(tmp_path / "first.values.toml")
     kept = td.load_values(tmp_path / "first.values.toml")
-    printed = {p: first[p].error / first[p].value for p in drawn(101).free}
-    assert {p: kept[p].error / kept[p].value for p in printed} == pytest.approx(printed, rel=1e-6)
-    assert np.sqrt(np.diag(first.values.covariance))[: len(printed)] == pytest.approx(np.array(list(printed.values())), rel=1e-6)
+    fitted = {p: first[p].error / first[p].value for p in drawn(101).free}
+    assert {p: kept[p].error / kept[p].value for p in fitted} == pytest.approx(fitted, rel=1e-6)
+    assert np.sqrt(np.diag(first.values.covariance))[: len(fitted)] == pytest.approx(np.array(list(fitted.values())), rel=1e-6)
     drawn_values = first.values.draws(2000, 1)
-    assert {p: np.log(drawn_values[p]).std() for p in printed} == pytest.approx(printed, rel=0.1)
-    above = replace(first.request, store=first.store, prior=tuple(printed), name="above")
-    rows = known_before(above, first.problem.unknowns)
-    assert np.linalg.norm(rows.rows, axis=1) == pytest.approx(np.array(list(printed.values())), rel=1e-6)
+    assert {p: np.log(drawn_values[p]).std() for p in fitted} == pytest.approx(fitted, rel=0.1)
+    assert kept.store is not None
+    for store in (first.store, kept.store):
+        above = replace(first.request, store=store, prior=tuple(fitted), name="above")
+        before = known_before(above, first.problem.unknowns)
+        printed = [first.estimates[p] for p in fitted]
+        assert before.mean == pytest.approx(np.log([v.value for v in printed]), abs=1e-6)
+        assert np.linalg.norm(before.rows, axis=1) == pytest.approx(np.array([v.error / v.value for v in printed]), rel=1e-3)
 
 
 def test_a_right_structure_keeps_its_errors() -> None:

@@ -9,7 +9,7 @@ from datetime import UTC, datetime
 from functools import cache
 from importlib.metadata import version
 from itertools import combinations
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -32,10 +32,10 @@ from thermid.fit._calibration import (
 )
 from thermid.fit._error_model.discrepancy import assumed_moves, with_discrepancy
 from thermid.fit._error_model.kept import KEY as ERRORS, ErrorsOfFit, Keeping, with_structural_errors
-from thermid.fit._error_model.sizes import LEAST_NOISE, OUTSIDE
+from thermid.fit._error_model.sizes import OUTSIDE
 from thermid.fit._inputs import inputs_of
 from thermid.fit._minimisation import Fit, KeptFit, covariances, ended, minimise
-from thermid.fit._problem.experiment import FIRST_INSTANT, UNSAID_NOISE, Experiment
+from thermid.fit._problem.experiment import CHANCE_DEVIATIONS, FIRST_INSTANT, LEAST_NOISE, UNSAID_NOISE, Experiment
 from thermid.fit._problem.gather import build_problem
 from thermid.fit._problem.request import LocalSpec, Request, counted_twice, freed, mean_of, priors_of, weighing
 from thermid.fit._problem.residuals import Predictions, Problem, Unknown, pooled, starting_point, wanders
@@ -58,12 +58,6 @@ _version = cache(version)  # half a millisecond, once
 ASIDE, STRAINED = 3.0, 5.0
 """Standard deviations from its prior at which a value of a single record is remarked on, and from which its fit is not adequate: what
 one record takes up so far from what is known of it is physics that the model lacks, or a prior that is wrong. [-]"""
-NOISE_RATIO = 1.5
-"""Factor between stated noise and the noise that readings show, from which it is said. [-]"""
-ERROR_OF_SEEN_NOISE = 1.6
-"""Standard error of the logarithm of the noise that white readings show, times the root of their number; 20 to 500 were simulated. [-]"""
-CHANCE_DEVIATIONS = 3.0
-"""Standard deviations of chi-square by chance, from which residuals that wander are asked whether the structure lacks something. [-]"""
 UNSTATED_LAG = 5.0
 """Lag that a thermometer may have of which nobody states one: between a bare thermocouple and a probe in a pocket. [s]"""
 UNKNOWN_CLOCK = 0.5
@@ -692,33 +686,13 @@ def differing(problem: Problem) -> list[str]:
     return out[:1]
 
 
-class _SeenNoise(NamedTuple):
-    """The noise that readings show [K], and the factor from which a stated one differs from it by more than chance."""
-
-    size: float
-    ratio: float
-
-
-def _seen_noise(problem: Problem) -> dict[tuple[str, str], _SeenNoise]:
-    """Return record and sensor -> the noise of its readings, of those that show some and whose noise is not said to be slow."""
-    return {
-        (e.record.name, o.sensor): _SeenNoise(
-            channel.noise_seen,
-            max(NOISE_RATIO, math.exp(CHANCE_DEVIATIONS * ERROR_OF_SEEN_NOISE / math.sqrt(channel.valid.sum()))),
-        )
-        for e in problem.experiments
-        for o in e.observations
-        if o.effective_share == 1.0 and (channel := e.record.channels[o.sensor]).noise_seen > LEAST_NOISE
-    }
-
-
 def _noise_apart(problem: Problem) -> list[str]:
     """Return one remark on sensors whose stated noise is far from what their readings show; the farthest is named."""
-    shown, stated = _seen_noise(problem), {(e.record.name, o.sensor): o.noise for e in problem.experiments for o in e.observations}
     apart = {
-        key: (noise, size)
-        for key, (size, ratio) in shown.items()
-        if (noise := stated[key]) and abs(math.log(noise / size)) > math.log(ratio)
+        (e.record.name, o.sensor): (o.noise, e.record.channels[o.sensor].noise_seen)
+        for e in problem.experiments
+        for o in e.observations
+        if o.noise and o.noise_shown(e.record.channels[o.sensor]) != o.noise
     }
     if not apart:
         return []
@@ -958,14 +932,16 @@ def _suspect(fit: Calibration, spread: Autocorrelation) -> bool:
     """
     if fit.problem is None:
         return False
-    shown_noise = _seen_noise(fit.problem)
-    taken = {(e.record.name, o.sensor): o.noise or fit.problem.noise[o.sensor] for e in fit.problem.experiments for o in e.observations}
+    over_seen = {
+        (e.record.name, o.sensor): (o.noise or fit.problem.noise[o.sensor]) / channel.noise_seen
+        for e in fit.problem.experiments
+        for o in e.observations
+        if o.effective_share == 1.0 and (channel := e.record.channels[o.sensor]).noise_seen > LEAST_NOISE
+    }
     stated = all(o.noise is not None for o in fit.problem.observations())
     slow = _slow(spread) if _wandering(spread) else []
     # squares of what wanders in units of the noise that the readings show
-    more = [
-        max(taken[key] / shown_noise[key].size, 1.0) ** 2 if (key := (t.record, t.sensor)) in shown_noise else float(stated) for t in slow
-    ]
+    more = [max(over_seen[key], 1.0) ** 2 if (key := (t.record, t.sensor)) in over_seen else float(stated) for t in slow]
     squares = [t.samples * (t.white_variance + t.correlated_variance) * m for t, m in zip(slow, more, strict=True)]
     count = sum(t.samples for t in slow)
     if stated and fit.chi_square > OUTSIDE**2 * max(fit.freedom, 1):

@@ -174,7 +174,8 @@ class FittedValues(Result, Mapping[str, FittedValue]):
         """Return the values for which `chosen` holds, with their block of the covariance."""
         kept = [chosen(path, v) for path, v in self.items_.items()]
         items = {p: v for (p, v), stays in zip(self.items_.items(), kept, strict=True) if stays}
-        return FittedValues(self.stage, items, self.covariance[np.ix_(kept, kept)], self.provenance)
+        store = self.store.only(lambda s: (s.acts or (s.path,))[0] in items) if self.store is not None else None
+        return FittedValues(self.stage, items, self.covariance[np.ix_(kept, kept)], self.provenance, store)
 
     def draws(self, members: int, seed: int) -> dict[str, Array]:
         """Return path -> value of every member (members,) for `ensemble`, normal in the fitted forms with their covariance.

@@ -27,6 +27,9 @@ from thermid.model.tree import SET, Entry, Model, Tree
 Kind = Literal["data", "instrument", "stated", "structural", "misfit", "variant"]
 MAX_NAMED_VALUES = 8
 """Up to so many values that a remark is about are named one by one, more of them by their parts."""
+EXPECTED, AS_FITTED = ": expected if elements depart", ": as fitted"
+"""Parts of the names of sources of fitted values alone: how far they are expected from where their fit found them, which is no chance, and
+what the fit leaves open beyond the model of error. They count in errors; a fit above has the values as priors where they are expected."""
 INPUT = "input"
 """Kind of a value: the constant error of a logged boundary [K], or of a logged power as a share of the reading; reading minus truth."""
 

@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 
 import thermid as td
-from thermid.fit._calibrate import ERROR_OF_SEEN_NOISE, calibrate, fit
+from thermid.fit._calibrate import calibrate, fit
 from thermid.fit._calibration import Calibration
 from thermid.fit._minimisation import covariances, ended
+from thermid.fit._problem.experiment import ERROR_OF_SEEN_NOISE
 from thermid.fit._problem.request import Request, known_before
 from thermid.fit._problem.residuals import Unknown
 from thermid.fit._uncertainty.noise import _beside, _leaning, binned, correlation

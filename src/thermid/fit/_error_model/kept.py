@@ -49,7 +49,7 @@ from thermid.fit._uncertainty.information import square_between
 from thermid.model.elements import CARRIED_BY, Standing
 from thermid.model.identity import identity_of, outside
 from thermid.simulation.network import Network
-from thermid.values.store import INPUT, LaterTable, Normal, Source
+from thermid.values.store import AS_FITTED, EXPECTED, INPUT, LaterTable, Normal, Source
 
 KEY = "errors"
 """Where the provenance of fitted values keeps it."""
@@ -650,8 +650,9 @@ def _with_explanation(fit: Calibration, exponents: Mapping[str, float]) -> Calib
 
 def _widened(fit: Calibration, moved: Mapping[str, float], covariance: Array, unexplained: str) -> Calibration:
     """Return a fit with wider errors, by what its values would move by and their covariance (values, values); fitted form."""
-    beside = _variances_of_others(fit, tuple(moved))
-    fit = _with_sources_of_structure(fit, covariance + np.outer([*moved.values()], [*moved.values()]), tuple(moved))
+    others = _others(fit)
+    beside = np.array([np.sum(fit.store.rows([n])[0][others] ** 2) if fit.store[n].known else 0.0 for n in moved])
+    fit = _with_sources_of_structure(fit, covariance, moved)
     assert fit.problem is not None
     unknowns = {u.name: u for u in fit.problem.unknowns if u.kind == "parameter"}
     errors = dict(zip(moved, np.sqrt(np.diag(covariance) + beside).tolist(), strict=True))
@@ -662,15 +663,15 @@ def _widened(fit: Calibration, moved: Mapping[str, float], covariance: Array, un
     quote = "Quote the values and errors that are printed first: they allow its elements to depart from their laws."
     if unexplained:
         quote = f"The values that are printed first allow its elements to depart from their laws, but {unexplained}: find the cause first."
-    used = "The fitted values, which -v prints beside them, draw the curves and go to the stages above with wider errors."
+    quote += " They are the priors of stages above. The fitted values, which -v prints beside them, draw the curves, with wider errors."
     fit = replace(fit, expected=expected, unexplained=unexplained)
     at_fit, at_estimates = (far_from_sheet(fit.given_model, replace(fit.values, items_=i)) for i in (fit.values.items_, fit.estimates))
     doubted = {w.split(" is ")[0] for w in at_fit} - {w.split(" is ")[0] for w in at_estimates}
-    return replace(fit, warnings=(*(w for w in fit.warnings if w.split(" is ")[0] not in doubted), f"{FIRST}{why}. {quote} {used}"))
+    return replace(fit, warnings=(*(w for w in fit.warnings if w.split(" is ")[0] not in doubted), f"{FIRST}{why}. {quote}"))
 
 
-def _variances_of_others(fit: Calibration, names: Sequence[str]) -> Array:
-    """Return variances (names,) by sources that are no unknowns of a fit: stated ranges and values of stages below; fitted form.
+def _others(fit: Calibration) -> list[bool]:
+    """Return which sources of a store are no unknowns of its fit: stated ranges and values of stages below.
 
     The model of error knows a fit's unknowns alone. A value that has its prior from a stage below counts that prior's sources twice, as the
     store does not tell them from those of fixed values: its error is then up to 1.4 times too large, and never too small.
@@ -678,33 +679,42 @@ def _variances_of_others(fit: Calibration, names: Sequence[str]) -> Array:
     assert fit.problem is not None
     assert fit.request is not None
     own, key = {f"accuracy: {u.name}" for u in fit.problem.unknowns}, f"{fit.request.fit_key[:16]}:"
-    others = [k for k, s in enumerate(fit.store.sources) if s.name not in own and not s.name.startswith(key)]
-    rows = [fit.store.rows([n])[0][others] if fit.store[n].known else np.zeros(len(others)) for n in names]
-    return np.array([float(row @ row) for row in rows])
+    return [s.name not in own and not s.name.startswith(key) for s in fit.store.sources]
 
 
-def _with_sources_of_structure(fit: Calibration, squares: Array, names: Sequence[str]) -> Calibration:
-    """Return a fit with sources for what mean squares (names, names) of its values hold beyond its covariance; within bounds."""
+def _with_sources_of_structure(fit: Calibration, covariance: Array, moved: Mapping[str, float]) -> Calibration:
+    """Return a fit whose sources say what the stages above may take as prior, and what its own values err by beyond that.
+
+    Legend: B own covariance of the fit, C that of the model of error, ``B = L L'``, ``L^-1 C L^-T = W D W'``. Responses become
+    ``L W min(D, 1)^1/2 W' L^-1`` times themselves, and sources for the rest make C; what B holds beyond C, within bounds, and the moves
+    are sources of the fitted values alone. No error becomes smaller.
+    """
     assert fit.problem is not None
     unknowns = {u.name: u for u in fit.problem.unknowns}
-    at = [k for k, n in enumerate(names) if fit.store[n].known]
-    paths = [names[k] for k in at]
-    before = fit.store.covariance(paths)
-    sizes = np.sqrt(np.maximum(np.diag(before), 1e-300))
-    shares, ways = np.linalg.eigh((squares[np.ix_(at, at)] - before) / np.outer(sizes, sizes))
-    rows = sizes[:, None] * ways * np.sqrt(np.maximum(shares, 0.0))
-    added = np.sum(rows**2, axis=1)
-    whole = [square_between(unknowns[n], fit.fitted[n], x) for n, x in zip(paths, (sizes**2 + added).tolist(), strict=True)]
-    root = np.zeros((len(fit.store.states), len(at)))
-    root[[[*fit.store.states].index(n) for n in paths]] = (
-        rows * np.sqrt(np.maximum(whole - sizes**2, 0.0) / np.maximum(added, 1e-300))[:, None]
-    )
+    at = [k for k, n in enumerate(moved) if fit.store[n].known]
+    paths = [n for n in moved if fit.store[n].known]
+    places, own = np.array([[*fit.store.states].index(n) for n in paths], dtype=int), np.flatnonzero(~np.array(_others(fit), dtype=bool))
+    responses, moves = fit.store.root[np.ix_(places, own)], np.array([moved[n] for n in paths])
+    lower = _triangular(responses @ responses.T)
+    inverse = np.linalg.inv(lower)
+    ratios, ways = np.linalg.eigh(inverse @ covariance[np.ix_(at, at)] @ inverse.T)
+    directions = lower @ ways
+    more, less = (directions * np.sqrt(np.maximum(x, 0.0)) for x in (ratios - 1.0, 1.0 - ratios))
+    expected, beyond = np.diag(covariance)[at] + moves**2, np.sum(less**2, axis=1)
+    within = [square_between(unknowns[n], fit.fitted[n], x) for n, x in zip(paths, (expected + beyond).tolist(), strict=True)]
+    least = np.maximum(np.maximum(within, np.sum(responses**2, axis=1)) - expected, 0.0)
+    root = np.zeros((len(fit.store.states), len(fit.store.sources) + 2 * len(at) + 1))
+    root[:, : len(fit.store.sources)] = fit.store.root
+    root[np.ix_(places, own)] = directions @ (np.sqrt(np.minimum(ratios, 1.0))[:, None] * ways.T) @ inverse @ responses
+    root[places, len(fit.store.sources) :] = np.column_stack([more, less * np.sqrt(least / np.maximum(beyond, 1e-300))[:, None], moves])
     key, words = f"{fit.request.fit_key[:16] if fit.request else fit.stage}:structure", f"structure of stage '{fit.stage}'"
-    sources = (*fit.store.sources, *(Source(f"{key} {k}", "structural", Normal(), words) for k in at))
-    store = replace(fit.store, sources=sources, root=np.concatenate([fit.store.root, root], axis=1)).trimmed()
+    names = (*(f"{key} {k}" for k in at), *(f"{key}{AS_FITTED} {k}" for k in at), f"{key}{EXPECTED}")
+    added = (Source(n, "structural", Normal(), words) for n in names)
+    store = replace(fit.store, sources=(*fit.store.sources, *added), root=root).trimmed()
     items = {n: replace(v, error=store.error(n)) for n, v in fit.values.items()}
     covariance = np.where(np.isfinite(fit.values.covariance), store.covariance(items), np.inf)
     # what moves a value moves a start, a room or a clock that the same readings give
-    moves = [np.array([v.slopes.get(n, 0.0) for n in fit.store.states]) @ root for v in fit.local]
-    local = tuple(replace(v, error=float(np.hypot(v.error, np.linalg.norm(m)))) for v, m in zip(fit.local, moves, strict=True))
+    slopes = np.array([[v.slopes.get(n, 0.0) for n in fit.store.states] for v in fit.local]).reshape(len(fit.local), len(root))
+    more_of_local = np.sum((slopes @ root) ** 2, axis=1) - np.sum((slopes @ fit.store.root) ** 2, axis=1)
+    local = tuple(replace(v, error=math.sqrt(v.error**2 + max(x, 0.0))) for v, x in zip(fit.local, more_of_local.tolist(), strict=True))
     return replace(fit, store=store, values=replace(fit.values, items_=items, covariance=covariance), local=local)

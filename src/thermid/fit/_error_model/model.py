@@ -35,7 +35,6 @@ from thermid.fit._error_model.sizes import (
     ARRIVED,
     FEWEST_SETS,
     FIRST_SETS,
-    LEAST_NOISE,
     LEFT_SIZES,
     LEFT_TIMES,
     LIKELY,
@@ -49,7 +48,7 @@ from thermid.fit._error_model.sizes import (
     UNBOUNDED,
     WORTH_A_POINT,
 )
-from thermid.fit._problem.experiment import UNSAID_NOISE, Experiment, Observation
+from thermid.fit._problem.experiment import LEAST_NOISE, UNSAID_NOISE, Experiment, Observation
 from thermid.fit._problem.residuals import Problem, Unknown, prior_rows
 from thermid.simulation.network import Network
 
@@ -244,8 +243,8 @@ def traces_of(problem: Problem, i: int, network: Network, heats: Sequence[Depart
 
 
 def noise_of(e: Experiment, o: Observation) -> float:
-    """Return the noise of a reading: as stated, else as neighbouring readings scatter; whatever weight the fit gave them. [K]"""
-    noise = o.noise or e.record.channels[o.sensor].noise_seen
+    """Return the noise of a reading: as stated, else or where they refute that as neighbouring readings scatter; at any weight. [K]"""
+    noise = o.noise_shown(e.record.channels[o.sensor])
     return (noise if noise > LEAST_NOISE else UNSAID_NOISE) / float(np.sqrt(o.effective_share))
 
 

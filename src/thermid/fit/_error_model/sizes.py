@@ -141,8 +141,6 @@ FAR_SIZE: Final = 4.0
 structure asks for 1.7 to 2.6, a power that no log has for 6.4, constant coefficients where the truth convects and radiates for 1.1. [-]"""
 COUNTED: Final = 1e-3
 """Probability from which a way or a remainder is kept; so much of the members is left out of their sums, at most. [-]"""
-LEAST_NOISE = 1e-3
-"""Scatter of neighbouring readings below which they show no noise. [K]"""
 CONDUCTORS, NODES = 24, 16
 """Elements of a model that are followed at most, those through which most heat flows, and nodes, those that store most of it."""
 ALL_COLUMNS: Final = 72

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -303,6 +304,14 @@ MEASURED = "measured"
 """`start = "measured"`: observed nodes start at their own readings, all others at the mean of these."""
 UNSAID_NOISE = 0.1
 """Noise of a sensor where nobody said it, for what is worth a remark. [K]"""
+LEAST_NOISE = 1e-3
+"""Scatter of neighbouring readings below which they show no noise. [K]"""
+NOISE_RATIO = 1.5
+"""Factor between stated noise and the noise that readings show, from which these refute it. [-]"""
+ERROR_OF_SEEN_NOISE = 1.6
+"""Standard error of the logarithm of the noise that white readings show, times the root of their number; 20 to 500 were simulated. [-]"""
+CHANCE_DEVIATIONS = 3.0
+"""Standard deviations, of that logarithm or of chi-square, that chance does not give. [-]"""
 MAX_REST_DEVIATIONS = 4.0
 """Standard deviations of a difference of two readings up to which they count as one temperature: a log then begins at rest."""
 MAX_BALANCE_STEPS = 20
@@ -546,6 +555,15 @@ class Observation:
         Noise that is said to be correlated counts as so much larger that the samples say of anything slow what they can say.
         """
         return (self.noise or assumed[self.sensor]) / self.weight / float(np.sqrt(self.effective_share))
+
+    def noise_shown(self, channel: Channel) -> float:
+        """Return its noise, as neighbouring readings scatter where nobody states it or they refute it by more than chance. [K]
+
+        Noise that is said to be slow is none that they could refute.
+        """
+        seen, chance = channel.noise_seen, CHANCE_DEVIATIONS * ERROR_OF_SEEN_NOISE / math.sqrt(channel.valid.sum())
+        is_apart = seen > LEAST_NOISE and abs(math.log((self.noise or seen) / seen)) > max(math.log(NOISE_RATIO), chance)
+        return seen if not self.noise or (is_apart and self.effective_share == 1.0) else self.noise
 
     @property
     def effective_samples(self) -> float:

@@ -28,7 +28,7 @@ from thermid.model.tree import Model, ParameterSet, Tree
 from thermid.simulation.runs import Scenario
 from thermid.simulation.solver import Options
 from thermid.values.ranges import ranged_values
-from thermid.values.store import Source, State, Store
+from thermid.values.store import AS_FITTED, EXPECTED, Source, State, Store
 
 FITTING = Options(error=1e-3)
 """A fit needs no more than a fraction of the noise of a sensor: ten times the error of a run."""
@@ -459,7 +459,7 @@ class KnownBefore:
     Parameters
     ----------
     at : array (n,)             Positions of those among the unknowns that they know.
-    mean : array (n,)           Their values, in the fitted form of the unknowns.
+    mean : array (n,)           Where they are expected, in the fitted form of the unknowns.
     rows : array (n, sources)   Their responses, in that form.
     sources : tuple of Source   What they respond to.
     held : array (sources,)     Whether a source is the range of an input that this fit, too, takes as its deck has it.
@@ -502,7 +502,9 @@ def known_before(request: Request, unknowns: Sequence[Unknown]) -> KnownBefore:
     free = {t.name for u in unknowns for t in u.targets}
     ranges = ranged_values(request.model, ParameterSet(request.model), free) if inherited else ()
     held = np.isin([s.name for s in store.sources], [s.name for r in ranges for s, _ in r.columns])
-    mean = np.array([u.to_fitted(state.value) for _, u, state in inherited])
+    moves, fits = ([k for k, s in enumerate(sources) if part in s.name] for part in (EXPECTED, AS_FITTED))
+    mean = np.array([u.to_fitted(state.value) for _, u, state in inherited]) + rows[:, moves].sum(axis=1)
+    rows[:, moves + fits] = 0.0
     return KnownBefore(at, mean, rows, tuple(sources), np.tile(held, len(places)))
 
 

@@ -456,12 +456,14 @@ class _Inherited:
     Parameters
     ----------
     at : tuple of int               Their positions among the unknowns; instruments that were found with them too.
-    states : tuple of State         As their stages printed them; None for an instrument.
+    states : tuple of State         As their stages have them; None for an instrument.
+    mean : array (at,)              Where their stages expect them, in the fitted form of the unknowns.
     root : array (at, sources)      Root of their covariance, in the fitted form of the unknowns.
     """
 
     at: tuple[int, ...]
     states: tuple[State | None, ...]
+    mean: Array
     root: Array
 
 
@@ -492,7 +494,8 @@ def _inherited(request: Request, opened: Opened, fixed: Mapping[tuple[str, ...],
         at.append(k)
         states.append(state)
         rows.append(np.concatenate([row, np.zeros(before.rows.shape[1] - row.size)]))
-    return _Inherited(tuple(at), tuple(states), np.array(rows).reshape(len(at), before.rows.shape[1]))
+    mean = np.array([*before.mean, *(u.to_fitted(named[u.name].value) for u in unknowns[opened.own :])])
+    return _Inherited(tuple(at), tuple(states), mean, np.array(rows).reshape(len(at), before.rows.shape[1]))
 
 
 def moves_above(request: Request, problem: Problem, minimum: Fit, level: float = 1.0) -> Moves:
@@ -521,13 +524,12 @@ def moves_above(request: Request, problem: Problem, minimum: Fit, level: float =
 def _tested(request: Request, opened: Opened, inherited: _Inherited, at: Array, level: float) -> tuple[Moves, Array]:
     """Return what the logs say with the derivatives at some values of all unknowns, and where these lead with the moved values free.
 
-    Residuals are measured less what the model says, in units of the noise; the step begins where the stages below left the values. `level`
+    Residuals are measured less what the model says, in units of the noise; the step begins where the stages below expect values. `level`
     is that of `moves_above`.
     """
     unknowns = opened.problem.unknowns
     start = opened.fitted.copy()
-    for k, state in zip(inherited.at, inherited.states, strict=True):
-        start[k] = unknowns[k].to_fitted(state.value if state is not None else request.store[unknowns[k].name].value)
+    start[list(inherited.at)] = inherited.mean
     pieces = binned(opened.problem, at, request.loss, request.loss_scale, STRETCHES_PER_TRACE)
     here = [replace(b, mean=b.mean + b.slopes @ (start - at)) for b in pieces.values()]
     priors, pulls = _beside(opened.problem, start, inherited.at)
@@ -538,7 +540,7 @@ def _tested(request: Request, opened: Opened, inherited: _Inherited, at: Array, 
     for (k, state), s in zip(state_of_position.items(), shifts(test, list(state_of_position)), strict=True):
         u, there = unknowns[inherited.at[k]], inherited.at[k]
         alone, used = _alone(u, float(at[there]), float(start[there] + s.size)), u.to_value(opened.fitted[there])
-        below = (state.value, request.store.error(state.path), state.random)
+        below = (u.to_value(start[there]), float(np.linalg.norm(inherited.root[k])) * u.slope(start[there]), state.random)
         values.append(_move(u.name, part_of(request.model, u.name), state.origin.stage or state.origin.kind, below, alone, used, u, s))
     rows = {m.path: k for m, k in zip(values, state_of_position, strict=True)}
     far = [rows[m.path] for m in values if m.verdict == MOVED]

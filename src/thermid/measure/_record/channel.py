@@ -212,13 +212,21 @@ class Channel(Shown):
 
         Differences of order k of white noise have binomial(2 k, k) times its variance, and those of anything slow next to nothing, less the
         higher the order: the smallest of three estimates counts. The median size stands for the root mean square, so that jumps do not
-        count. A power that is switched between few levels has no noise.
+        count. Readings in steps show the noise of their rounding too; their differences are spread evenly over a step, and its variance is
+        taken off again (Sheppard's correction), since a median of whole steps is off by up to a third. Where most differences are zero, and
+        of a power that is switched between few levels, there is no noise.
         """
         valid = self.values[self.valid]
         if valid.size < SWITCHED or (self.quantity != "temperature" and np.unique(np.round(valid, 9)).size * SWITCHED <= valid.size):
             return 0.0
-        sizes = [1.4826 * np.median(np.abs(np.diff(valid, k))) / np.sqrt(math.comb(2 * k, k)) for k in ORDERS if valid.size >= SWITCHED + k]
-        return float(min(sizes, default=0.0))
+        even = self.step * np.array([math.remainder(k * math.e, 1.0) for k in range(valid.size)])
+        orders = [k for k in ORDERS if valid.size >= SWITCHED + k]
+        sizes = [
+            1.4826 * float(np.median(np.abs(d + even[: d.size]))) if np.median(np.abs(d)) else 0.0
+            for d in (np.diff(valid, k) for k in orders)
+        ]
+        squares = [max(size**2 - float(even.var()), 0.0) / math.comb(2 * k, k) for size, k in zip(sizes, orders, strict=True)]
+        return math.sqrt(min(squares, default=0.0))
 
     @property
     def noise_seen(self) -> float:
