@@ -15,7 +15,7 @@ from thermid.base.errors import NameNotFoundError, RecordError, errors_at, refus
 from thermid.base.expression import amount
 from thermid.base.units import from_si, in_si, require, unit
 from thermid.measure._readers.bindings import Binding, bindings, full_scale, unit_and_quantity
-from thermid.measure._readers.columns import decimal_sign, find_column, kelvin_sized, numbers
+from thermid.measure._readers.columns import NumberColumn, decimal_sign, find_column, kelvin_sized, numbers
 from thermid.measure._readers.formats import log_cells
 from thermid.measure._readers.guess import columns_of
 from thermid.measure._readers.headers import LETTERED, NO_NUMBER, name_and_unit
@@ -92,6 +92,9 @@ def read_record(
         samples_text = "one sample" if times.size == 1 else f"{times.size} samples with one time stamp"
         raise RecordError(f"the log has {samples_text}; a record needs at least two times.", cells.file, code="record.too-short")
     parsed = [numbers(column, sign) if place not in clock_at.places else times for place, column in enumerate(cells.columns)]
+    # of a long log the text is as large as its numbers: from here on only columns that hold text are looked up in it
+    cells = replace(cells, columns=[column if isinstance(found, int) else () for column, found in zip(cells.columns, parsed, strict=True)])
+    clock_at = replace(clock_at, texts=() if isinstance(clock_at.texts, NumberColumn) else clock_at.texts)
     read = [(_channel(cells, one, parsed, times), one) for one in wanted]
     sensors = [
         with_sensor(series, one.part, one.certificate or cells.certificates.get(series.column), f"{cells.file}, channels.{one.name}")
@@ -315,7 +318,7 @@ def _questions(
         *board_restarts(times, bare),
         *unit_question(_Readings([c for c in warm if c.assumed and c.unit == "degC"])),
         *repeated_stamps(times, _Readings(channels_read)),
-        *(() if read.zone else lost_hour(times, clock.texts, _Readings(warm))),
+        *(() if read.zone or not clock.texts else lost_hour(times, clock.texts, _Readings(warm))),
         *hidden_switches(times, _Readings([c for c in channels_read if c.held])),
     )
 
