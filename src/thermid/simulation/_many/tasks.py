@@ -6,6 +6,7 @@ A task carries all that it needs, and may be done twice. Nothing is handed out b
 from __future__ import annotations
 
 import json
+import logging
 import os
 import signal
 from collections.abc import Callable, Iterator, Sequence
@@ -147,6 +148,9 @@ def _pool(workers: Executor | str | int, stack: ExitStack) -> Executor:
     if not isinstance(workers, str) or "://" not in workers:
         raise ScenarioError(f"'{workers!s:.60}' is no address of a scheduler. Write tcp://host:8786, or joblib.", code="run.cluster")
     distributed = optional("distributed", "a run on several processes")
+    log = logging.getLogger("distributed.client")  # what it says of workers and schedulers that end, with tracebacks, is told by `_lost`
+    stack.callback(setattr, log, "disabled", log.disabled)
+    log.disabled = True
     try:
         client = distributed.Client(workers, timeout=PATIENCE, set_as_default=False)
     except (OSError, ValueError) as error:
@@ -167,7 +171,7 @@ def _by(pool: Executor, calls: Sequence[Call], whose: str) -> Iterator[tuple[int
             ready = as_completed(open_, None if cluster is None else PATIENCE)
             while (future := _next(ready)) is not None:
                 open_.discard(future)
-                with _worker_errors_named(whose):
+                with _worker_errors_named(whose, cluster):
                     result = future.result()
                 del future
                 yield result
@@ -213,18 +217,23 @@ def _leave_interrupts() -> None:
 
 
 @contextmanager
-def _worker_errors_named(whose: str) -> Iterator[None]:
-    """Raise `ScenarioError` in place of the errors by which a pool or a cluster says that a worker ended; `whose` names the pool."""
+def _worker_errors_named(whose: str, cluster: Any = None) -> Iterator[None]:
+    """Raise `ScenarioError` in place of the errors by which a pool or a client of a cluster says that a worker or the scheduler ended.
+
+    `whose` names the pool.
+    """
     try:
         yield
     except Exception as error:
         if isinstance(error, BrokenExecutor | CancelledError) or type(error).__module__.partition(".")[0] == "distributed":
-            raise _lost(whose) from error
+            raise _lost(whose, cluster) from error
         raise
 
 
-def _lost(whose: str) -> ScenarioError:
-    """Return the error that a worker of a pool ended while it was at work."""
+def _lost(whose: str, cluster: Any = None) -> ScenarioError:
+    """Return the error that a worker of a pool, or the scheduler of a client of a cluster, ended while it was at work."""
+    if cluster is not None and cluster.status != "running":
+        return ScenarioError(f"the scheduler {whose} ended. Start it again with its workers, then ask again.", code="run.cluster")
     text = f"a worker {whose} ended while it was at work. Start it again, with more memory if it had too little."
     return ScenarioError(text, code="run.worker-lost")
 
