@@ -105,9 +105,7 @@ def test_a_cluster_gives_the_same_bits_while_its_workers_die(asked: Asked, clust
         assert told == asked()
 
 
-def test_a_cluster_whose_workers_all_die_is_named(
-    cluster: tuple[str, Processes], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_cluster_whose_workers_all_die_is_named(cluster: tuple[str, Processes], monkeypatch: pytest.MonkeyPatch) -> None:
     from distributed import Client
 
     address, (*workers, _) = cluster
