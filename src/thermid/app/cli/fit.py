@@ -262,7 +262,7 @@ def fleet(
         population = fleet_in(campaign, data=data, cache=results or campaign.parent / "results", notice=progress, executor=executor)
     answer, lines = population.to_dict(), [str(population)]
     if conditions is not None:
-        runs = population.predict(conditions, members, executor=executor)
+        runs = population.predict(conditions, members, executor=executor_of(workers, cluster))  # traces, which no folder keeps
         bands = {n: np.quantile(runs.highest(n), (0.5, 0.025, 0.975)).tolist() for n in runs.nodes}
         answer |= {"highest_degC": {n: dict(zip(("median", "low", "high"), b, strict=True)) for n, b in bands.items()}}
         lines.append(f"Highest temperatures of a unit not built yet, {conditions.title}, 95 % of {members} drawn units:")
