@@ -71,7 +71,7 @@ from thermid.reporting import pages as page
 from thermid.reporting.objects import calibration_object, campaign_object, campaign_standing, retune_object
 from thermid.reporting.pages import check_audience, tables_folder
 from thermid.reporting.pictures import picture
-from thermid.simulation.runs import Workers
+from thermid.simulation.runs import KeptTasks, Workers
 from thermid.simulation.scenario_files import load_scenario
 
 Kept = Annotated[Path | None, typer.Option("--to", help="Folder for the values files; 'results' beside the campaign by default.")]
@@ -551,7 +551,7 @@ def hold(
         return
     with MemberProgress() as progress:
         try:
-            _, answer = hold_question.run(n=members, folder=folder, executor=executor_of(workers, cluster), progress=progress)
+            _, answer = hold_question.run(n=members, executor=KeptTasks(folder, executor_of(workers, cluster)), progress=progress)
         except KeyboardInterrupt:
             done = f"interrupted with {progress.finished} of {progress.members} runs done"
             raise SolverError(f"{done}. The same command goes on from there.", code="fit.stopped") from None

@@ -98,10 +98,9 @@ class KeptTasks:
     workers: Executor | str | int | None = None
 
     @classmethod
-    def of_workers(cls, workers: Workers, folder: str | os.PathLike[str] | None = None) -> KeptTasks:
-        """Return any workers with their folder, None where they have none; a folder that is given goes before."""
-        whole = workers if isinstance(workers, KeptTasks) else cls(None, workers)
-        return whole if folder is None else cls(folder, whole.workers)
+    def of_workers(cls, workers: Workers) -> KeptTasks:
+        """Return any workers with their folder, None where they have none."""
+        return workers if isinstance(workers, KeptTasks) else cls(None, workers)
 
     def key(self, function: Callable[..., Any], arguments: tuple[Any, ...]) -> str:
         """Return the name of a task."""
