@@ -580,19 +580,19 @@ def run_members(
         return _one_by_one(engine, values, members, times, wanted, shares, warnings)
     runs = _Runs(engine, times, wanted, options, threads, simd)
     ensemble = partial(Ensemble, *titles, times, wanted, members, values)
-    kept_tasks = KeptTasks.of_workers(executor)
     if shares:
-        counted = _all_counted(runs, values, members, kept_tasks)
+        counted = _all_counted(runs, values, members, KeptTasks.of_workers(executor))
         return ensemble(counted.failed, counted.statistics, network.find, _no_traces, counted.tallies, {}, warnings)
+    if executor is None:
+        group = runs.group(values)
+        return ensemble(group.failed, group.statistics, network.find, group.temperature, {}, group.turnings, warnings)
+    kept_tasks = KeptTasks.of_workers(executor)
     if kept_tasks.folder is not None:
         raise ScenarioError(
             "a folder keeps counts of members, not their traces. Give 'quantiles', or use td.qualify.uncertain_runs.",
             where,
             code="value.incomplete",
         )
-    if executor is None:
-        group = runs.group(values)
-        return ensemble(group.failed, group.statistics, network.find, group.temperature, {}, group.turnings, warnings)
     tasks = [(f"members from {first} on", (runs, v)) for first, v in _tasks(values, members, runs.at_once)]
     parts = [group for _, group in sorted(in_tasks(_Runs.group, tasks, kept_tasks.workers), key=itemgetter(0))]
     # members are numbered through all groups; turning points of nodes that were not followed in each group are left out

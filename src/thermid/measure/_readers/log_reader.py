@@ -92,8 +92,7 @@ def read_record(
         samples_text = "one sample" if times.size == 1 else f"{times.size} samples with one time stamp"
         raise RecordError(f"the log has {samples_text}; a record needs at least two times.", cells.file, code="record.too-short")
     parsed = [numbers(column, sign) if place not in clock_at.places else times for place, column in enumerate(cells.columns)]
-    # of a long log the text is as large as its numbers: from here on only columns that hold text are looked up in it
-    cells = replace(cells, columns=[column if isinstance(found, int) else () for column, found in zip(cells.columns, parsed, strict=True)])
+    cells = replace(cells, columns=[c if isinstance(x, int) else () for c, x in zip(cells.columns, parsed, strict=True)])  # text is long
     clock_at = replace(clock_at, texts=() if isinstance(clock_at.texts, NumberColumn) else clock_at.texts)
     read = [(_channel(cells, one, parsed, times), one) for one in wanted]
     sensors = [
@@ -101,21 +100,19 @@ def read_record(
         for series, one in read
     ]
     series = [one for one, _ in sensors]
-    bare = _bare_numbers(cells, clock_at, parsed)
-    origin = replace(_origin(cells, clock_at, read_at, parsed), questions=_questions(times, clock_at, read_at, series, bare))
+    questions = _questions(times, clock_at, read_at, series, _bare_numbers(cells, clock_at, parsed))
+    origin = replace(_origin(cells, clock_at, read_at, parsed), questions=questions)
     notes = [*cells.notes, *read_at.notes, *(note for _, notes_of_sensor in sensors for note in notes_of_sensor)] + (
         [f"read with decimal '{sign}'"] if sign == "," and decimal is None else []
     )
-    stem = Path(path).name.removesuffix(".gz")
     times, series, repeated = _one_per_stamp(times, series)
-    if repeated:
-        notes.append(repeated)
+    notes += [repeated] if repeated else []
     for one in series:
         try:
             one.checked()
         except RecordError as error:
             raise RecordError(error.message, cells.where(None, one.column)) from None
-    return Record(name or stem.rpartition(".")[0] or stem, times, {one.name: one for one in series}, origin, tuple(notes))
+    return Record(name or Path(Path(path).name.removesuffix(".gz")).stem, times, {one.name: one for one in series}, origin, tuple(notes))
 
 
 def _check_tables(path: str | Path, **tables: Mapping[str, object]) -> None:

@@ -16,7 +16,7 @@ from thermid.measure._readers.columns import find_column, numbers
 from thermid.measure._readers.headers import COUNTED, DATED, MISSING, TIME_NAMES, is_time_name, name_and_unit, plainly, spelt
 from thermid.measure._readers.questions import begins_again
 from thermid.measure._readers.textfile import Cells
-from thermid.measure._record.channel import FloatArray, usual_step
+from thermid.measure._record.channel import FloatArray
 from thermid.measure.amounts import duration_text
 
 _HALF_DAY: Final = 43200.0
@@ -324,7 +324,7 @@ def _questioned(times: FloatArray, cells: Cells, name: str, unit_text: str | Non
     ------
     RecordError   With the step and the length.
     """
-    step = usual_step(times)
+    step = float(np.median(np.diff(times))) if times.size > 1 else 0.0
     length = float(times[-1] - times[0])
     shown = f"a step of {duration_text(step)} and a length of {duration_text(length)}"
     if not unit_is_given and (length > _LONGEST or (unit_text is None and step >= _DAY)):

@@ -116,10 +116,9 @@ class KeptTasks:
     def save(self, key: str, result: Any) -> None:
         """Keep what a task returned: numbers, texts, arrays, and dataclasses, tuples, lists and tables of them."""
         arrays: dict[str, Any] = {}
-        about = json.dumps(taken_apart(result, arrays))
         place = Path(self.folder or "")
         place.mkdir(parents=True, exist_ok=True)
-        JobFolder(place).save(key, {**arrays, "about": np.array(about)})
+        JobFolder(place).save(key, {"about": np.array(json.dumps(taken_apart(result, arrays))), **arrays})
 
     def results(
         self, function: Callable[..., Made], tasks: Sequence[tuple[str, tuple[Any, ...]]], seconds: float
@@ -142,8 +141,9 @@ def _pool(workers: Executor | str | int, stack: ExitStack) -> Executor:
     if isinstance(workers, Executor):
         return workers
     if isinstance(workers, int):
-        loky = optional("joblib.externals.loky", "a run on several processes")
-        return loky.get_reusable_executor(max_workers=workers, env=ONE_THREAD, initializer=_leave_interrupts)  # type: ignore[no-any-return]
+        return optional("joblib.externals.loky", "a run on several processes").get_reusable_executor(  # type: ignore[no-any-return]
+            max_workers=workers, env=ONE_THREAD, initializer=_leave_interrupts
+        )
     if not isinstance(workers, str) or "://" not in workers:
         raise ScenarioError(f"'{workers!s:.60}' is no address of a scheduler. Write tcp://host:8786, or joblib.", code="run.cluster")
     distributed = optional("distributed", "a run on several processes")
@@ -201,12 +201,9 @@ def _handed(pool: Executor, call: tuple[int, Call], whose: str) -> Future[tuple[
     for _ in range(HANDED):
         try:
             return pool.submit(_done, call)
-        except KeyError as lost:  # a scheduler looks a worker up that is no longer there
+        except (KeyError, OSError, RuntimeError) as lost:  # by KeyError a scheduler looks a worker up that is no longer there
             error = lost
             sleep(AGAIN)
-        except (OSError, RuntimeError) as lost:
-            error = lost
-            break
     raise _lost(whose) from error
 
 
@@ -233,8 +230,9 @@ def _lost(whose: str, cluster: Any = None) -> ScenarioError:
     """Return the error that a worker of a pool, or the scheduler of a client of a cluster, ended while it was at work."""
     if cluster is not None and cluster.status != "running":
         return ScenarioError(f"the scheduler {whose} ended. Start it again with its workers, then ask again.", code="run.cluster")
-    text = f"a worker {whose} ended while it was at work. Start it again, with more memory if it had too little."
-    return ScenarioError(text, code="run.worker-lost")
+    return ScenarioError(
+        f"a worker {whose} ended while it was at work. Start it again, with more memory if it had too little.", code="run.worker-lost"
+    )
 
 
 def _done(numbered: tuple[int, Call]) -> tuple[int, Any]:
