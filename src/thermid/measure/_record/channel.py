@@ -99,7 +99,7 @@ def digest(columns: Iterable[tuple[str, ArrayLike]]) -> str:
         samples = np.atleast_1d(np.asarray(values, dtype="<f8")) + 0.0  # a copy, in which -0.0 becomes 0.0
         samples[np.isnan(samples)] = np.nan
         total.update(name.encode() + b"\0")
-        total.update(samples)
+        total.update(samples.data)
     return total.hexdigest()
 
 
