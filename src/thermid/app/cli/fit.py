@@ -551,8 +551,9 @@ def hold(
         return
     with MemberProgress() as progress:
         try:
-            keep = KeptTasks(folder, KeptTasks.of_workers(executor_of(workers, cluster)).workers)
-            _, answer = hold_question.run(n=members, executor=keep, progress=progress)
+            _, answer = hold_question.run(
+                n=members, executor=KeptTasks(folder, KeptTasks.of_workers(executor_of(workers, cluster)).workers), progress=progress
+            )
         except KeyboardInterrupt:
             done = f"interrupted with {progress.finished} of {progress.members} runs done"
             raise SolverError(f"{done}. The same command goes on from there.", code="fit.stopped") from None
