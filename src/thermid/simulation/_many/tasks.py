@@ -147,9 +147,10 @@ def _pool(workers: Executor | str | int, stack: ExitStack) -> Executor:
     if not isinstance(workers, str) or "://" not in workers:
         raise ScenarioError(f"'{workers!s:.60}' is no address of a scheduler. Write tcp://host:8786, or joblib.", code="run.cluster")
     distributed = optional("distributed", "a run on several processes")
-    log = logging.getLogger("distributed.client")  # what it says of workers and schedulers that end, with tracebacks, is told by `_lost`
-    stack.callback(setattr, log, "disabled", log.disabled)
-    log.disabled = True
+    # what these say of workers and schedulers that end, with tracebacks, is told by `_lost`
+    for log in map(logging.getLogger, ("distributed.client", "tornado.application")):
+        stack.callback(setattr, log, "disabled", log.disabled)
+        log.disabled = True
     try:
         client = distributed.Client(workers, timeout=PATIENCE, set_as_default=False)
     except (OSError, ValueError) as error:
