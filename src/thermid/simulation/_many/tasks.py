@@ -11,7 +11,7 @@ import os
 import signal
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import BrokenExecutor, CancelledError, Executor, Future, as_completed
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass
 from math import inf
 from pathlib import Path
@@ -179,8 +179,9 @@ def _by(pool: Executor, calls: Sequence[Call], whose: str) -> Iterator[tuple[int
             if open_ and cluster is not None and not cluster.nthreads():  # without a worker it would wait for one, and say nothing
                 raise _lost(whose)
     finally:
-        for future in open_:
-            future.cancel()
+        with suppress(OSError):  # of a scheduler that ended, which must not hide why this ends
+            for future in open_:
+                future.cancel()
 
 
 def _next(ready: Iterator[Future[tuple[int, Any]]]) -> Future[tuple[int, Any]] | None:
@@ -251,8 +252,7 @@ def _done(numbered: tuple[int, Call]) -> tuple[int, Any]:
     try:
         with errors_at(name, ", "):
             return place, function(*arguments)
-    except ThermidError:
-        raise
     except Exception as error:
-        error.add_note(f"thermid was at {name}")
+        if not isinstance(error, ThermidError):
+            error.add_note(f"thermid was at {name}")
         raise
