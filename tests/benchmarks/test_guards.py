@@ -12,12 +12,14 @@ from __future__ import annotations
 import subprocess
 import sys
 import time
+from pathlib import Path
 from typing import Any
 
 import b7
 import network
 import numpy as np
 import pytest
+from fresh import as_installed
 from plain import plain
 
 import thermid as td
@@ -62,9 +64,9 @@ def test_runs(benchmark: Any, nonlinear: bool, every: float, slopes: bool, bound
     ],
     ids=["import", "help", "first result"],
 )
-def test_cold_start(benchmark: Any, code: str, bound: float) -> None:
+def test_cold_start(benchmark: Any, code: str, bound: float, tmp_path: Path) -> None:
     def start(code: str) -> None:
-        subprocess.run([sys.executable, "-c", code], check=True, capture_output=True)
+        subprocess.run([sys.executable, "-c", code], check=True, capture_output=True, env=as_installed(str(tmp_path)))
 
     def seconds(code: str) -> float:
         begun = time.perf_counter()

@@ -9,6 +9,7 @@ import pytest
 
 import thermid as td
 from thermid.prediction.members import UncertainRuns
+from thermid.simulation.runs import KeptTasks
 
 MACRO = Path(__file__).parents[2] / "examples" / "sisnav" / "macro"
 MEMBERS = 10_000
@@ -29,10 +30,10 @@ def whole(question: td.qualify.HoldQuestion, tmp_path_factory: pytest.TempPathFa
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        question.run(folder=folder, progress=stop)
+        question.run(executor=KeptTasks(folder), progress=stop)
     kept = {p: p.stat().st_mtime_ns for p in folder.rglob("*.npz")}
     assert len(kept) == 7
-    runs, found = question.run(folder=folder)
+    runs, found = question.run(executor=KeptTasks(folder))
     assert runs.reused == 3500
     assert {p: p.stat().st_mtime_ns for p in kept} == kept
     return runs, found

@@ -7,7 +7,6 @@ have gone alone.
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
@@ -560,13 +559,12 @@ def run_members(
     simd: str,
     warnings: tuple[str, ...],
     executor: Workers = None,
-    job: str | os.PathLike[str] | None = None,
 ) -> Ensemble:
     """Run all members at the values of `draws` and return them as an `Ensemble`; arguments as in `ensemble`.
 
     Raises
     ------
-    ScenarioError   When names do not have equally many values, there are no threads, or traces would have to be kept for a job.
+    ScenarioError   When names do not have equally many values, there are no threads, or a folder would have to keep traces.
     """
     wiring, network = engine.wiring, engine.wiring.network
     titles = (network.title, wiring.scenario.title)
@@ -583,19 +581,20 @@ def run_members(
     runs = _Runs(engine, times, wanted, options, threads, simd)
     ensemble = partial(Ensemble, *titles, times, wanted, members, values)
     if shares:
-        counted = _all_counted(runs, values, members, executor, KeptTasks.of_workers(executor, job).folder)
+        counted = _all_counted(runs, values, members, KeptTasks.of_workers(executor))
         return ensemble(counted.failed, counted.statistics, network.find, _no_traces, counted.tallies, {}, warnings)
-    if job is not None:
-        raise ScenarioError(
-            "a job keeps counts of members, not their traces. Give 'quantiles', or use td.qualify.uncertain_runs.",
-            where,
-            code="value.incomplete",
-        )
     if executor is None:
         group = runs.group(values)
         return ensemble(group.failed, group.statistics, network.find, group.temperature, {}, group.turnings, warnings)
+    kept_tasks = KeptTasks.of_workers(executor)
+    if kept_tasks.folder is not None:
+        raise ScenarioError(
+            "a folder keeps counts of members, not their traces. Give 'quantiles', or use td.qualify.uncertain_runs.",
+            where,
+            code="value.incomplete",
+        )
     tasks = [(f"members from {first} on", (runs, v)) for first, v in _tasks(values, members, runs.at_once)]
-    parts = [group for _, group in sorted(in_tasks(_Runs.group, tasks, KeptTasks.of_workers(executor).workers), key=itemgetter(0))]
+    parts = [group for _, group in sorted(in_tasks(_Runs.group, tasks, kept_tasks.workers), key=itemgetter(0))]
     # members are numbered through all groups; turning points of nodes that were not followed in each group are left out
     firsts = np.cumsum([0, *(p.members for p in parts)])[:-1].tolist()
     failed = {first + m: why for first, p in zip(firsts, parts, strict=True) for m, why in p.failed.items()}
@@ -604,7 +603,7 @@ def run_members(
     return ensemble(failed, added([p.statistics for p in parts]), network.find, partial(_traces_of, parts), {}, turnings, warnings)
 
 
-def _all_counted(runs: _Runs, values: Mapping[str, Array], members: int, executor: Workers, job: str | os.PathLike[str] | None) -> Counted:
+def _all_counted(runs: _Runs, values: Mapping[str, Array], members: int, kept_tasks: KeptTasks) -> Counted:
     """Return the counts of all members; the first group with a member that reaches the end sets the grids for all."""
     pilots, at, begun = [], 0, process_time()
     grids: dict[str, CountGrid] = {}
@@ -615,11 +614,11 @@ def _all_counted(runs: _Runs, values: Mapping[str, Array], members: int, executo
         at += pilots[-1][1].members
     ahead = (process_time() - begun) * (members - at) / at
     tasks = _tasks({n: v[at:] for n, v in values.items()}, members - at, runs.at_once)
-    folder = JobFolder.below(job, runs.key(values)) if job is not None else None
+    folder = JobFolder.below(kept_tasks.folder, runs.key(values)) if kept_tasks.folder is not None else None
     done = _left_in(folder, {at + first: v for first, v in tasks}, grids)
     open_ = [at + first for first, _ in tasks if at + first not in done]
     calls = [(f"members from {at + first} on", (runs, v, grids)) for first, v in tasks if at + first in open_]
-    others = in_tasks(_count, calls, KeptTasks.of_workers(executor).workers, seconds=ahead)
+    others = in_tasks(_count, calls, kept_tasks.workers, seconds=ahead)
 
     def counted() -> Iterator[tuple[int, Counted]]:
         """Yield the counts of each part as it ends, kept in the folder before."""

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from difflib import get_close_matches
@@ -225,7 +224,6 @@ class Simulator(Shown):
         threads: int = 1,
         simd: str = "auto",
         executor: Workers = None,
-        job: str | os.PathLike[str] | None = None,
     ) -> Ensemble:
         """Return the runs of many members at once.
 
@@ -233,7 +231,7 @@ class Simulator(Shown):
         ----------
         draws : dict            Free name -> value of every member (members,); `nominal` where none is given. Numbers are SI, but
                                 temperatures state their unit: ``td.celsius(array)``.
-        nodes, quantiles, threads, simd, executor, job    As in `ensemble`.
+        nodes, quantiles, threads, simd, executor    As in `ensemble`.
 
         Raises
         ------
@@ -245,7 +243,7 @@ class Simulator(Shown):
             raise ScenarioError(
                 "one parameter is drawn twice, by its path and by an alias. Remove one of them.", self.title, code="name.taken"
             )
-        return run_members(self.engine, values, self.times, self.options, nodes, quantiles, threads, simd, self._remarks, executor, job)
+        return run_members(self.engine, values, self.times, self.options, nodes, quantiles, threads, simd, self._remarks, executor)
 
     def settled(self, values: Mapping[str, float] | None = None) -> tuple[dict[str, float], dict[str, Array]]:
         """Return node -> temperature with the inputs of the end held for good [K], and its derivatives (free,) [K per SI unit].
@@ -355,7 +353,6 @@ def ensemble(
     options: Options | None = None,
     simd: str = "auto",
     executor: Workers = None,
-    job: str | os.PathLike[str] | None = None,
 ) -> Ensemble:
     """Run a model at many sets of values and return all runs together.
 
@@ -375,8 +372,8 @@ def ensemble(
     threads : int           How many may compute at once.
     simd : str              Instruction set of the lanes; the widest of the machine unless one is named, for a comparison.
     executor : executor, str or int    Who runs shares of the members: an executor of `concurrent.futures`, the address of a Dask scheduler,
-                            ``"joblib"``, or a number of processes of this machine.
-    job : path              A folder in which finished counts are kept: after an interrupt the same call goes on. Needs `quantiles`.
+                            ``"joblib"``, or a number of processes of this machine. Of `KeptTasks` the folder keeps finished counts,
+                            which needs `quantiles`: after an interrupt the same call goes on.
 
     Raises
     ------
@@ -384,7 +381,7 @@ def ensemble(
     NameNotFoundError   When a name does not exist.
     """
     ready = prepare(model, scenario, tuple(draws), every=every, times=times, options=options)
-    return ready.ensemble(draws, nodes=nodes, quantiles=quantiles, threads=threads, simd=simd, executor=executor, job=job)
+    return ready.ensemble(draws, nodes=nodes, quantiles=quantiles, threads=threads, simd=simd, executor=executor)
 
 
 def _warnings(wiring: Wiring, scenario: Scenario) -> tuple[str, ...]:

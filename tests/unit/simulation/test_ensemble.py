@@ -275,7 +275,7 @@ def test_a_job_goes_on_where_it_was_interrupted(tmp_path: Path, monkeypatch: pyt
         return count(runs, values, grids)
 
     def asked() -> td.simulation.Ensemble:
-        return td.ensemble(MODEL, ROOM, draws, every=300.0, quantiles=(0.05, 0.5), job=tmp_path)
+        return td.ensemble(MODEL, ROOM, draws, every=300.0, quantiles=(0.05, 0.5), executor=td.simulation.KeptTasks(tmp_path))
 
     monkeypatch.setattr(ensemble, "_count", interrupted)
     with pytest.raises(KeyboardInterrupt):
@@ -286,7 +286,7 @@ def test_a_job_goes_on_where_it_was_interrupted(tmp_path: Path, monkeypatch: pyt
     assert list(found.failed) == [3, 70, 149]
     assert told(found) == told(td.ensemble(MODEL, ROOM, draws, every=300.0, quantiles=(0.05, 0.5)))
     with pytest.raises(ScenarioError, match="quantiles"):
-        td.ensemble(MODEL, ROOM, draws, job=tmp_path)
+        td.ensemble(MODEL, ROOM, draws, executor=td.simulation.KeptTasks(tmp_path))
 
 
 def test_draws_have_the_spread_asked_for() -> None:

@@ -71,7 +71,7 @@ from thermid.reporting import pages as page
 from thermid.reporting.objects import calibration_object, campaign_object, campaign_standing, retune_object
 from thermid.reporting.pages import check_audience, tables_folder
 from thermid.reporting.pictures import picture
-from thermid.simulation.runs import Workers
+from thermid.simulation.runs import KeptTasks, Workers
 from thermid.simulation.scenario_files import load_scenario
 
 Kept = Annotated[Path | None, typer.Option("--to", help="Folder for the values files; 'results' beside the campaign by default.")]
@@ -262,7 +262,7 @@ def fleet(
         population = fleet_in(campaign, data=data, cache=results or campaign.parent / "results", notice=progress, executor=executor)
     answer, lines = population.to_dict(), [str(population)]
     if conditions is not None:
-        runs = population.predict(conditions, members, executor=executor)
+        runs = population.predict(conditions, members, executor=executor_of(workers, cluster))  # traces, which no folder keeps
         bands = {n: np.quantile(runs.highest(n), (0.5, 0.025, 0.975)).tolist() for n in runs.nodes}
         answer |= {"highest_degC": {n: dict(zip(("median", "low", "high"), b, strict=True)) for n, b in bands.items()}}
         lines.append(f"Highest temperatures of a unit not built yet, {conditions.title}, 95 % of {members} drawn units:")
@@ -551,7 +551,9 @@ def hold(
         return
     with MemberProgress() as progress:
         try:
-            _, answer = hold_question.run(n=members, folder=folder, executor=executor_of(workers, cluster), progress=progress)
+            _, answer = hold_question.run(
+                n=members, executor=KeptTasks(folder, KeptTasks.of_workers(executor_of(workers, cluster)).workers), progress=progress
+            )
         except KeyboardInterrupt:
             done = f"interrupted with {progress.finished} of {progress.members} runs done"
             raise SolverError(f"{done}. The same command goes on from there.", code="fit.stopped") from None

@@ -144,8 +144,8 @@ def table_of_text(text: str, file: str, separator: str | None, notes: Sequence[s
     ------
     RecordError   As `cells_of_text`.
     """
-    plain = text.rstrip("\n") + "\n" if text.endswith("\n\n") else text
-    return _long_table(plain, file, separator, notes) or cells_of_text(text, file, separator, notes)
+    whole = _long_table(text.rstrip("\n") + "\n" if text.endswith("\n\n") else text, file, separator, notes)
+    return whole or cells_of_text(text, file, separator, notes)
 
 
 def _long_table(text: str, file: str, separator: str | None, notes: Sequence[str]) -> Cells | None:
@@ -153,8 +153,8 @@ def _long_table(text: str, file: str, separator: str | None, notes: Sequence[str
     if not text.isascii() or '"' in text or text.count("\n") < LINES_AT_ONCE + 2:
         return None
     blocks = ((at, text[at : at + BLOCK].encode("ascii")) for at in range(0, len(text), BLOCK))
-    ends = np.concatenate([np.flatnonzero(np.frombuffer(block, np.uint8) == ord("\n")) + at + 1 for at, block in blocks])
-    starts = np.concatenate([[0], ends, [] if text.endswith("\n") else [len(text) + 1]]).astype(int)
+    ends = (np.flatnonzero(np.frombuffer(block, np.uint8) == ord("\n")) + at + 1 for at, block in blocks)
+    starts = np.concatenate([[0], *ends, [len(text) + 1][text.endswith("\n") :]], dtype=int, casting="unsafe")
     try:
         first_rows = cells_of_text(text[: starts[LINES_AT_ONCE]] + text[starts[-3] :], file, separator, notes)
     except ThermidError:  # told again below, with the line where it stands

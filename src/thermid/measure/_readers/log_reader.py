@@ -15,7 +15,7 @@ from thermid.base.errors import NameNotFoundError, RecordError, errors_at, refus
 from thermid.base.expression import amount
 from thermid.base.units import from_si, in_si, require, unit
 from thermid.measure._readers.bindings import Binding, bindings, full_scale, unit_and_quantity
-from thermid.measure._readers.columns import decimal_sign, find_column, kelvin_sized, numbers
+from thermid.measure._readers.columns import NumberColumn, decimal_sign, find_column, kelvin_sized, numbers
 from thermid.measure._readers.formats import log_cells
 from thermid.measure._readers.guess import Column, columns_of
 from thermid.measure._readers.headers import LETTERED, NO_NUMBER, name_and_unit
@@ -92,27 +92,27 @@ def read_record(
         samples_text = "one sample" if times.size == 1 else f"{times.size} samples with one time stamp"
         raise RecordError(f"the log has {samples_text}; a record needs at least two times.", cells.file, code="record.too-short")
     parsed = [numbers(column, sign) if place not in clock_at.places else times for place, column in enumerate(cells.columns)]
+    cells = replace(cells, columns=[c if isinstance(x, int) else () for c, x in zip(cells.columns, parsed, strict=True)])  # text is long
+    clock_at = replace(clock_at, texts=() if isinstance(clock_at.texts, NumberColumn) else clock_at.texts)
     read = [(_channel(cells, one, parsed, times), one) for one in wanted]
     sensors = [
         with_sensor(series, one.part, one.certificate or cells.certificates.get(series.column), f"{cells.file}, channels.{one.name}")
         for series, one in read
     ]
     series = [one for one, _ in sensors]
-    bare = _bare_numbers(cells, clock_at, parsed)
-    origin = replace(_origin(cells, clock_at, read_at, parsed), questions=_questions(times, clock_at, read_at, series, bare))
+    questions = _questions(times, clock_at, read_at, series, _bare_numbers(cells, clock_at, parsed))
+    origin = replace(_origin(cells, clock_at, read_at, parsed), questions=questions)
     notes = [*cells.notes, *read_at.notes, *(note for _, notes_of_sensor in sensors for note in notes_of_sensor)] + (
         [f"read with decimal '{sign}'"] if sign == "," and decimal is None else []
     )
-    stem = Path(path).name.removesuffix(".gz")
     times, series, repeated = _one_per_stamp(times, series)
-    if repeated:
-        notes.append(repeated)
+    notes += [repeated] if repeated else []
     for one in series:
         try:
             one.checked()
         except RecordError as error:
             raise RecordError(error.message, cells.where(None, one.column)) from None
-    return Record(name or stem.rpartition(".")[0] or stem, times, {one.name: one for one in series}, origin, tuple(notes))
+    return Record(name or Path(Path(path).name.removesuffix(".gz")).stem, times, {one.name: one for one in series}, origin, tuple(notes))
 
 
 def _check_tables(path: str | Path, **tables: Mapping[str, object]) -> None:
@@ -319,7 +319,7 @@ def _questions(
         *board_restarts(times, bare),
         *unit_question(_Readings([c for c in warm if c.assumed and c.unit == "degC"])),
         *repeated_stamps(times, _Readings(channels_read)),
-        *(() if read.zone else lost_hour(times, clock.texts, _Readings(warm))),
+        *(() if read.zone or not clock.texts else lost_hour(times, clock.texts, _Readings(warm))),
         *hidden_switches(times, _Readings([c for c in channels_read if c.held])),
     )
 

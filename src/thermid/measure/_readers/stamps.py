@@ -310,7 +310,7 @@ def _counted(cells: Cells, clock: Clock, parsed: FloatArray, unit_text: str | No
         )
     if unit_text is None:
         _refuse_serial_days(parsed, cells, name)
-    values = parsed * factor
+    values = parsed if factor == 1.0 else parsed * factor
     word = _PARTS_OF_A_SECOND.get(_unit_of_name(name), "")
     usual = f"{word}, by its name" if word else "seconds, no unit in the log"
     kind = unit_text or ("s" if name.lower().endswith(("_s", "seconds")) and not word else usual)

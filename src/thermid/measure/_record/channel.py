@@ -98,7 +98,7 @@ def digest(columns: Iterable[tuple[str, ArrayLike]]) -> str:
     for name, values in columns:
         samples = np.atleast_1d(np.asarray(values, dtype="<f8")) + 0.0  # a copy, in which -0.0 becomes 0.0
         samples[np.isnan(samples)] = np.nan
-        total.update(name.encode() + b"\0" + samples.tobytes())
+        total.update(name.encode() + b"\0" + samples.data)
     return total.hexdigest()
 
 

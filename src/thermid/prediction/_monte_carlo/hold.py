@@ -454,7 +454,6 @@ class HoldQuestion(Shown):
         self,
         *,
         n: int = 0,
-        folder: str | os.PathLike[str] | None = None,
         executor: Workers = None,
         progress: Progress | None = None,
     ) -> tuple[UncertainRuns, Hold]:
@@ -464,7 +463,7 @@ class HoldQuestion(Shown):
         """
         members = n or self.members
         check_members(members, self.confidence, self.model.title)
-        runs = members_of_plan(*self._plan(), members, folder, executor, progress)
+        runs = members_of_plan(*self._plan(), members, executor, progress)
         runs = replace(runs, warnings=(*self.remarks, *runs.warnings))
         return runs, hold(runs, self.limits, confidence=self.confidence)
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -14,7 +13,7 @@ from thermid.base.errors import MissingExtraError, NameNotFoundError, ScenarioEr
 from thermid.base.extensions import missing
 from thermid.base.linear_algebra import Array
 from thermid.prediction._monte_carlo.chunks import Job, run_members_of
-from thermid.simulation.runs import KeptTasks, Workers, in_tasks
+from thermid.simulation.runs import Workers, in_tasks
 
 
 @dataclass(frozen=True)
@@ -56,7 +55,6 @@ def sobol_of(
     *,
     base: int = 512,
     executor: Workers = None,
-    folder: str | os.PathLike[str] | None = None,
 ) -> Sobol:
     """Return Sobol's indices of a temperature with respect to everything that a job draws; values that a fit left open count as one group.
 
@@ -68,7 +66,7 @@ def sobol_of(
     node : str      One of the nodes that are kept.
     time : float    When; the highest of the run when not given. [s]
     base : int      A power of two; the runs are this times the groups and two.
-    executor, folder        As in `uncertain_runs`.
+    executor                As in `uncertain_runs`.
 
     Raises
     ------
@@ -98,7 +96,7 @@ def sobol_of(
     }
     numbers = np.asarray(design.sample(problem, base, calc_second_order=False, seed=job.seed)).T
     tasks = [(f"run {k} of the design", (job, numbers[:, k : k + job.chunk], path, time)) for k in range(0, numbers.shape[1], job.chunk)]
-    temperatures = dict(in_tasks(_temperature_of, tasks, KeptTasks.of_workers(executor, folder)))
+    temperatures = dict(in_tasks(_temperature_of, tasks, executor))
     result = np.concatenate([temperatures[k] for k in range(len(temperatures))])
     indices = analysis.analyze(problem, result, calc_second_order=False, seed=job.seed)
     first, total, errors = ({n: float(x) for n, x in zip(names, indices[k], strict=True)} for k in ("S1", "ST", "ST_conf"))

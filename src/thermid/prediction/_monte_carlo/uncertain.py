@@ -244,7 +244,7 @@ class UncertainRuns(Result):
         Parameters
         ----------
         n : int                     Members.
-        folder : path               As of `uncertain_runs`, which shares its files.
+        folder : path               As of `KeptTasks`; `uncertain_runs` shares its files.
         executor                    As in `uncertain_runs`.
 
         Raises
@@ -436,7 +436,6 @@ def uncertain_runs(
     seed: int = 0,
     nodes: Sequence[str] | Mapping[str, Any] | None = None,
     every: str | float | None = None,
-    folder: str | os.PathLike[str] | None = None,
     executor: Workers = None,
     options: Options | None = None,
 ) -> UncertainRuns:
@@ -461,8 +460,8 @@ def uncertain_runs(
     nodes : sequence of str, or dict    Nodes to keep; the reference points by default. Or node -> limits as in `hold`, which needs them
                                 where members are counted; None for a node without.
     every : str or float        Interval of the stored samples; 121 by default.
-    folder : path               Where chunks are kept: what is there is not run again, and a run that was interrupted goes on.
-    executor : executor, str or int    Who runs the chunks, as in `ensemble`.
+    executor : executor, str or int    Who runs the chunks, as in `ensemble`. Of `KeptTasks` the folder keeps them: what is there is not run
+                                again, and a run that was interrupted goes on.
     options : Options           The integrator's.
 
     Raises
@@ -471,7 +470,7 @@ def uncertain_runs(
     NameNotFoundError   When a name does not exist.
     """
     plan = plan_runs(model, scenario, values, spread=spread, without=without, seed=seed, nodes=nodes, every=every, options=options)
-    return members_of_plan(*plan, n, folder, executor)
+    return members_of_plan(*plan, n, executor)
 
 
 def _check_members(job: Job, n: int) -> None:
@@ -492,7 +491,6 @@ def members_of_plan(
     job: Job,
     remarks: tuple[str, ...],
     n: int,
-    folder: str | os.PathLike[str] | None = None,
     executor: Workers = None,
     progress: Progress | None = None,
 ) -> UncertainRuns:
@@ -503,7 +501,7 @@ def members_of_plan(
     ScenarioError   When there are too many members, or none.
     """
     _check_members(job, n)
-    kept_tasks = KeptTasks.of_workers(executor, folder)
+    kept_tasks = KeptTasks.of_workers(executor)
     store = JobFolder.below(kept_tasks.folder, job.key()) if kept_tasks.folder is not None else None
     campaign = MemberRuns(job, n, job.whole(n), store, kept_tasks.workers, progress)
     sample, whole = campaign.sample(), campaign.whole

@@ -119,8 +119,9 @@ class Tally:
         return Tally(self.grid, self.members + other.members, counts, sums, keys, beyond)
 
     def __reduce__(self) -> tuple[Callable[..., Tally], tuple[Any, ...]]:
-        """Return how to make it anew for pickling, with its counts compressed to about a quarter of their bytes."""
-        return _unpacked, (self.grid, self.members, compress(self.counts.tobytes(), 1), self.sums, self.keys, self.beyond)
+        """Return how to make it anew for pickling, with its counts, in as few bytes each as the largest needs, compressed."""
+        counts = self.counts.astype(np.min_scalar_type(self.counts.max(initial=0)))
+        return _unpacked, (self.grid, self.members, compress(counts.tobytes(), 1), counts.dtype.str, self.sums, self.keys, self.beyond)
 
     @property
     def mean(self) -> Array:
@@ -170,9 +171,9 @@ class Tally:
         return out
 
 
-def _unpacked(grid: CountGrid, members: int, counts: bytes, *others: Any) -> Tally:
-    """Return a tally from what `__reduce__` packed; `counts` are compressed bytes."""
-    return Tally(grid, members, np.frombuffer(decompress(counts), dtype=np.uint32), *others)
+def _unpacked(grid: CountGrid, members: int, counts: bytes, kind: str, *others: Any) -> Tally:
+    """Return a tally from what `__reduce__` packed; `counts` are compressed bytes, of which `kind` says what they are."""
+    return Tally(grid, members, np.frombuffer(decompress(counts), dtype=kind).astype(np.uint32), *others)
 
 
 def _keys(grid: CountGrid, rows: Indices, at: Indices) -> Indices:

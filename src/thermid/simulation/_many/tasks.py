@@ -6,11 +6,12 @@ A task carries all that it needs, and may be done twice. Nothing is handed out b
 from __future__ import annotations
 
 import json
+import logging
 import os
 import signal
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import BrokenExecutor, CancelledError, Executor, Future, as_completed
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass
 from math import inf
 from pathlib import Path
@@ -97,10 +98,9 @@ class KeptTasks:
     workers: Executor | str | int | None = None
 
     @classmethod
-    def of_workers(cls, workers: Workers, folder: str | os.PathLike[str] | None = None) -> KeptTasks:
-        """Return any workers with their folder, None where they have none; a folder that is given goes before."""
-        whole = workers if isinstance(workers, KeptTasks) else cls(None, workers)
-        return whole if folder is None else cls(folder, whole.workers)
+    def of_workers(cls, workers: Workers) -> KeptTasks:
+        """Return any workers with their folder, None where they have none."""
+        return workers if isinstance(workers, KeptTasks) else cls(None, workers)
 
     def key(self, function: Callable[..., Any], arguments: tuple[Any, ...]) -> str:
         """Return the name of a task."""
@@ -116,10 +116,9 @@ class KeptTasks:
     def save(self, key: str, result: Any) -> None:
         """Keep what a task returned: numbers, texts, arrays, and dataclasses, tuples, lists and tables of them."""
         arrays: dict[str, Any] = {}
-        about = json.dumps(taken_apart(result, arrays))
         place = Path(self.folder or "")
         place.mkdir(parents=True, exist_ok=True)
-        JobFolder(place).save(key, {**arrays, "about": np.array(about)})
+        JobFolder(place).save(key, {"about": np.array(json.dumps(taken_apart(result, arrays))), **arrays})
 
     def results(
         self, function: Callable[..., Made], tasks: Sequence[tuple[str, tuple[Any, ...]]], seconds: float
@@ -142,11 +141,16 @@ def _pool(workers: Executor | str | int, stack: ExitStack) -> Executor:
     if isinstance(workers, Executor):
         return workers
     if isinstance(workers, int):
-        loky = optional("joblib.externals.loky", "a run on several processes")
-        return loky.get_reusable_executor(max_workers=workers, env=ONE_THREAD, initializer=_leave_interrupts)  # type: ignore[no-any-return]
+        return optional("joblib.externals.loky", "a run on several processes").get_reusable_executor(  # type: ignore[no-any-return]
+            max_workers=workers, env=ONE_THREAD, initializer=_leave_interrupts
+        )
     if not isinstance(workers, str) or "://" not in workers:
         raise ScenarioError(f"'{workers!s:.60}' is no address of a scheduler. Write tcp://host:8786, or joblib.", code="run.cluster")
     distributed = optional("distributed", "a run on several processes")
+    # what these say of workers and schedulers that end, with tracebacks, is told by `_lost`
+    for log in map(logging.getLogger, ("distributed.client", "tornado.application")):
+        stack.callback(setattr, log, "disabled", log.disabled)
+        log.disabled = True
     try:
         client = distributed.Client(workers, timeout=PATIENCE, set_as_default=False)
     except (OSError, ValueError) as error:
@@ -167,7 +171,7 @@ def _by(pool: Executor, calls: Sequence[Call], whose: str) -> Iterator[tuple[int
             ready = as_completed(open_, None if cluster is None else PATIENCE)
             while (future := _next(ready)) is not None:
                 open_.discard(future)
-                with _worker_errors_named(whose):
+                with _worker_errors_named(whose, cluster):
                     result = future.result()
                 del future
                 yield result
@@ -175,8 +179,9 @@ def _by(pool: Executor, calls: Sequence[Call], whose: str) -> Iterator[tuple[int
             if open_ and cluster is not None and not cluster.nthreads():  # without a worker it would wait for one, and say nothing
                 raise _lost(whose)
     finally:
-        for future in open_:
-            future.cancel()
+        with suppress(OSError):  # of a scheduler that ended, which must not hide why this ends
+            for future in open_:
+                future.cancel()
 
 
 def _next(ready: Iterator[Future[tuple[int, Any]]]) -> Future[tuple[int, Any]] | None:
@@ -198,12 +203,9 @@ def _handed(pool: Executor, call: tuple[int, Call], whose: str) -> Future[tuple[
     for _ in range(HANDED):
         try:
             return pool.submit(_done, call)
-        except KeyError as lost:  # a scheduler looks a worker up that is no longer there
+        except (KeyError, OSError, RuntimeError) as lost:  # by KeyError a scheduler looks a worker up that is no longer there
             error = lost
             sleep(AGAIN)
-        except (OSError, RuntimeError) as lost:
-            error = lost
-            break
     raise _lost(whose) from error
 
 
@@ -213,20 +215,26 @@ def _leave_interrupts() -> None:
 
 
 @contextmanager
-def _worker_errors_named(whose: str) -> Iterator[None]:
-    """Raise `ScenarioError` in place of the errors by which a pool or a cluster says that a worker ended; `whose` names the pool."""
+def _worker_errors_named(whose: str, cluster: Any = None) -> Iterator[None]:
+    """Raise `ScenarioError` in place of the errors by which a pool or a client of a cluster says that a worker or the scheduler ended.
+
+    `whose` names the pool.
+    """
     try:
         yield
     except Exception as error:
         if isinstance(error, BrokenExecutor | CancelledError) or type(error).__module__.partition(".")[0] == "distributed":
-            raise _lost(whose) from error
+            raise _lost(whose, cluster) from error
         raise
 
 
-def _lost(whose: str) -> ScenarioError:
-    """Return the error that a worker of a pool ended while it was at work."""
-    text = f"a worker {whose} ended while it was at work. Start it again, with more memory if it had too little."
-    return ScenarioError(text, code="run.worker-lost")
+def _lost(whose: str, cluster: Any = None) -> ScenarioError:
+    """Return the error that a worker of a pool, or the scheduler of a client of a cluster, ended while it was at work."""
+    if cluster is not None and cluster.status != "running":
+        return ScenarioError(f"the scheduler {whose} ended. Start it again with its workers, then ask again.", code="run.cluster")
+    return ScenarioError(
+        f"a worker {whose} ended while it was at work. Start it again, with more memory if it had too little.", code="run.worker-lost"
+    )
 
 
 def _done(numbered: tuple[int, Call]) -> tuple[int, Any]:
@@ -244,8 +252,7 @@ def _done(numbered: tuple[int, Call]) -> tuple[int, Any]:
     try:
         with errors_at(name, ", "):
             return place, function(*arguments)
-    except ThermidError:
-        raise
     except Exception as error:
-        error.add_note(f"thermid was at {name}")
+        if not isinstance(error, ThermidError):
+            error.add_note(f"thermid was at {name}")
         raise

@@ -111,7 +111,7 @@ OUTPUTS = {
     "report --job": ["report", "campaign.toml", "--to", "new.html", "--job"],
     "criticise --job": ["criticise", "campaign.toml", "--job"],
     "improve --job": ["improve", "campaign.toml", "--job"],
-    "fleet --job": ["fleet", "fleet.toml", "--job"],
+    "fleet --job": ["fleet", "fleet.toml", "--scenario", "warm.toml", "--members", "4", "--job"],
     "watch --capture": ["watch", "/dev/null", "--every", "1 [s]", "--capture"],
     "report --results": ["report", "campaign.toml", "--to", "new.html", "--results"],
 }

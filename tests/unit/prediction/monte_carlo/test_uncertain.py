@@ -19,7 +19,7 @@ from thermid.prediction._monte_carlo import chunks as campaign_runs, sobol, unce
 from thermid.prediction._monte_carlo.hold import drivers_of, hold
 from thermid.prediction._monte_carlo.uncertain import begun_at
 from thermid.simulation._many import tasks
-from thermid.simulation.runs import Counted
+from thermid.simulation.runs import Counted, KeptTasks
 from thermid.values.fitted import FittedValue, FittedValues
 from thermid.values.store import Cut, Shifted, Uniform, uniforms
 
@@ -223,16 +223,16 @@ def test_an_interrupted_run_goes_on_without_repeating(tmp_path: Path, monkeypatc
 
     monkeypatch.setattr(campaign_runs, "work", counted)
     with pytest.raises(KeyboardInterrupt):
-        runs(folder=tmp_path)
+        runs(executor=KeptTasks(tmp_path))
     assert worked == [0, 16]
     monkeypatch.setattr(campaign_runs, "work", honest)
     seen: list[tuple[int, int]] = []
     plan = uncertain.plan_runs(plate(), SCENARIO, spread=SPREAD, seed=3)
-    again = uncertain.members_of_plan(*plan, 60, tmp_path, progress=lambda done, members: seen.append((done, members)))
+    again = uncertain.members_of_plan(*plan, 60, KeptTasks(tmp_path), progress=lambda done, members: seen.append((done, members)))
     assert again.reused == 32
     assert seen == [(32, 60), (48, 60), (60, 60)]
     assert np.array_equal(again.temperatures, whole.temperatures)
-    assert runs(folder=tmp_path, n=100).reused == 48  # the last chunk was a part of one
+    assert runs(executor=KeptTasks(tmp_path), n=100).reused == 48  # the last chunk was a part of one
 
 
 LIMIT = {"body": {"highest": "38 [degC]", "lowest": "18 [degC]"}}
@@ -293,17 +293,17 @@ def test_counted_members_go_on_after_an_interrupt_and_workers_change_no_bit(tmp_
 
     monkeypatch.setattr(campaign_runs, "count", interrupted)
     with pytest.raises(KeyboardInterrupt):
-        runs(**given, folder=tmp_path)
+        runs(**given, executor=KeptTasks(tmp_path))
     seen: list[tuple[int, int]] = []
     plan = uncertain.plan_runs(plate(), SCENARIO, spread=SPREAD, seed=3, every="30 [min]", nodes=LIMIT)
-    again = uncertain.members_of_plan(*plan, 3300, tmp_path, progress=lambda done, members: seen.append((done, members)))
+    again = uncertain.members_of_plan(*plan, 3300, KeptTasks(tmp_path), progress=lambda done, members: seen.append((done, members)))
     assert seen[0] == (begun[2], 3300) == (again.reused, 3300)
     assert seen[-1] == (3300, 3300)
     assert bits(again) == alone
     assert begun[2:4] == [begun[2]] * 2
-    more = runs(**(given | {"n": 4000}), folder=tmp_path)
+    more = runs(**(given | {"n": 4000}), executor=KeptTasks(tmp_path))
     assert more.reused > 2500  # a longer job begins with the same tasks
-    other = runs(**(given | {"nodes": {"body": "30 [degC]"}}), folder=tmp_path)
+    other = runs(**(given | {"nodes": {"body": "30 [degC]"}}), executor=KeptTasks(tmp_path))
     assert other.reused == 1000  # crossings of another limit are not in the counts
 
 
@@ -317,16 +317,16 @@ def test_where_nobody_of_the_first_members_reaches_the_end_no_other_is_run(monke
 
 @pytest.mark.parametrize("change", [{"seed": 4}, {"spread": {"air": "3 [K]"}}, {"every": "1 [min]"}])
 def test_another_question_has_another_folder(change: dict[str, object], tmp_path: Path) -> None:
-    runs(folder=tmp_path)
-    assert runs(folder=tmp_path, **change).reused == 0
+    runs(executor=KeptTasks(tmp_path))
+    assert runs(executor=KeptTasks(tmp_path), **change).reused == 0
     assert len(list(tmp_path.iterdir())) == 2
 
 
 def test_a_spoiled_chunk_is_run_again(tmp_path: Path) -> None:
-    whole = runs(folder=tmp_path)
+    whole = runs(executor=KeptTasks(tmp_path))
     first = min(tmp_path.rglob("*.npz"))
     first.write_bytes(first.read_bytes()[:200])
-    again = runs(folder=tmp_path)
+    again = runs(executor=KeptTasks(tmp_path))
     assert again.reused == 44
     assert np.array_equal(again.temperatures, whole.temperatures)
 
@@ -458,11 +458,11 @@ def test_sobol_goes_on_where_it_was_interrupted(tmp_path: Path, monkeypatch: pyt
     run = sobol.run_members_of
     monkeypatch.setattr(sobol, "run_members_of", interrupted)
     with pytest.raises(KeyboardInterrupt):
-        td.qualify.sobol_of(job, "body", 3600.0, base=64, folder=tmp_path)
-    again = td.qualify.sobol_of(job, "body", 3600.0, base=64, folder=tmp_path)
+        td.qualify.sobol_of(job, "body", 3600.0, base=64, executor=KeptTasks(tmp_path))
+    again = td.qualify.sobol_of(job, "body", 3600.0, base=64, executor=KeptTasks(tmp_path))
     assert begun == 2 + 2  # of three groups of runs one was there
     assert (again.first, again.total, again.errors) == (whole.first, whole.total, whole.errors)
-    td.qualify.sobol_of(job, "body", 1800.0, base=64, folder=tmp_path)
+    td.qualify.sobol_of(job, "body", 1800.0, base=64, executor=KeptTasks(tmp_path))
     assert begun == 4 + 3  # another time is another job
 
 

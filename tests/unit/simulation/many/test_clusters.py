@@ -62,9 +62,12 @@ def uncertain_runs(executor: object = None, **more: object) -> bytes:
     return b"".join(x.tobytes() for x in (*told, td.qualify.hold(runs, limits).points[0].crossings))
 
 
+Processes = list[subprocess.Popen[bytes]]
+
+
 @pytest.fixture
-def cluster() -> Iterator[tuple[str, list[subprocess.Popen[bytes]]]]:
-    """Return the address of a scheduler, and three workers without nannies."""
+def cluster() -> Iterator[tuple[str, Processes]]:
+    """Return the address of a scheduler, three workers without nannies, and the scheduler."""
     with socket.socket() as free:
         free.bind(("127.0.0.1", 0))
         port = free.getsockname()[1]
@@ -73,7 +76,7 @@ def cluster() -> Iterator[tuple[str, list[subprocess.Popen[bytes]]]]:
     started = [subprocess.Popen([*dask, "scheduler", "--host", "127.0.0.1", "--port", str(port), "--no-dashboard"], **quiet)]  # type: ignore[call-overload]
     worker = [*dask, "worker", address, "--no-nanny", "--nthreads", "1", "--no-dashboard"]
     started += [subprocess.Popen(worker, **quiet) for _ in range(3)]  # type: ignore[call-overload]
-    yield address, started[1:]
+    yield address, [*started[1:], started[0]]
     for process in started:
         process.kill()
         process.wait()
@@ -86,7 +89,7 @@ def test_processes_give_the_same_bits(asked: Asked, monkeypatch: pytest.MonkeyPa
 
 
 @pytest.mark.parametrize("asked", [counted_ensemble, uncertain_runs])
-def test_a_cluster_gives_the_same_bits_while_its_workers_die(asked: Asked, cluster: tuple[str, list[subprocess.Popen[bytes]]]) -> None:
+def test_a_cluster_gives_the_same_bits_while_its_workers_die(asked: Asked, cluster: tuple[str, Processes]) -> None:
     from threading import Timer
 
     from distributed import Client
@@ -102,12 +105,10 @@ def test_a_cluster_gives_the_same_bits_while_its_workers_die(asked: Asked, clust
         assert told == asked()
 
 
-def test_a_cluster_whose_workers_all_die_is_named(
-    cluster: tuple[str, list[subprocess.Popen[bytes]]], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_cluster_whose_workers_all_die_is_named(cluster: tuple[str, Processes], monkeypatch: pytest.MonkeyPatch) -> None:
     from distributed import Client
 
-    address, workers = cluster
+    address, (*workers, _) = cluster
     monkeypatch.setattr(tasks, "PATIENCE", 2.0)
     with Client(address, timeout="60s", set_as_default=False) as client:
         client.wait_for_workers(3, timeout=120)
@@ -136,20 +137,44 @@ def test_memory_does_not_grow_with_members() -> None:
     assert float(run.stdout) < 20_000
 
 
-def test_the_interrupt_key_ends_in_a_sentence(tmp_path: Path) -> None:
-    """What was finished stays, and no engine's traceback comes with it; the same command goes on."""
-    question = Path(__file__).parents[4] / "examples" / "sisnav" / "macro" / "hold.toml"
-    command = [sys.executable, "-m", "thermid", "hold", str(question), "--members", "20000", "--workers", "2", "--job", str(tmp_path)]
-    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, start_new_session=True) as process:
-        while not list(tmp_path.rglob("*.npz")):
-            time.sleep(0.1)
+def stopped(folder: Path, members: int, options: list[str], stop: Callable[[int], None]) -> tuple[int, str]:
+    """Return how a command with a job ends that is stopped at work, and what it says; it goes on when it is asked again."""
+    td.save_model(td.model_from_dict(DECK), folder / "pair.toml")
+    (folder / "day.toml").write_text(
+        'title = "day"\nboundaries = { air = "20 [degC]" }\nstart = "20 [degC]"\nduration = "24 [h]"\n', encoding="utf-8"
+    )
+    spread = "\n".join(f'"{name}" = "{value if isinstance(value, str) else "10 [%]"}"' for name, value in SPREAD.items())
+    text = f'model = "pair.toml"\nscenario = "day.toml"\n[limits]\na = "29 [degC]"\n[spread]\n{spread}\n'
+    (folder / "hold.toml").write_text(text, encoding="utf-8")
+    question = ["hold", str(folder / "hold.toml"), "--members", str(members), "--job", str(folder / "job")]
+    command = [sys.executable, "-m", "thermid", *question]
+    with subprocess.Popen(
+        [*command, *options], stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, start_new_session=True
+    ) as process:
+        while not list(folder.rglob("*.npz")):
+            time.sleep(0.05)
             assert process.poll() is None
-        os.killpg(process.pid, signal.SIGINT)
-        said, _ = process.communicate(timeout=120)
-    assert process.returncode == 3
-    assert "Traceback" not in said
-    kept = {path: path.stat().st_mtime_ns for path in tmp_path.rglob("*.npz")}
+        stop(process.pid)
+        said, _ = process.communicate(timeout=300)
+    kept = {path: path.stat().st_mtime_ns for path in folder.rglob("*.npz")}
     assert subprocess.run(command, capture_output=True, check=False).returncode == 0
-    after = {path: path.stat().st_mtime_ns for path in tmp_path.rglob("*.npz")}
+    after = {path: path.stat().st_mtime_ns for path in folder.rglob("*.npz")}
     assert len(after) > len(kept)
     assert after.items() >= kept.items()
+    return process.returncode, said
+
+
+def test_the_interrupt_key_ends_in_a_sentence(tmp_path: Path) -> None:
+    """What was finished stays, and no engine's traceback comes with it; the same command goes on."""
+    code, said = stopped(tmp_path, 40_000, ["--workers", "2"], lambda pid: os.killpg(pid, signal.SIGINT))
+    assert code == 3
+    assert "Traceback" not in said
+
+
+def test_a_scheduler_that_is_killed_is_told_of_in_a_sentence(cluster: tuple[str, Processes], tmp_path: Path) -> None:
+    """The client of the cluster wrote a traceback of its own, and a worker was said to have had too little memory."""
+    address, (*_, scheduler) = cluster
+    code, said = stopped(tmp_path, 40_000, ["--cluster", address], lambda pid: scheduler.kill())
+    assert code == 2
+    assert f"the scheduler of '{address}' ended" in said
+    assert "Traceback" not in said

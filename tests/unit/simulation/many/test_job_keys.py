@@ -57,5 +57,5 @@ def test_a_job_runs_with_a_product_as_its_ambient(tmp_path: Path) -> None:
     scenario = td.Scenario(boundaries={"room": ambient}, start="293 [K]", duration=60.0)
     draws = {"out.conductance": np.linspace(0.8, 1.2, 16)}
     whole = td.ensemble(td.model_from_dict(deck), scenario, draws, quantiles=[0.5])
-    kept = td.ensemble(td.model_from_dict(deck), scenario, draws, quantiles=[0.5], job=tmp_path)
+    kept = td.ensemble(td.model_from_dict(deck), scenario, draws, quantiles=[0.5], executor=td.simulation.KeptTasks(tmp_path))
     assert np.array_equal(whole.quantile("case", 0.5), kept.quantile("case", 0.5))
