@@ -328,6 +328,17 @@ def test_check_opens_the_logs_of_a_campaign(campaign: Path, old: str, new: str, 
     assert errors[0].where.startswith("campaign.toml:")
 
 
+def test_check_compares_a_logged_power_with_the_load_of_the_deck(campaign: Path) -> None:
+    """Watts declared as milliwatts gave 0 warnings, and were blamed on kilowatts after a fit."""
+    rows = "\n".join(f"{10 * k},{30 - 0.1 * k:.2f},20.0,2.1" for k in range(30))
+    (campaign.parent / "a.csv").write_text(f"time_s,T [degC],A [degC],P\n{rows}\n")
+    for unit, far in (("mW", True), ("W", False)):
+        campaign.write_text(CAMPAIGN.replace("A = {", f'P = {{ load = "heat", unit = "{unit}" }}\nA = {{'))
+        found = [f.message for f in check_campaign(campaign)[0] if f.code == "record.power-far-from-deck"]
+        assert bool(found) is far, found
+        assert all("was read in mW and may be in W. Write unit = \"W\" for 'P'." in words for words in found)
+
+
 def test_check_opens_what_a_verdict_holds_out_and_shows_none_of_its_numbers(campaign: Path) -> None:
     verdict = '[[verdicts]]\nmodel = "box"\nrecord = "b"\ncriteria = { rmse = "1 [K]" }\n'
     other = CAMPAIGN.replace("[[stages]]", '[records.b]\nfile = "b.csv"\ntime = "time_s"\nchannels = { X = "X" }\n[[stages]]')
