@@ -287,7 +287,7 @@ def _unfitted(stage: str, unknowns: Sequence[Unknown]) -> Store:
 
 
 def _bound(request: Request, where: str) -> tuple[list[Input], list[Finding], list[Unknown]]:
-    """Return the inputs of the records of a request, what keeps any of them from being run or questions it, and the values of its model that it fits."""
+    """Return the inputs of the records of a request, what stops or questions a run, and the values that the fit finds."""
     rows: list[Input] = []
     unknowns: dict[str, Unknown] = {}
     wrong: list[Finding] = []

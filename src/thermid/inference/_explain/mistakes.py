@@ -407,7 +407,7 @@ def _units(request: Request) -> Iterator[Hypothesis]:
 
 
 def _unusual_starts(channels: list[Channel], text: str) -> float:
-    """Return what readings in the unit `text` must gain: much where no more of them start at the temperature of a room, else less than none.
+    """Return what readings in the unit `text` must gain: much, unless more of them start at the temperature of a room; then less than 0.
 
     The start of a log at 73 degC is seldom, at 23 degC it is a room.
     """
