@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -13,6 +14,7 @@ from typer.testing import CliRunner
 
 import thermid as td
 from by_code import raises_code
+from thermid.app.cli import summary
 from thermid.app.cli.app import app
 from thermid.base.errors import DeckError
 from thermid.campaign.stages import check_campaign
@@ -326,6 +328,29 @@ def test_check_opens_the_logs_of_a_campaign(campaign: Path, old: str, new: str, 
     assert len(errors) == 1
     assert words in errors[0].message
     assert errors[0].where.startswith("campaign.toml:")
+
+
+def test_a_file_that_is_not_there_is_refused_at_the_line_that_names_it(campaign: Path) -> None:
+    """The message named neither the deck nor the line."""
+    (campaign.parent / "pair.toml").write_text('title = "pair"\n[submodels]\na = { use = "bxo.toml" }\n')
+    with raises_code("file.not-found", DeckError, match=r"^pair\.toml:3, submodels\.a\.use: there is no file 'bxo\.toml' .* mean 'box"):
+        td.load_model(campaign.parent / "pair.toml")
+    campaign.write_text(CAMPAIGN.replace('"box.toml"', '"bxo.toml"'))
+    with raises_code("file.not-found", DeckError, match=r"^campaign\.toml:\d+, stages\.0\.model: there is no file 'bxo\.toml'"):
+        check_campaign(campaign)
+
+
+@pytest.mark.parametrize(
+    "words", ["predict --stage=bxo --scenario=run.toml", "predict --record=bb", "estimate --stage=bxo --noise=case=free"]
+)
+def test_names_are_refused_before_anything_is_fitted(campaign: Path, words: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A misspelt stage took minutes."""
+    monkeypatch.setattr(summary, "run_stages", lambda *_, **__: pytest.fail("stages ran"))
+    run = 'title = "run"\nduration = "1 [h]"\nstart = "20 [degC]"\nboundaries = { air = "20 [degC]" }\n'
+    (campaign.parent / "run.toml").write_text(run)
+    command, *options = words.replace("run.toml", str(campaign.parent / "run.toml")).split()
+    shown = CliRunner().invoke(app, [command, str(campaign), *options])
+    assert re.match(r"no (stage 'bxo'\. Did you mean 'box'|record 'bb')", str(getattr(shown.exception, "message", shown.exception)))
 
 
 def test_check_compares_a_logged_power_with_the_load_of_the_deck(campaign: Path) -> None:

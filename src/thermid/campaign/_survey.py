@@ -431,7 +431,9 @@ def campaign_predictions(campaign: Campaign) -> tuple[tuple[CampaignPrediction, 
 
 def scenario_asked(source: CampaignSource, name: str, table: PredictionTable) -> Scenario:
     """Return the scenario of a prediction, in vacuum where its table states this."""
-    scenario = load_scenario(resolve_inside(source.path.parent, table.scenario, source.where(f"predictions.{name}.scenario")))
+    where = source.where(f"predictions.{name}.scenario")
+    with errors_at(where):
+        scenario = load_scenario(resolve_inside(source.path.parent, table.scenario, where))
     return scenario.vacuum() if table.vacuum else scenario
 
 

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Final
 
 from thermid.app.cli.screen import SCREEN, Progress, console, folded, severity, show_lines, width
-from thermid.base.errors import ScenarioError, spoken
+from thermid.base.errors import NameNotFoundError, ScenarioError, refuse_unknown, spoken
 from thermid.base.extensions import require
 from thermid.base.files import PAPER, check_ending
 from thermid.base.sourced import VERDICTS
@@ -86,11 +86,22 @@ def staged(
     accept: Sequence[str] | None = None,
     fresh: bool = False,
     executor: Workers = None,
+    stage: str = "",
+    records: Sequence[str] = (),
 ) -> Campaign:
-    """Run a campaign with progress, taking finished stages from the results folder: beside the campaign by default."""
+    """Run a campaign with progress, taking finished stages from the results folder: beside the campaign by default.
+
+    Raises
+    ------
+    NameNotFoundError   When the campaign has no stage of the name that an option gives; before anything is fitted.
+    RecordError         When it has no record of a name or pattern; before anything is fitted.
+    """
     folder = results if results is not None else path.parent / "results"
+    source = read_campaign(path, data)
+    refuse_unknown([stage] if stage else [], [s.name for s in source.content.stages], path.name, "no stage '{}'.", NameNotFoundError)
+    source.pick(records, "--record")
     with campaign_progress(path) as progress:
-        return run_stages(path, data=data, notice=progress, cache=None if fresh else folder, accept=accept or (), executor=executor)
+        return run_stages(source, data=data, notice=progress, cache=None if fresh else folder, accept=accept or (), executor=executor)
 
 
 def ready(to: Path | None, pdf: Path | None) -> tuple[Path | None, Path | None]:
