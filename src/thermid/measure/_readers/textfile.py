@@ -32,6 +32,8 @@ from thermid.measure._record.sensor import SensorCertificate
 
 SEPARATORS: Final = {",": "comma", ";": "semicolon", "\t": "tab"}
 LOOKED_AT = 500
+MAX_CUT_SHARE: Final = 0.03
+"""Part of the lines of a log up to which lines with fewer cells than the header are dropped: more are another layout. [-]"""
 UNFINISHED: Final = "is incomplete and was dropped"
 """What is said of a last line that is still being written."""
 _MEND: Final = "Correct the line, put '#' before it, or give the separator."
@@ -177,6 +179,11 @@ def cells_of_text(text: str, file: str, separator: str | None, notes: Sequence[s
         numbers = numbers[:-1]
     if columns is not None:
         columns = [column[extra + 1 : len(numbers) + extra + 1] for column in columns]
+    else:
+        rows, numbers, dropped = _without_cut_rows(rows, numbers, width)
+        if dropped:
+            places = f"line{'s' * (len(dropped) > 1)} {', '.join(map(str, dropped[:3]))}{', ...' * (len(dropped) > 3)}"
+            notes.append(f"{counted(len(dropped), 'line')} with fewer cells than the header dropped, as cut while written ({places})")
     if not rows:
         raise RecordError(
             "the file has a header but no samples below it. Export the log again, with its data.", file, code="record.no-samples"
@@ -544,6 +551,18 @@ def _without_cut_line(rows: list[list[str]], columns: int, whole: bool) -> tuple
     if not cut and not whole and len(rows) > 1 and len(last) == len(rows[-2]):
         cut = is_number(rows[-2][-1]) and not is_number(last[-1]) and last[-1].strip().lower() not in MISSING
     return rows[:-1] if cut else rows, cut
+
+
+def _without_cut_rows(rows: list[list[str]], numbers: list[int], width: int) -> tuple[list[list[str]], list[int], list[int]]:
+    """Return rows and line numbers without those that were cut while they were written, and the line numbers of these.
+
+    Of a board that restarts, or a port that loses characters, few lines are cut; where more have too few cells, the layout is another one.
+    """
+    short = {k for k, row in enumerate(rows) if len(row) < width}
+    if not 0 < len(short) <= MAX_CUT_SHARE * len(rows):
+        return rows, numbers, []
+    kept = [k for k in range(len(rows)) if k not in short]
+    return [rows[k] for k in kept], [numbers[k] for k in kept], [numbers[k] for k in sorted(short)]
 
 
 class ChannelSeries(NamedTuple):
