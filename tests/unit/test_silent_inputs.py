@@ -262,11 +262,11 @@ def test_a_channel_that_begins_late_is_not_called_missing(campaign: Path) -> Non
     (campaign.parent / "a.csv").write_text(f"time_s,T [degC],A [degC],P [W]\n{rows}\n")
     campaign.write_text(CAMPAIGN.replace('A = { boundary = "air" }', 'A = { boundary = "air" }\nP = { load = "heat" }'))
     said = " ".join(CliRunner().invoke(app, ["calibrate", str(campaign)]).output.split())
-    assert "box: assumed where the log is silent, because its channel begins late or ends early: heat (load)" in said
+    assert "assumed where the log is silent, because its channel begins late or ends early: box: heat (load)" in said
     assert "neither log nor scenario" not in said
     campaign.write_text(CAMPAIGN)
     said = " ".join(CliRunner().invoke(app, ["calibrate", str(campaign)]).output.split())
-    assert "box: assumed, because neither log nor scenario gives it: heat (load)" in said
+    assert "assumed, because neither log nor scenario gives it: box: heat (load)" in said
 
 
 # check opens the logs -----------------------------------------------------------------------------------------------------------------
