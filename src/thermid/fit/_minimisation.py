@@ -212,7 +212,8 @@ def _bend_after(bend: Array, step: Array, before: tuple[Array, Array], after: tu
         size = abs(float(step @ bend @ step))
         kept = bend * min(1.0, abs(float(step @ remaining_turn)) / size) if size > 0.0 else bend
         off = remaining_turn - kept @ step
-        secant = (np.outer(off, turned) + np.outer(turned, off)) / along - (off @ step) * np.outer(turned, turned) / along**2
+        way = turned / along
+        secant = np.outer(off, way) + np.outer(way, off) - (off @ step) * np.outer(way, way)
         return np.asarray(kept + secant) if np.isfinite(kept + secant).all() else bend
 
 
