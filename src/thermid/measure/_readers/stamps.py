@@ -111,8 +111,9 @@ def clock_column(cells: Cells, wanted: str | None) -> Clock:
     else:
         at = _by_name_or_content(cells, names, dates, clocks)
         stamps = _stamp_columns(cells)
-        if len(stamps) == 1 and (_falls_back(cells, at) or (is_time_name(names[at], COUNTED) and _all_differ(cells, stamps[0]))):
-            at = stamps[0]  # a counter of the board, beside the stamps of whoever wrote the log
+        # a counter of the board stands beside the stamps of whoever wrote the log, and may tell more where several of these are alike
+        told = len(stamps) == 1 and is_time_name(names[at], COUNTED) and len({*cells.columns[stamps[0]]}) == len(cells.lines)
+        at = stamps[0] if told or (len(stamps) == 1 and _falls_back(cells, at)) else at
     if at in clocks and len(dates) == 1 and names[dates[0]] != names[at]:
         return _joined(cells, names, dates[0], at)
     if at in dates and len(clocks) == 1:
@@ -204,11 +205,6 @@ def _rises(cells: Cells, at: int) -> bool:
     """Whether a column has numbers, and its last is above its first."""
     column = cells.columns[at]
     return _numeric(cells, at) and float(column[0].replace(",", ".")) < float(column[-1].replace(",", "."))
-
-
-def _all_differ(cells: Cells, at: int) -> bool:
-    """Whether no cell of a column stands in it twice."""
-    return len({*cells.columns[at]}) == len(cells.columns[at])
 
 
 def _falls_back(cells: Cells, at: int) -> bool:
