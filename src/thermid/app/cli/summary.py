@@ -176,8 +176,8 @@ def show_campaign(campaign: Campaign, files: Sequence[str]) -> None:
     from rich.table import Table
 
     out = console()
-    told: set[str] = set()
-    top, blocks = list(_top(campaign)), [_block(campaign, name, fit, told) for name, fit in campaign.stages.items()]
+    printed: set[str] = set()
+    top, blocks = list(_top(campaign)), [_block(campaign, name, fit, printed) for name, fit in campaign.stages.items()]
     assumed = list(_assumed_lines(campaign))
     judged = [line for v in campaign.verdicts for line in (_verdict_line(v), *(f"{v.record}: {question}" for question in v.questions))]
     below = [*judged, *_closing_lines(campaign, files)]
@@ -270,8 +270,8 @@ def _assumed_lines(campaign: Campaign) -> Iterator[str]:
             yield f"{words}: {'; '.join(stages)}"
 
 
-def _block(campaign: Campaign, name: str, fit: Calibration, told: set[str]) -> StageRows:
-    """Return the table of a stage; advice that an earlier stage has `told` is left out of its remarks, and added to it else."""
+def _block(campaign: Campaign, name: str, fit: Calibration, printed: set[str]) -> StageRows:
+    """Return the table of a stage; advice that was `printed` for an earlier stage is left out, and other advice is added to that."""
     fitted = [v for v in fit.estimates.values() if v.kind in ("parameter", "level")]
     worst = max(fit.sensors.items(), key=lambda item: item[1].rmse, default=None)
     sensor = f"worst sensor {worst[0]}, RMSE {short(worst[1].rmse, 2)} K" if worst is not None else "tuned by hand"
@@ -279,8 +279,8 @@ def _block(campaign: Campaign, name: str, fit: Calibration, told: set[str]) -> S
     notes = []
     for warning in (w for w in fit.warnings if w.startswith(FIRST) and not {w, _clause(w)} & elsewhere):
         finding, _, advice = warning.partition(". ")
-        notes.append(f"{name}: {f'{finding}.' if advice in told and advice else warning}")
-        told.add(advice)
+        notes.append(f"{name}: {f'{finding}.' if advice in printed and advice else warning}")
+        printed.add(advice)
     if step := campaign.next_step(name):
         notes.append(f"{name}: next: {step}")
     rows = sorted(fitted, key=lambda v: -v.relative if math.isfinite(v.relative) else 0.0)
