@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -13,6 +14,7 @@ from typer.testing import CliRunner
 
 import thermid as td
 from by_code import raises_code
+from thermid.app.cli import summary
 from thermid.app.cli.app import app
 from thermid.base.errors import DeckError
 from thermid.campaign.stages import check_campaign
@@ -260,11 +262,11 @@ def test_a_channel_that_begins_late_is_not_called_missing(campaign: Path) -> Non
     (campaign.parent / "a.csv").write_text(f"time_s,T [degC],A [degC],P [W]\n{rows}\n")
     campaign.write_text(CAMPAIGN.replace('A = { boundary = "air" }', 'A = { boundary = "air" }\nP = { load = "heat" }'))
     said = " ".join(CliRunner().invoke(app, ["calibrate", str(campaign)]).output.split())
-    assert "box: assumed where the log is silent, because its channel begins late or ends early: heat (load)" in said
+    assert "assumed where the log is silent, because its channel begins late or ends early: box: heat (load)" in said
     assert "neither log nor scenario" not in said
     campaign.write_text(CAMPAIGN)
     said = " ".join(CliRunner().invoke(app, ["calibrate", str(campaign)]).output.split())
-    assert "box: assumed, because neither log nor scenario gives it: heat (load)" in said
+    assert "assumed, because neither log nor scenario gives it: box: heat (load)" in said
 
 
 # check opens the logs -----------------------------------------------------------------------------------------------------------------
@@ -326,6 +328,40 @@ def test_check_opens_the_logs_of_a_campaign(campaign: Path, old: str, new: str, 
     assert len(errors) == 1
     assert words in errors[0].message
     assert errors[0].where.startswith("campaign.toml:")
+
+
+def test_a_file_that_is_not_there_is_refused_at_the_line_that_names_it(campaign: Path) -> None:
+    """The message named neither the deck nor the line."""
+    (campaign.parent / "pair.toml").write_text('title = "pair"\n[submodels]\na = { use = "bxo.toml" }\n')
+    with raises_code("file.not-found", DeckError, match=r"^pair\.toml:3, submodels\.a\.use: there is no file 'bxo\.toml' .* mean 'box"):
+        td.load_model(campaign.parent / "pair.toml")
+    campaign.write_text(CAMPAIGN.replace('"box.toml"', '"bxo.toml"'))
+    with raises_code("file.not-found", DeckError, match=r"^campaign\.toml:\d+, stages\.0\.model: there is no file 'bxo\.toml'"):
+        check_campaign(campaign)
+
+
+@pytest.mark.parametrize(
+    "words", ["predict --stage=bxo --scenario=run.toml", "predict --record=bb", "estimate --stage=bxo --noise=case=free"]
+)
+def test_names_are_refused_before_anything_is_fitted(campaign: Path, words: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A misspelt stage took minutes."""
+    monkeypatch.setattr(summary, "run_stages", lambda *_, **__: pytest.fail("stages ran"))
+    run = 'title = "run"\nduration = "1 [h]"\nstart = "20 [degC]"\nboundaries = { air = "20 [degC]" }\n'
+    (campaign.parent / "run.toml").write_text(run)
+    command, *options = words.replace("run.toml", str(campaign.parent / "run.toml")).split()
+    shown = CliRunner().invoke(app, [command, str(campaign), *options])
+    assert re.match(r"no (stage 'bxo'\. Did you mean 'box'|record 'bb')", str(getattr(shown.exception, "message", shown.exception)))
+
+
+def test_check_compares_a_logged_power_with_the_load_of_the_deck(campaign: Path) -> None:
+    """Watts declared as milliwatts gave 0 warnings, and were blamed on kilowatts after a fit."""
+    rows = "\n".join(f"{10 * k},{30 - 0.1 * k:.2f},20.0,2.1" for k in range(30))
+    (campaign.parent / "a.csv").write_text(f"time_s,T [degC],A [degC],P\n{rows}\n")
+    for unit, far in (("mW", True), ("W", False)):
+        campaign.write_text(CAMPAIGN.replace("A = {", f'P = {{ load = "heat", unit = "{unit}" }}\nA = {{'))
+        found = [f.message for f in check_campaign(campaign)[0] if f.code == "record.power-far-from-deck"]
+        assert bool(found) is far, found
+        assert all("was read in mW and may be in W. Write unit = \"W\" for 'P'." in words for words in found)
 
 
 def test_check_opens_what_a_verdict_holds_out_and_shows_none_of_its_numbers(campaign: Path) -> None:

@@ -271,7 +271,8 @@ class CampaignSource:
         if target.suffix.lower() == ".fmu":
             fmu_model: Model = self.memo.value(("fmu", target), lambda: extension("fmu_model", "an FMU as a model", where)(target))
             return fmu_model
-        return load_model(target)
+        with errors_at(where):
+            return load_model(target)
 
 
 def bound_by(record: Record, stage: StageTable) -> Record:

@@ -21,6 +21,7 @@ from thermid.campaign._judge.limits import Limits
 from thermid.campaign._judge.predictions import CampaignPrediction
 from thermid.campaign._stages import Campaign, Notice, keyed, progress_of, readings_of, request_of, run_stages
 from thermid.fit.calibration import (
+    FIRST,
     Calibration,
     Input,
     InputTable,
@@ -31,6 +32,7 @@ from thermid.fit.calibration import (
     first_reading,
     fit,
     inputs_of,
+    strange_powers,
 )
 from thermid.inference.fleets import Fleet, fleet_of
 from thermid.inference.intervals import Identifiability, identifiability, identifiability_of
@@ -242,7 +244,7 @@ def check_campaign(
         questions += [Finding("warning", where, question, code_of(question)) for question in open_questions(request.records)]
         rows, wrong, unknowns = _bound(request, where)
         findings += wrong
-        if all_below and not wrong:
+        if all_below and not any(f.severity == "error" for f in wrong):
             below[stage.name] = fit(replace(request, hand=request.hand or _unfitted(stage.name, unknowns)))
         inputs[stage.name] = InputTable.in_order(rows)
     findings[:0] = [f for file, where in files.items() for f in source.model(file, where).check(gains)]
@@ -285,7 +287,7 @@ def _unfitted(stage: str, unknowns: Sequence[Unknown]) -> Store:
 
 
 def _bound(request: Request, where: str) -> tuple[list[Input], list[Finding], list[Unknown]]:
-    """Return the inputs of the records of a request, what keeps any of them from being run, and the values of its model that it fits."""
+    """Return the inputs of the records of a request, what stops or questions a run, and the values that the fit finds."""
     rows: list[Input] = []
     unknowns: dict[str, Unknown] = {}
     wrong: list[Finding] = []
@@ -294,6 +296,9 @@ def _bound(request: Request, where: str) -> tuple[list[Input], list[Finding], li
             problem = build_problem(replace(request, records=(record,)))
             problem.benches()
             rows += inputs_of(request, problem.experiments, problem.unknowns).rows
+            wrong += [
+                Finding("warning", where, words.removeprefix(FIRST), "record.power-far-from-deck") for words in strange_powers(problem)
+            ]
             unknowns |= {u.name: u for u in problem.unknowns if u.kind == "parameter"}
         except ThermidError as error:
             wrong.append(_finding(error, where))
@@ -426,7 +431,9 @@ def campaign_predictions(campaign: Campaign) -> tuple[tuple[CampaignPrediction, 
 
 def scenario_asked(source: CampaignSource, name: str, table: PredictionTable) -> Scenario:
     """Return the scenario of a prediction, in vacuum where its table states this."""
-    scenario = load_scenario(resolve_inside(source.path.parent, table.scenario, source.where(f"predictions.{name}.scenario")))
+    where = source.where(f"predictions.{name}.scenario")
+    with errors_at(where):
+        scenario = load_scenario(resolve_inside(source.path.parent, table.scenario, where))
     return scenario.vacuum() if table.vacuum else scenario
 
 

@@ -45,7 +45,7 @@ from thermid.fit._uncertainty.information import Information, Responses, elsewhe
 from thermid.fit._uncertainty.moved import Moves, moves_above
 from thermid.fit._uncertainty.noise import Autocorrelation, TraceNoise, autocorrelation, own_switches, shifts_by_lags
 from thermid.measure.amounts import short, some
-from thermid.measure.records import Record, open_questions
+from thermid.measure.records import COLUMN_UNITS, Record, open_questions
 from thermid.model.elements import CREDIBLE, Standing, TableSignal, worst
 from thermid.model.identity import identity_of
 from thermid.model.tree import Model, unlumped
@@ -262,7 +262,8 @@ def strange_powers(problem: Problem) -> tuple[str, ...]:
                 continue
             gives = f"{FIRST}'{c.name}' gives '{path}' {short(logged, 3)} W, the deck has {short(deck, 3)} W: "
             if not 1.0 / MIN_UNIT_MISTAKE_RATIO < logged / deck < MIN_UNIT_MISTAKE_RATIO:
-                out[c.name] = f'{gives}check its unit. For a column in mW give unit = "mW" in its table, or [mW] in its header.'
+                likely = min(COLUMN_UNITS["power"], key=lambda u: abs(math.log(float(abs(c.in_unit(u).values[c.valid]).max()) / deck)))
+                out[c.name] = f"{gives}its column was read in {c.unit} and may be in {likely}. {c.unit_remedy(likely)}"
             elif c.assumed and logged / deck >= QUESTIONED_FACTOR and logged <= FULL:
                 out[c.name] = (
                     f"{gives}it may be a duty cycle in per cent: no unit is given, so watts were assumed. Give full_scale = '... [W]', its "

@@ -119,6 +119,8 @@ def _words(v: FittedValue, deviations: float) -> str:
     if v.kind == INPUT:
         sd = v.prior[1] if v.prior is not None else 0.0
         error = f"{100 * v.value:+.3g} %, {times} times its accuracy of {short(100 * sd)} %"
+        if sd > 1.0:
+            error = f"{abs(v.value):.3g} times its readings, and its accuracy is {short(sd)} times these"
         return f"{v.path.removesuffix(' error')} would need an error of {error}"
     from_what = "the stated value" if v.kind == "instrument" else "its prior"
     return f"{v.path} would have to be {short(v.in_unit, 3)} {v.unit} to meet the readings, {times} standard deviations from {from_what}"

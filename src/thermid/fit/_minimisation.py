@@ -203,15 +203,18 @@ def _bend_after(bend: Array, step: Array, before: tuple[Array, Array], after: tu
     A secant update that keeps what is known of other directions: Dennis, Gay and Welsch, ACM Trans. Math. Softw. 7 (1981) 348, with
     ``y - J'J s`` for the change that the bend makes.
     """
-    turned = after[1].T @ after[0] - before[1].T @ before[0]
-    along = float(turned @ step)
-    if along <= 0.0:
-        return bend
-    remaining_turn = turned - after[1].T @ (after[1] @ step)
-    size = abs(float(step @ bend @ step))
-    bend = bend * min(1.0, abs(float(step @ remaining_turn)) / size) if size > 0.0 else bend
-    off = remaining_turn - bend @ step
-    return np.asarray(bend + (np.outer(off, turned) + np.outer(turned, off)) / along - (off @ step) * np.outer(turned, turned) / along**2)
+    with np.errstate(over="ignore", invalid="ignore"):  # far off, slopes may be so large that their products are no floats
+        turned = after[1].T @ after[0] - before[1].T @ before[0]
+        along = float(turned @ step)
+        if not along > 0.0:
+            return bend
+        remaining_turn = turned - after[1].T @ (after[1] @ step)
+        size = abs(float(step @ bend @ step))
+        kept = bend * min(1.0, abs(float(step @ remaining_turn)) / size) if size > 0.0 else bend
+        off = remaining_turn - kept @ step
+        way = turned / along
+        secant = np.outer(off, way) + np.outer(way, off) - (off @ step) * np.outer(way, way)
+        return np.asarray(kept + secant) if np.isfinite(kept + secant).all() else bend
 
 
 def _with_bend(rows: Array, slopes: Array, bend: Array, scale: Array) -> tuple[Array, Array]:

@@ -6,6 +6,7 @@ from thermid.fit._calibrate import (
     fit_problem as fit_problem,
     in_place as in_place,
     requested as requested,
+    strange_powers as strange_powers,
 )
 from thermid.fit._calibration import (
     FIRST as FIRST,

@@ -1,6 +1,7 @@
 """Records of measured readings and their channels."""
 
 from thermid.measure._record.channel import (
+    COLUMN_UNITS as COLUMN_UNITS,
     ROLES as ROLES,
     Channel as Channel,
     FloatArray as FloatArray,

@@ -904,7 +904,7 @@ def _costliest_words(paths: Sequence[str], effects: Array) -> str:
             break
     first = f"{named[0]} costs most ({abs(float(effects[order[0]])):.2g} K)"
     several = named[0] if len(named) == 1 else f"{', '.join(named[:-1])} and {named[-1]}"
-    return f"{first}; measuring {'it' if len(named) == 1 else several} would more than halve this uncertainty"
+    return f"{first}; measuring {'it' if len(named) == 1 else several} would more than halve what these values add"
 
 
 def first_line(left_out: Sequence[LeftOut], error: float) -> str:

@@ -327,7 +327,7 @@ class Prediction(Result):
         for name, band in self.bands.items():
             e = band.final
             steady = self.settled.get(name)
-            rest = f"   settles at {steady.celsius:8.2f} +- {short(steady.error)}" if steady else ""
+            rest = f"   settles at {steady.celsius:8.2f} +- {short(steady.error)} with the inputs of the end" if steady else ""
             lines.append(
                 f"  {name:<{width}}  end {e.celsius:8.2f} +- {short(e.error)} degC   95 %: {e.low:.2f} .. {e.high:.2f}{rest}{_why(e)}"
             )

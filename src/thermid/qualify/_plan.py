@@ -98,7 +98,8 @@ class Plan(Result):
                 campaign = run_stages(file, data=data, cache=file.parent / "results")
                 refuse_unknown([source.stage], campaign.stages, "model.stage", "the campaign has no stage '{}'.", NameNotFoundError)
                 return Knowledge.of_source(campaign[source.stage])
-            model = load_model(resolve_inside(folder, source.deck, "model.deck"))
+            with errors_at("model.deck"):
+                model = load_model(resolve_inside(folder, source.deck, "model.deck"))
             if not source.values:
                 return Knowledge(model)
             return Knowledge.of_file(filed(resolve_inside(folder, source.values, "model.values"), model))

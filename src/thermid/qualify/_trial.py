@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from thermid.base.errors import NameNotFoundError, RecordError, ScenarioError, refuse_unknown
+from thermid.base.errors import NameNotFoundError, RecordError, ScenarioError, errors_at, refuse_unknown
 from thermid.base.linear_algebra import Array
 from thermid.base.sourced import VERDICTS, weigh
 from thermid.base.toml_files import resolve_inside
@@ -256,7 +256,9 @@ def _scenario_and_course(plan: Plan, test: TestTable, knowledge: Knowledge) -> t
     """Return the scenario of a test, and the run of its profile where it has one (else None)."""
     scenario: Scenario | None = None
     if isinstance(test.scenario, str):
-        scenario = load_scenario(resolve_inside(plan.path.parent, test.scenario, f"{plan.path.name}, {test.name}"))
+        where = f"{plan.path.name}, {test.name}"
+        with errors_at(where):
+            scenario = load_scenario(resolve_inside(plan.path.parent, test.scenario, where))
     elif test.scenario is not None or test.profile is None:
         scenario = Scenario(**({"title": test.name} | dict(test.scenario or {})))
     if test.profile is not None:

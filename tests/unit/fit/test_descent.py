@@ -9,7 +9,7 @@ import pytest
 from scipy.optimize import brentq, least_squares, lsq_linear
 
 from thermid.base.errors import SolverError
-from thermid.fit._minimisation import _step, _within, descend
+from thermid.fit._minimisation import _bend_after, _step, _within, descend
 
 Array = np.ndarray
 FREE = (np.full(2, -np.inf), np.full(2, np.inf))
@@ -30,6 +30,16 @@ def of(rows: Callable[[Array], Array], slopes: Callable[[Array], Array], seen: l
 def rosenbrock(seen: list[Array] | None = None) -> Callable[[Array], tuple]:
     """Return the bent valley of Rosenbrock, whose least is at 1, 1 (Computer J. 3 (1960) 175)."""
     return of(lambda x: np.array([10.0 * (x[1] - x[0] ** 2), 1.0 - x[0]]), lambda x: np.array([[-20.0 * x[0], 10.0], [-1.0, 0.0]]), seen)
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("size", [1.0, 1e160])
+def test_a_bend_whose_products_are_no_floats_stays_as_it_was(size: float) -> None:
+    """Far from the end of a fit with two columns exchanged it was NaN, and numpy's warnings were on the screen."""
+    bend, step = np.diag([1.0, 2.0]), np.array([0.1, 0.2])
+    before, after = ((np.full(2, r), np.full((2, 2), size)) for r in (1.0, 2.0))
+    assert np.isfinite(_bend_after(bend, step, before, after)).all()
+    assert np.array_equal(_bend_after(bend, step, before, after), bend) is (size > 1.0)
 
 
 def test_a_straight_problem_ends_after_one_step() -> None:

@@ -89,6 +89,18 @@ def test_of_a_counter_that_begins_again_and_stamps_the_stamps_are_the_clock(tmp_
     assert any("the board restarted at 30 min: its counter 'ms' begins again" in q for q in seen.questions)
 
 
+@pytest.mark.parametrize(("digits", "clock"), [(".000", "stamp"), ("", "stamp"), ("00", "ms")])
+def test_stamps_are_the_clock_beside_a_counter_that_never_begins_again(tmp_path: Path, digits: str, clock: str) -> None:
+    """Else logs could not be joined by the time of day; stamps of whole minutes, of which several are alike, tell less than the counter."""
+    seconds = [f":{10 * (k % 6):02d}{digits}" if digits != "00" else "" for k in range(60)]
+    lines = [f"2026-03-10 09:{k // 6:02d}{of},{10000 * k + 311},{22 + 0.01 * k:.2f}" for k, of in enumerate(seconds)]
+    path = tmp_path / "acc.csv"
+    path.write_text("\n".join(["stamp,ms,T_C", *lines]))
+    seen = look(path)
+    assert (seen.problem, [c.name for c in seen.columns if c.guess == "time"]) == ("", [clock])
+    assert seen.times.values[-1] - seen.times.values[0] == pytest.approx(590.0)
+
+
 def test_a_counter_in_seconds_is_a_clock_and_its_restart_is_named(tmp_path: Path) -> None:
     """A board that prints `s` counts seconds: the restart is the fault, no missing time column."""
     lines = [f"{20 * k},{22 + 0.01 * k:.2f}" for k in range(60)]

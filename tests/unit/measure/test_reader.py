@@ -192,6 +192,22 @@ def test_a_cut_last_line(log, end):
         assert record.steps == ("line 5, the last one, is incomplete and was dropped",)
 
 
+@pytest.mark.parametrize(("cut", "dropped"), [((50,), "1 line with"), ((50, 51, 80), "3 lines with"), (range(50, 54), "")])
+def test_a_few_lines_that_were_cut_are_dropped_with_one_remark_and_many_refused(log, cut, dropped):
+    """A capture of a board that restarts: sixteen logs were edited by hand."""
+    lines = [f"{k},{22 + 0.01 * k:.2f},0.5" if k not in cut else f"{k},2" for k in range(100)]
+    path = log("\n".join([PLAIN.splitlines()[0], *lines]) + "\n")
+    if not dropped:
+        with raises_code("record.layout-unclear", RecordError, match=r"csv:52: 2 cells in this line, 3 columns in the header\."):
+            read_record(path, BOTH)
+        return
+    record = read_record(path, BOTH)
+    assert record.times.tolist() == [k for k in range(100) if k not in cut]
+    (step,) = record.steps
+    assert step.startswith(f"{dropped} fewer cells than the header dropped, as cut while written (line")
+    assert "52" in step
+
+
 def test_gaps_are_in_the_summary(log):
     rows = "".join(f"{t},{20 + t}\n" for t in (*range(20), *range(80, 100)))
     text = read_record(log("t,T\n" + rows), {"case": "T"}, noise={"case": "0.3 [K]"}).summary()

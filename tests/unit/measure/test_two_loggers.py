@@ -156,6 +156,20 @@ def test_two_thermometers_of_one_room_show_the_offset_with_its_sign() -> None:
     assert found.error < 20.0
 
 
+def test_no_zone_is_asked_for_where_a_step_of_two_thermometers_gives_the_offset(tmp_path: Path) -> None:
+    """It was asked twice, above and beside the offset that made the answer useless."""
+    rng, t = np.random.default_rng(0), np.arange(0.0, 3600.0, 10.0)
+    warm = 22.0 + 2.0 * np.tanh((t - 1500.0) / 200.0) + 0.02 * rng.standard_normal((2, t.size))
+    for name, hour, zone, reading in zip(("daq", "shroud"), ("07", "06"), ("", "Z"), warm, strict=True):
+        begin = np.datetime64(f"2026-11-17T{hour}:00:00")
+        lines = [f"{begin + np.timedelta64(int(s), 's')}{zone},{value:.3f}" for s, value in zip(t, reading, strict=True)]
+        (tmp_path / f"{name}.csv").write_text("\n".join([f"stamp,{name}_air [degC]", *lines]) + "\n")
+    shown = CliRunner().invoke(app, ["look", *(str(tmp_path / f"{n}.csv") for n in ("daq", "shroud"))]).output
+    assert shown.count("no time zone is stated") == 1
+    assert "which zone is it?" not in shown
+    assert "The common steps below give the offsets" in shown
+
+
 @pytest.mark.parametrize(("name", "candidate"), [("converter", True), ("Plate", False)])
 def test_a_lag_that_a_shift_explains_is_an_error_of_the_offset_unless_both_are_one_place(name: str, candidate: bool) -> None:
     """A plate 200 s behind a converter that cools: no reading tells that from a clock that is 200 s wrong."""

@@ -250,6 +250,16 @@ def test_units_after_a_blank_are_those_after_an_underscore(tmp_path: Path, blank
     }
 
 
+def test_one_voltage_and_several_currents_are_a_power_each(tmp_path: Path) -> None:
+    """Of a bus and five consumers nothing was proposed."""
+    (tmp_path / "run.csv").write_text("time_s,V_BUS [V],I_EPS [A],I_OBC [A]\n0,8,0.1,0.2\n60,8,0.1,0.3\n120,8,0.1,0.2\n", encoding="utf-8")
+    seen = td.look(tmp_path / "run.csv")
+    record = td.read_record(tmp_path / "run.csv", tomllib.loads(seen.campaign())["records"]["run"]["channels"])
+    assert record["P_EPS"].values == pytest.approx([0.8, 0.8, 0.8])
+    assert record["P_OBC"].values == pytest.approx([1.6, 2.4, 1.6])
+    assert not [line for line in seen.lines() if "I_EPS: a current" in line]
+
+
 def test_letters_that_count_boards_are_no_units(tmp_path: Path) -> None:
     (tmp_path / "run.csv").write_text("time_s,board A,board B,board C\n0,20,20,20\n60,25,26,27\n", encoding="utf-8")
     assert {c.guess for c in td.look(tmp_path / "run.csv").columns[1:]} == {"ignored"}

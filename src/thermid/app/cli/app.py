@@ -5,6 +5,7 @@ from __future__ import annotations
 import gc
 import json
 import sys
+import warnings
 from importlib import import_module
 from itertools import takewhile
 from pathlib import Path
@@ -16,7 +17,7 @@ from typer.main import get_command_from_info
 from typer.models import CommandInfo
 
 from thermid.app.cli.screen import show
-from thermid.base.errors import MissingExtraError, StoppedError, ThermidError
+from thermid.base.errors import MissingExtraError, StoppedError, ThermidError, ThermidWarning
 from thermid.base.extensions import missing
 from thermid.base.files import command
 
@@ -429,9 +430,22 @@ def main() -> None:
     raise SystemExit(INTERRUPTED)
 
 
+def _show_warning(message: Warning | str, *_: object, **__: object) -> None:
+    """Print what thermid warns of as a sentence; with ``-v`` its code too. What packages below say is for their developers."""
+    if isinstance(message, ThermidWarning):
+        show(f"warning: {message}{_code_shown(message.code)}", err=True)
+
+
+def _code_shown(code: str) -> str:
+    """Return the code of a remark in brackets where ``-v`` asks for it."""
+    return f" [{code}]" if code and {"-v", "--verbose"} & set(sys.argv[1:]) else ""
+
+
 def _run() -> None:
     """Run a command; every error is one line, or one object."""
     as_json = "--json" in sys.argv[1:]
+    if not sys.warnoptions:  # python -W, or PYTHONWARNINGS, asks for them as they are
+        warnings.showwarning = _show_warning
     try:
         # with --json a wrong option is an object too, so typer must not print its own words
         code = app(standalone_mode=not as_json)
@@ -470,6 +484,5 @@ def _fail(error: ThermidError, as_json: bool) -> NoReturn:
         content = {"schema": 1, "status": "error", "code": error.code, "message": error.message, "where": error.where}
         typer.echo(json.dumps(content))
     else:
-        shown = f"{error} [{error.code}]" if error.code and {"-v", "--verbose"} & set(sys.argv[1:]) else str(error)
-        show(f"error: {shown}", err=True)
+        show(f"error: {error}{_code_shown(error.code)}", err=True)
     raise SystemExit(error.exit_code)

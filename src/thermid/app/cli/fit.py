@@ -225,7 +225,7 @@ def estimate(
     its bands. Exit code 1 if the search did not converge.
     """
     conditions = load_scenario(scenario) if scenario is not None else None
-    result = staged(campaign, data, results)
+    result = staged(campaign, data, results, stage=stage)
     request = result.requests[result[stage].stage if stage else list(result)[-1]]
     with working(f"process noise of stage '{request.name}'"):
         estimation = estimated(replace(request, fit_start=False), pairs(noise, "--noise"), {}, with_unit(horizon, "s"))
@@ -392,7 +392,7 @@ def predict(
     if values is not None:
         known, name = _known_of_file(campaign, values, scenario is not None and not (stage or data or results))
     else:
-        stages = staged(campaign, data, results, accept)
+        stages = staged(campaign, data, results, accept, stage=stage, records=record)
         name = stage or list(stages)[-1]
         if conditions is None and not record:
             options = {"--stage": stage, "--spread": spread, "--at": at, "--draws": draws, "--vacuum": vacuum, "--csv": csv}

@@ -51,7 +51,8 @@ def look(
     parts = ["\n".join(file_look.lines(width)) for file_look in looks]
     parts += [f"{len(logs)} parts between restarts, each on a clock of its own, written to {cut}"] if cut is not None else []
     lines = measured.clock_lines(looks, clocks) if cut is None else []
-    parts = [*(line for line in lines[:1] if line.startswith("check: ")), *parts, *(["\n".join(lines)] if lines else [])]
+    first = [lines.pop(0)] if lines and lines[0].startswith("check: ") else []
+    parts = [*first, *parts, *(["\n".join(lines)] if lines else [])]
     text = "\n\n".join(parts) + (f"\npicture: {to}" if to is not None else "")
     joining = {"clocks": clocks} if clocks else {}
     say(as_json, {"status": "error" if bad else "ok", "logs": [file_look.as_object() for file_look in looks], **joining}, text)

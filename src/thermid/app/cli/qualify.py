@@ -80,16 +80,17 @@ def plan(
     for test, sensors in predictions.items():
         lines.append(f"  {test}")
         for sensor, p in sensors.items():
-            ends = [f"{p[f'{end}_C']:.1f} +- {_size(HALF_WIDTH_95 * p[f'{end}_error_K'])}" for end in ("lowest", "highest")]
-            lines.append(f"    {sensor}: {' .. '.join(ends)} degC (95 %)")
+            ends = [_end(p[f"{end}_C"], HALF_WIDTH_95 * p[f"{end}_error_K"]) for end in ("lowest", "highest")]
+            known = "95 %" if p["highest_error_K"] > 0.0 else "no error is known, because no fit stands behind the model"
+            lines.append(f"    {sensor}: {' .. '.join(ends)} degC ({known})")
     answer = {"title": planned.title, "standing": standing.to_dict(), "plan": shown, "predictions": predictions}
     say(as_json, answer, "\n".join([*lines, str(status)]), verbose)
     leave(standing)
 
 
-def _size(kelvin: float) -> str:
-    """Return an error as text; a question mark where nothing is known of it."""
-    return f"{kelvin:.1f}" if kelvin > 0 else "?"
+def _end(celsius: float, error: float) -> str:
+    """Return a temperature [degC] with its error [K] as text; by itself where nothing is known of the error."""
+    return f"{celsius:.1f} +- {error:.1f}" if error > 0.0 else f"{celsius:.1f}"
 
 
 def qualify(

@@ -22,6 +22,8 @@ if TYPE_CHECKING:
 
 MAX_LINE_CHARACTERS: Final = 100
 """Characters of a line at most, however wide the terminal is: longer lines are hard to read."""
+UNFOLDED: Final = 100_000
+"""Characters of a line where there is no terminal, so that none is folded."""
 SCREEN: Final = 45
 """Lines that an answer has at most in a terminal without -v, where no warning is lost by that."""
 SECONDS_TO_FIRST_PROGRESS: Final = 2.0
@@ -86,10 +88,11 @@ def brief(lines: Sequence[str], most: int, columns: int) -> list[str]:
 
 
 def console(err: bool = False) -> Console:
-    """Return the console of an output: colours in a terminal alone, and none where NO_COLOR is set."""
+    """Return the console of an output: colours and folded lines in a terminal alone, and no colours where NO_COLOR is set."""
     from rich.console import Console
 
-    return Console(stderr=err, width=width(), highlight=False, markup=False, emoji=False, soft_wrap=False)
+    whole = not (sys.stderr if err else sys.stdout).isatty()
+    return Console(stderr=err, width=UNFOLDED if whole else width(), highlight=False, markup=False, emoji=False, soft_wrap=False)
 
 
 def show(text: str, err: bool = False, whole: bool = True) -> None:

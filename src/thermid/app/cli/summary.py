@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Final
 
 from thermid.app.cli.screen import SCREEN, Progress, console, folded, severity, show_lines, width
-from thermid.base.errors import ScenarioError, spoken
+from thermid.base.errors import NameNotFoundError, ScenarioError, refuse_unknown, spoken
 from thermid.base.extensions import require
 from thermid.base.files import FileKinds, check_ending
 from thermid.base.sourced import VERDICTS
@@ -27,6 +27,10 @@ from thermid.values.fitted import FittedValue
 Row = tuple[str, ...]
 WORTH_SAYING: Final = 10.0
 """What a descent or a search will take at least where a line of its own says it beforehand. [s]"""
+LEAST_VALUES: Final = 3
+"""Values of each stage that a terminal shows at least, the most uncertain first, however many stages there are."""
+NAMED_INPUTS: Final = 3
+"""Inputs of a kind that are named where they are assumed; of more, their number is."""
 
 
 class CampaignProgress(Progress):
@@ -86,11 +90,22 @@ def staged(
     accept: Sequence[str] | None = None,
     fresh: bool = False,
     executor: Workers = None,
+    stage: str = "",
+    records: Sequence[str] = (),
 ) -> Campaign:
-    """Run a campaign with progress, taking finished stages from the results folder: beside the campaign by default."""
+    """Run a campaign with progress, taking finished stages from the results folder: beside the campaign by default.
+
+    Raises
+    ------
+    NameNotFoundError   When the campaign has no stage of the name that an option gives; before anything is fitted.
+    RecordError         When it has no record of a name or pattern; before anything is fitted.
+    """
     folder = results if results is not None else path.parent / "results"
+    source = read_campaign(path, data)
+    refuse_unknown([stage] if stage else [], [s.name for s in source.content.stages], path.name, "no stage '{}'.", NameNotFoundError)
+    source.pick(records, "--record")
     with campaign_progress(path) as progress:
-        return run_stages(path, data=data, notice=progress, cache=None if fresh else folder, accept=accept or (), executor=executor)
+        return run_stages(source, data=data, notice=progress, cache=None if fresh else folder, accept=accept or (), executor=executor)
 
 
 def ready(to: Path | None, pdf: Path | None) -> tuple[Path | None, Path | None]:
@@ -161,11 +176,14 @@ def show_campaign(campaign: Campaign, files: Sequence[str]) -> None:
     from rich.table import Table
 
     out = console()
-    top, blocks = list(_top(campaign)), [_block(campaign, name, fit) for name, fit in campaign.stages.items()]
+    printed: set[str] = set()
+    top, blocks = list(_top(campaign)), [_block(campaign, name, fit, printed) for name, fit in campaign.stages.items()]
+    assumed = list(_assumed_lines(campaign))
     judged = [line for v in campaign.verdicts for line in (_verdict_line(v), *(f"{v.record}: {question}" for question in v.questions))]
     below = [*judged, *_closing_lines(campaign, files)]
-    around = sum(map(_rows, (*top, *below))) + 2
-    most = next((n for n in (12, 8, 6, 5, 4, 3, 2, 1) if around + sum(b.lines(n) for b in blocks) <= SCREEN), 0)
+    around = sum(map(_rows, (*top, *assumed, *below))) + 2
+    fitting = (n for n in (12, 8, 6, 5, 4) if around + sum(b.lines(n) for b in blocks) <= SCREEN)
+    most = next(fitting, LEAST_VALUES) if out.is_terminal else max(len(b.values) for b in blocks)
     show_lines(out, [*top, ""])
     widths = [max((len(row[k]) for b in blocks for row in b.values[:most]), default=0) for k in range(5)]
     for block in blocks:
@@ -178,6 +196,7 @@ def show_campaign(campaign: Campaign, files: Sequence[str]) -> None:
         if block.values[:most]:
             out.print(table)
         show_lines(out, block.notes, "yellow")
+    show_lines(out, assumed, "yellow")
     out.print()
     show_lines(out, below)
 
@@ -232,20 +251,36 @@ def _check_text(c: Check) -> str:
     return f"{c.sensor}, {c.title} {short(c.found, 3)} K, limit {short(c.limit, 3)} K".removeprefix(", ")
 
 
-def _block(campaign: Campaign, name: str, fit: Calibration) -> StageRows:
-    """Return the table of a stage."""
+def _assumed_lines(campaign: Campaign) -> Iterator[str]:
+    """Yield what the fits assumed, each reason once, with the stages and what of each: names of a few of a kind, else their number."""
+    reasons = (
+        (lambda i: i.kind == "accuracy", "accuracy not stated, so readings count as exact"),
+        (lambda i: i.kind != "accuracy" and not i.partly, "assumed, because neither log nor scenario gives it"),
+        (lambda i: i.kind != "accuracy" and i.partly, "assumed where the log is silent, because its channel begins late or ends early"),
+    )
+    for of_reason, words in reasons:
+        stages = []
+        for name, fit in campaign.stages.items():
+            kinds: dict[str, dict[str, None]] = {}
+            for i in filter(of_reason, fit.inputs.assumed):
+                kinds.setdefault("channel" if i.kind == "accuracy" else i.kind, {})[i.name] = None
+            texts = [f"{', '.join(n)} ({kind})" if len(n) <= NAMED_INPUTS else counted(len(n), kind) for kind, n in kinds.items()]
+            stages += [f"{name}: {', '.join(texts)}"] if texts else []
+        if stages:
+            yield f"{words}: {'; '.join(stages)}"
+
+
+def _block(campaign: Campaign, name: str, fit: Calibration, printed: set[str]) -> StageRows:
+    """Return the table of a stage; advice that was `printed` for an earlier stage is left out, and other advice is added to that."""
     fitted = [v for v in fit.estimates.values() if v.kind in ("parameter", "level")]
     worst = max(fit.sensors.items(), key=lambda item: item[1].rmse, default=None)
     sensor = f"worst sensor {worst[0]}, RMSE {short(worst[1].rmse, 2)} K" if worst is not None else "tuned by hand"
-    assumed = fit.inputs.assumed
     elsewhere = {*_questions_to_owner(campaign), *_common(campaign)}
-    notes = [f"{name}: {w}" for w in fit.warnings if w.startswith(FIRST) and not {w, _clause(w)} & elsewhere]
-    for why, partly in (("neither log nor scenario gives it", False), ("its channel begins late or ends early", True)):
-        inputs = ", ".join(dict.fromkeys(f"{i.name} ({i.kind})" for i in assumed if i.partly == partly and i.kind != "accuracy"))
-        if inputs:
-            notes.append(f"{name}: assumed{' where the log is silent' if partly else ''}, because {why}: {inputs}")
-    if exact := ", ".join(dict.fromkeys(i.name for i in assumed if i.kind == "accuracy")):
-        notes.append(f"{name}: accuracy not stated, so readings count as exact: {exact}")
+    notes = []
+    for warning in (w for w in fit.warnings if w.startswith(FIRST) and not {w, _clause(w)} & elsewhere):
+        finding, _, advice = warning.partition(". ")
+        notes.append(f"{name}: {f'{finding}.' if advice in printed and advice else warning}")
+        printed.add(advice)
     if step := campaign.next_step(name):
         notes.append(f"{name}: next: {step}")
     rows = sorted(fitted, key=lambda v: -v.relative if math.isfinite(v.relative) else 0.0)

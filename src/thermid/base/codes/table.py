@@ -635,6 +635,11 @@ CODES: Final[Mapping[str, CodeMeaning]] = {
         "Commas and points both may be the decimal sign.",
         "Give `decimal`.",
     ),
+    "record.power-far-from-deck": CodeMeaning(
+        "warning",
+        "A logged power is several hundred times that of the deck's load, or a small part of it.",
+        "Declare the unit of the column that the message names, or correct the load of the deck.",
+    ),
     "record.samples-assumed": CodeMeaning(
         "remark",
         "Nothing says whether samples of a log are instants or averages; instants are assumed.",

@@ -10,13 +10,14 @@ from collections.abc import Callable, Container, Iterable, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import partial
-from itertools import chain, combinations
+from itertools import chain, combinations, product
 from typing import Any
 
 import numpy as np
 
 from thermid.base.errors import ThermidError, quoted
 from thermid.base.linear_algebra import Array
+from thermid.base.units import unit
 from thermid.fit.calibration import Prior, Request, Unknown
 from thermid.inference._explain.candidates import Fitted, plain_lacks
 from thermid.inference._explain.causes import DECK_VALUE, MISTAKES, SIZES
@@ -26,7 +27,6 @@ from thermid.inference._explain.thresholds import (
     ANY_NEW_VALUE,
     CLOCK_SHIFTS,
     CONTRADICTED_PRIOR,
-    FAHRENHEIT_PER_KELVIN,
     FULLY_FITTED_HYPOTHESES,
     LOOSE_SENSOR_LAGS,
     MAX_HEATED_NODES,
@@ -39,7 +39,7 @@ from thermid.inference._explain.thresholds import (
     USUAL_AMBIENT,
 )
 from thermid.measure.amounts import duration_text, short
-from thermid.measure.records import Channel, Record
+from thermid.measure.records import COLUMN_UNITS, Channel, Record
 from thermid.physics.constants import ICE_POINT
 from thermid.simulation.network import Environment, Network
 
@@ -380,32 +380,45 @@ def _hypothesis(kind: str, name: str, words: str, remedy: str, request: Request,
 
 
 def _units(request: Request) -> Iterator[Hypothesis]:
-    """Yield powers in mW or kW, temperatures in degrees Fahrenheit, and times in minutes, hours or milliseconds."""
-    powers, warm = _channels(request, "power"), _channels(request, "temperature")
-    for names in _alone_and_all(powers):
-        for factor, text in ((1e-3, "mW"), (1e3, "kW")):
-            words = f"{quoted(names)} {'is' if len(names) == 1 else 'are'} in {text} but was read in W"
-            other = _mapped(request, names, partial(_scaled, factor))
-            yield _hypothesis("unit", ", ".join(names), words, f'Write unit = "{text}" for {quoted(names)}.', other)
-    for names in _alone_and_all(warm):
-        first = [float(c.values[c.valid][0]) - ICE_POINT for n, c in warm.items() if n in names]
-        usual = (
-            sum(USUAL_AMBIENT[0] <= t <= USUAL_AMBIENT[1] for t in first),
-            sum(USUAL_AMBIENT[0] <= (t - 32.0) / 1.8 <= USUAL_AMBIENT[1] for t in first),
-        )
-        against = 4.0 if usual[0] >= usual[1] else -5.0  # the start of a log at 73 degC is seldom, at 23 degC it is a room
-        words = f"{quoted(names)} {'is' if len(names) == 1 else 'are'} in degrees Fahrenheit but was read in degrees Celsius"
-        other = _mapped(request, names, lambda kelvin: (kelvin - ICE_POINT - 32.0) / FAHRENHEIT_PER_KELVIN + ICE_POINT)
-        hypothesis = _hypothesis("unit", ", ".join(names), words, f'Write unit = "degF" for {quoted(names)}.', other, against)
-        yield replace(hypothesis, read={n: (n, 1.0 / FAHRENHEIT_PER_KELVIN) for n in names})
-    for factor, text in ((60.0, "minutes"), (3600.0, "hours"), (1e-3, "milliseconds")):
-        if any(r.clocks for r in request.records):
+    """Yield columns in another unit than was declared: powers, temperatures, and times in minutes, hours or milliseconds."""
+    for quantity, unit_texts in COLUMN_UNITS.items():
+        channels = _channels(request, quantity)
+        for declared in dict.fromkeys(c.unit for c in channels.values()):
+            alike = {n: c for n, c in channels.items() if c.unit == declared}
+            for names, text in product(_alone_and_all(alike), (u for u in unit_texts if u != declared)):
+                mine = [alike[n] for n in names]
+                against = _unusual_starts(mine, text) if quantity == "temperature" else 0.0
+                if "K" in (declared, text) and against > 0.0:
+                    continue  # 273 K off: the start of the log decides, without a fit
+                words = f"{quoted(names)} {'is' if len(names) == 1 else 'are'} in {text} but was read in {declared}"
+                other = _with_records(request, partial(_in_unit, names, text))
+                remedy = " ".join(c.unit_remedy(text) for c in mine)
+                factor = float(unit(text).factor / unit(declared).factor)
+                read = {n: (n, factor) for n in names if quantity == "temperature"}
+                yield replace(_hypothesis("unit", ", ".join(names), words, remedy, other, against), read=read)
+    for factor, text, short_text in ((60.0, "minutes", "min"), (3600.0, "hours", "h"), (1e-3, "milliseconds", "ms")):
+        if any(r.clocks or r.origin.start for r in request.records):
             break
         other = replace(request, records=tuple(replace(r, times=factor * r.times) for r in request.records))
         time = request.records[0].origin.time
-        words = f"the times '{time}' are in {text} but were read in seconds"
-        unit = {"minutes": "min", "hours": "h", "milliseconds": "ms"}[text]
-        yield _hypothesis("unit", time, words, f'Write units = {{ "{time}" = "{unit}" }} for the record.', other)
+        words = f"the times '{time}' are {factor:g} times what was read, as {text} read in seconds are"
+        remedy = f'Write units = {{ "{time}" = "{short_text}" }} for the record; where it states a unit, one {factor:g} times as large.'
+        yield _hypothesis("unit", time, words, remedy, other)
+
+
+def _unusual_starts(channels: list[Channel], text: str) -> float:
+    """Return what readings in the unit `text` must gain: much, unless more of them start at the temperature of a room; then less than 0.
+
+    The start of a log at 73 degC is seldom, at 23 degC it is a room.
+    """
+    declared, other = ([c.values[c.valid][0] - ICE_POINT for c in of] for of in (channels, [c.in_unit(text) for c in channels]))
+    usual = [sum(USUAL_AMBIENT[0] <= t <= USUAL_AMBIENT[1] for t in starts) for starts in (declared, other)]
+    return 4.0 if usual[0] >= usual[1] else -5.0
+
+
+def _in_unit(names: Container[str], text: str, record: Record) -> Record:
+    """Return a record in which some channels are read in another unit."""
+    return record.with_channels(*(c.in_unit(text) for n, c in record.channels.items() if n in names))
 
 
 def _alone_and_all(channels: Iterable[str]) -> list[tuple[str, ...]]:

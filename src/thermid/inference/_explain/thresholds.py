@@ -97,8 +97,6 @@ MAX_PER_CENT: Final = 101.0
 """Largest number that a duty cycle in per cent reaches, with what rounding adds."""
 CLOCK_SHIFTS: Final = (0.005, 0.01, 0.02, 0.03, 0.04, 0.05, 0.065, 0.08, 0.1, 0.125, 0.15, 0.2)
 """Shifts of a clock that are tried, as parts of a record."""
-FAHRENHEIT_PER_KELVIN: Final = 1.8
-"""Degrees Fahrenheit in a kelvin. [-]"""
 USUAL_AMBIENT: Final = (14.0, 34.0)
 """Readings at the start of a log that a room may have. [degC]"""
 MIN_NAMED_GAIN: Final = 9.0

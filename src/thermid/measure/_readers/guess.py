@@ -98,7 +98,7 @@ def columns_of(cells: Cells, decimal: str, times: tuple[int, ...]) -> list[Colum
             continue
         parsed = numbers(cells.columns[at], decimal)
         if isinstance(parsed, int):
-            why = f"text, such as '{cells.columns[at][parsed].strip()[:20]}' ({cells.where(parsed)})"
+            why = f"text, such as '{cells.columns[at][parsed].strip()[:40]}' ({cells.where(parsed)})"
             few = sum(not is_number(cell) and cell.strip().lower() not in MISSING for cell in cells.columns[at])
             why += f" in {few} of {len(cells.columns[at])} cells. {NO_NUMBER}" if 2 * few < len(cells.columns[at]) else ""
             out.append(Column(header, name, text or "", False, "ignored", why))

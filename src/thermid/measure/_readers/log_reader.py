@@ -263,7 +263,6 @@ def _power(cells: Cells, binding: Binding, parsed: list[FloatArray | int], times
         role=binding.role,
         target=binding.target,
         gain=binding.gain,
-        column=binding.name,
         unit="W",
         prompt=binding.prompt,
         samples=binding.samples or read.samples,

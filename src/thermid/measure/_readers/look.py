@@ -205,7 +205,8 @@ class Look(Result):
         for supply, pair in self.supplies.items():
             volts, amperes = (json.dumps(c.name, ensure_ascii=False) for c in pair)
             power = f"power = {{ volts = {volts}, amperes = {amperes} }}"
-            out.append(f'{self.again.get(supply, supply)} = {{ load = "{supply}", {power} }}  # a voltage and a current')
+            shared_voltage = "common " if sum(other[0] is pair[0] for other in self.supplies.values()) > 1 else ""
+            out.append(f'{self.again.get(supply, supply)} = {{ load = "{supply}", {power} }}  # a {shared_voltage}voltage and a current')
         return "\n".join(out) + "\n"
 
     def _channel(self, c: Column) -> list[str]:
@@ -249,13 +250,18 @@ class Look(Result):
 
     @property
     def supplies(self) -> dict[str, tuple[Column, Column]]:
-        """Name of a power -> its columns in volts and in amperes: the only ones, or the only ones with the same other words."""
+        """Name of a power -> its columns in volts and in amperes: the only ones, the only ones with the same other words, or one voltage.
+
+        Of one voltage and several currents, as of a bus and its consumers, each current has a power.
+        """
         volts, amperes = ([c for c in self.columns if c.unit and _is(c.unit, slot) and c.values.size] for slot in ("V", "A"))
         if len(volts) == len(amperes) == 1:
             return {SUPPLY: (volts[0], amperes[0])}
         # what names of voltages and currents say beside that, in the characters of a bare key
         names = [[[_ELECTRIC.sub("", w) for w in re.split(r"[\W_]+", c.name)] for c in columns] for columns in (volts, amperes)]
         words, others = (["_".join(filter(None, name)) for name in several] for several in names)
+        if len(volts) == 1 and len({*others}) == len(others):
+            return {f"P_{w}" if w else SUPPLY: (volts[0], current) for w, current in zip(others, amperes, strict=True)}
         shared = [w for w in words if words.count(w) == others.count(w) == 1]
         return {f"P_{w}" if w else SUPPLY: (volts[words.index(w)], amperes[others.index(w)]) for w in shared}
 
@@ -301,6 +307,7 @@ class Look(Result):
         }
 
 
+WHICH_ZONE: Final = "Stamps alone leave whole hours open, and no power with a temperature decides: which zone is it?"
 _OF_DAY = re.compile(r"(\d{1,2}):(\d{2})(?::(\d{2}(?:[.,]\d+)?))?(?:\s*([AaPp])\.?[Mm])?")
 DAY = 86400.0
 
@@ -340,7 +347,7 @@ def _starts(looks: Sequence[Look], courses: Sequence[Sequence[LogCourse]]) -> tu
     if ahead is None:
         kept = local if stamped[0] in local else stated
         starts = [start if k in kept else None for k, start in enumerate(starts)]
-        return starts, said + "Stamps alone leave whole hours open, and no power with a temperature decides: which zone is it?"
+        return starts, said + WHICH_ZONE
     starts = [start - ahead if start is not None and k in local else start for k, start in enumerate(starts)]
     sign = "ahead of" if ahead >= 0.0 else "behind"
     return (
@@ -398,6 +405,10 @@ def clocks_of(looks: Sequence[Look]) -> list[dict[str, Any]]:
             away = np.inf if entry["offset"] is None else abs(best.place.at - entry["offset"])
             reach = MAX_OFFSET_ERRORS if best.place.error > STAMPS_APART else 1.0
             entry["at"]["by_stamps"] = bool(away <= reach * best.place.error)
+    unstamped = [e for e in entries.values() if e["offset"] is None]
+    if said.endswith(WHICH_ZONE) and unstamped and all("at" in e and not e["at"]["candidate"] for e in unstamped):
+        said = f"{said.removesuffix(WHICH_ZONE)}The common steps below give the offsets, so no zone is needed"
+        entries = {k: e | {"zone": said} for k, e in entries.items()}
     return [entries[k] for k in range(1, len(looks))]
 
 

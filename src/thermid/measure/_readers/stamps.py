@@ -111,7 +111,9 @@ def clock_column(cells: Cells, wanted: str | None) -> Clock:
     else:
         at = _by_name_or_content(cells, names, dates, clocks)
         stamps = _stamp_columns(cells)
-        at = stamps[0] if len(stamps) == 1 and _falls_back(cells, at) else at
+        # a counter of the board stands beside the stamps of whoever wrote the log, and may tell more where several of these are alike
+        distinct = len(stamps) == 1 and is_time_name(names[at], COUNTED) and len({*cells.columns[stamps[0]]}) == len(cells.lines)
+        at = stamps[0] if distinct or (len(stamps) == 1 and _falls_back(cells, at)) else at
     if at in clocks and len(dates) == 1 and names[dates[0]] != names[at]:
         return _joined(cells, names, dates[0], at)
     if at in dates and len(clocks) == 1:

@@ -32,6 +32,8 @@ from thermid.measure._record.sensor import SensorCertificate
 
 SEPARATORS: Final = {",": "comma", ";": "semicolon", "\t": "tab"}
 LOOKED_AT = 500
+MAX_CUT_SHARE: Final = 0.03
+"""Part of the lines of a log up to which lines with fewer cells than the header are dropped: more are another layout. [-]"""
 UNFINISHED: Final = "is incomplete and was dropped"
 """What is said of a last line that is still being written."""
 _MEND: Final = "Correct the line, put '#' before it, or give the separator."
@@ -171,10 +173,8 @@ def cells_of_text(text: str, file: str, separator: str | None, notes: Sequence[s
             else f"line {numbers[extra]} below the header holds no samples"
         )
     rows, numbers = rows[extra + 1 :], numbers[extra + 1 :]
-    rows, cut = _without_cut_line(rows, width, whole)
-    if cut:
-        notes.append(f"line {numbers[-1]}, the last one, {UNFINISHED}")
-        numbers = numbers[:-1]
+    rows, numbers, notes_on_cut = _without_cut_lines(rows, numbers, width, whole)
+    notes += notes_on_cut
     if columns is not None:
         columns = [column[extra + 1 : len(numbers) + extra + 1] for column in columns]
     if not rows:
@@ -532,18 +532,25 @@ def _rows(lines: list[tuple[int, str]], mark: str, file: str) -> tuple[list[list
     return rows, numbers
 
 
-def _without_cut_line(rows: list[list[str]], columns: int, whole: bool) -> tuple[list[list[str]], bool]:
-    """Return the rows without a last one that was cut while it was written, and whether it was.
+def _without_cut_lines(rows: list[list[str]], numbers: list[int], width: int, whole: bool) -> tuple[list[list[str]], list[int], list[str]]:
+    """Return rows and line numbers without those that were cut while they were written, and a note on these.
 
-    It has fewer cells than there are columns, or no line end follows and its last cell is no number.
+    The last one has fewer cells than there are columns, or no line end follows and its last cell is no number. Of a board that restarts, or
+    a port that loses characters, few others have fewer cells; where more have, the layout is another one.
     """
-    if not rows:
-        return rows, False
-    last = rows[-1]
-    cut = len(last) < columns
-    if not cut and not whole and len(rows) > 1 and len(last) == len(rows[-2]):
-        cut = is_number(rows[-2][-1]) and not is_number(last[-1]) and last[-1].strip().lower() not in MISSING
-    return rows[:-1] if cut else rows, cut
+    notes = []
+    cut = bool(rows) and len(rows[-1]) < width
+    if not cut and not whole and len(rows) > 1 and len(rows[-1]) == len(rows[-2]):
+        cut = is_number(rows[-2][-1]) and not is_number(rows[-1][-1]) and rows[-1][-1].strip().lower() not in MISSING
+    if cut:
+        rows, numbers, notes = rows[:-1], numbers[:-1], [f"line {numbers[-1]}, the last one, {UNFINISHED}"]
+    short = [k for k, row in enumerate(rows) if len(row) < width]
+    if not 0 < len(short) <= MAX_CUT_SHARE * len(rows):
+        return rows, numbers, notes
+    places = ", ".join(str(numbers[k]) for k in short[:3]) + ", ..." * (len(short) > 3)
+    notes.append(f"{counted(len(short), 'line')} with fewer cells than the header dropped, as cut while written (line {places})")
+    kept = [k for k, row in enumerate(rows) if len(row) >= width]
+    return [rows[k] for k in kept], [numbers[k] for k in kept], notes
 
 
 class ChannelSeries(NamedTuple):

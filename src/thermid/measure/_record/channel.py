@@ -16,7 +16,7 @@ from thermid.base.codes import CodedText
 from thermid.base.errors import ExpressionError, NameNotFoundError, RecordError, UnitError, errors_at, nearest, refuse_unknown
 from thermid.base.expression import Stamp, amount, instant, quantity, si_values, stated
 from thermid.base.results import Row, Shown
-from thermid.base.units import TEMPERATURE, format_value, from_si, require_unit, unit as read_unit
+from thermid.base.units import TEMPERATURE, format_value, from_si, in_si, require_unit, unit as read_unit
 from thermid.measure._record.sensor import KEYS, SensorCertificate, SensorPart
 from thermid.measure.amounts import duration_text, positive_seconds
 
@@ -60,6 +60,8 @@ INTERPOLATIONS: Final = ("linear", "previous")
 
 SI_UNITS: Final = {"temperature": "K", "power": "W", "command": "1"}
 """Quantity -> its SI unit; a quantity that is not here has the unit 1."""
+COLUMN_UNITS: Final = {"power": ("W", "mW", "kW"), "temperature": ("degC", "degF", "K")}
+"""Quantity -> units that columns of it usually have, the likeliest first."""
 
 
 @dataclass(frozen=True)
@@ -132,7 +134,7 @@ class Channel(Shown):
     noise : float or None           Standard deviation of one sample. [SI]
     accuracy : float or None        Standard deviation of the constant error. [SI]
     resolution : float or None      Smallest step of the sensor, where known. [SI]
-    column : str                    Its column in the file.
+    column : str                    Its column in the file; empty where it is computed from several.
     unit : str                      Its unit in the file; SI when it was not read from one.
     masks : mapping to arrays       Masked samples by reason, each (samples,).
     correction : float              What a certificate has taken off the readings. [SI]
@@ -242,6 +244,16 @@ class Channel(Shown):
             least = max(USUAL_CHANGES * float(np.median(apart)), 0.01 * float(np.ptp(self.values[places])))
             out[places[1:][apart > least]] = True
         return out
+
+    def in_unit(self, text: str) -> Channel:
+        """Return it as it would be if its column were in the unit `text` and not in the one that was declared."""
+        return replace(self, values=in_si(from_si(self.values, self.unit), text), unit=text, masks={})
+
+    def unit_remedy(self, text: str) -> str:
+        """Return how to declare that its column is in the unit `text`; a power computed from columns has their units."""
+        if not self.column:
+            return f"Check the units of the columns from which '{self.name}' is computed."
+        return f"Write unit = \"{text}\" for '{self.name}'."
 
     def __array__(self, dtype: Any = None, copy: bool | None = None) -> FloatArray:
         """Return its readings (samples,), NaN where one is masked. [degC of a temperature, else the unit of the channel]"""

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from thermid.base.arguments import takes_objects
-from thermid.base.errors import DeckError, ThermidError, cap, nearest, raising
+from thermid.base.errors import DeckError, ThermidError, cap, errors_at, nearest, raising
 from thermid.base.expression import NAME, RESERVED
 from thermid.base.extensions import by_grammar, grammar_of, refuse_another_kind
 from thermid.base.files import read_text
@@ -89,7 +89,8 @@ def _model_of_content(
 
     def use(name: str, where: str) -> Loaded:
         """Load a deck that this one uses, from within its folder."""
-        return _load(resolve_inside(path.parent, name, where), trail, loaded)
+        with errors_at(where):  # a file that is not there has no place of its own
+            return _load(resolve_inside(path.parent, name, where), trail, loaded)
 
     def read(name: str, where: str) -> str:
         """Read a text file from within the deck's folder."""

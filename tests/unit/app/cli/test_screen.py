@@ -7,16 +7,21 @@ import re
 import subprocess
 import sys
 import time
+import warnings
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
 import pytest
 
 from by_code import raises_code
-from thermid.app.cli import screen, summary
+from thermid.app.cli import app as command_line, screen, summary
 from thermid.app.cli.screen import MAX_LINE_CHARACTERS, Progress, folded, severity, spoken, working
-from thermid.base.errors import MissingExtraError
+from thermid.app.cli.summary import show_campaign
+from thermid.base.errors import MissingExtraError, ThermidWarning
 from thermid.base.extensions import missing, modules_of, require
+from thermid.campaign.stages import run_stages
+from thermid.fit.calibration import Calibration, Input, InputTable
 from thermid.inference._explain.structures import EvaluationBudget
 from thermid.reporting._blocks import extras
 from unit.app.cli.conftest import Call
@@ -109,6 +114,27 @@ def test_one_long_step_is_told_without_a_terminal_and_a_short_one_is_not(
     assert capsys.readouterr().err == "a long step\n"
 
 
+@pytest.mark.parametrize(("options", "code"), [([], ""), (["-v"], " [physics.outside-range]")])
+def test_a_warning_is_a_sentence_without_the_path_of_the_package(
+    options: list[str], code: str, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """What packages below warn of, as numpy of an overflow, is nothing that a user can mend."""
+
+    def warn(**_: object) -> int:
+        warnings.warn(ThermidWarning("no such range", code="physics.outside-range"), stacklevel=1)
+        warnings.warn("overflow encountered in multiply", RuntimeWarning, stacklevel=1)
+        return 0
+
+    monkeypatch.setattr(command_line, "app", warn)
+    monkeypatch.setattr(sys, "argv", ["thermid", *options])
+    monkeypatch.setattr(sys, "warnoptions", [])
+    with warnings.catch_warnings():
+        warnings.simplefilter("always")
+        with pytest.raises(SystemExit):
+            command_line.main()
+    assert capsys.readouterr().err == f"warning: no such range{code}\n"
+
+
 def test_colour_in_a_terminal_and_none_where_it_is_not_wanted(accelerometer: Path) -> None:
     refused = ("simulate", accelerometer, "--boundary", "air=24", "--for", "1 [h]", "--vacuum")
     assert "\x1b[1;31merror: " in in_a_terminal(*refused, columns=60)
@@ -135,6 +161,31 @@ def test_a_campaign_fits_on_a_screen(made: Path, tmp_path: Path, columns: int) -
     assert len(lines) <= 45
     assert max(map(len, lines)) <= min(columns, MAX_LINE_CHARACTERS)
     assert "pair on pair_two: PASSED" in said
+
+
+@pytest.mark.parametrize("terminal", [True, False])
+def test_each_of_many_stages_shows_values_and_what_all_assume_is_said_once(
+    made_and_fitted: Path, terminal: bool, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Nine stages printed no value, five lines of assumed loads each, and a file had lines of 80 characters."""
+    found = run_stages(made_and_fitted, cache=made_and_fitted.parent / "results")
+    fit = found["pair"]
+    advice = "check: 'a' differs. Check contacts, radiation and powers in the assembly, one after the other, before anything else."
+    power = Input("two", "load", "heat", "assumed", "no log gives it")
+    loads = InputTable((power, *(replace(power, name=f"load_{k}") for k in range(5))))
+    monkeypatch.setattr(Calibration, "inputs", loads)
+    many = {f"s{k}": replace(fit, warnings=(advice.replace("'a'", f"'a_{k}'"),)) for k in range(9)}
+    monkeypatch.setattr(sys.stdout, "isatty", lambda: terminal)
+    monkeypatch.setenv("COLUMNS", "80")
+    show_campaign(replace(found, stages=many), ["s0.values.toml"])
+    lines = plain(capsys.readouterr().out).splitlines()
+    rows = [line for line in lines if line.startswith("  ") and " +- " in line]
+    count = len([v for v in fit.estimates.values() if v.kind in ("parameter", "level")])
+    assert len(rows) == 9 * (min(3, count) if terminal else count)
+    assert max(map(len, lines)) <= 80 if terminal else max(map(len, lines)) > 150
+    assert sum("neither log nor scenario" in line for line in lines) == 1
+    assert "s8: 6 loads" in " ".join(lines)
+    assert " ".join(" ".join(lines).split()).count("Check contacts, radiation and powers") == 1
 
 
 @pytest.mark.parametrize(

@@ -13,7 +13,7 @@ import pytest
 import thermid as td
 from by_code import raises_code
 from thermid.fit.calibration import LocalSpec, Request
-from thermid.inference._explain.mistakes import Mistakes, _shifted, find_mistakes
+from thermid.inference._explain.mistakes import Mistakes, _shifted, _units, find_mistakes
 from thermid.inference._explain.rough_fit import _means
 from thermid.model.elements import TableSignal
 
@@ -71,6 +71,31 @@ def test_the_mistake_is_named_with_evidence_and_remedy(request_: Request, kind: 
     assert line.startswith(f"likely mistake: {words} (")
     assert line.endswith(found.first.remedy)
     assert found.to_dict()["named"][0]["kind"] == kind
+
+
+@pytest.mark.parametrize(
+    ("name", "declared", "column", "wanted"),
+    [
+        ("P", "mW", "P", [("W", 1e3), ("kW", 1e6)]),
+        ("P", "kW", "P", [("W", 1e-3), ("mW", 1e-6)]),
+        ("P", "W", "", [("mW", 1e-3), ("kW", 1e3)]),
+        ("T0", "degC", "T0", [("degF", 5 / 9)]),
+        ("T0", "K", "T0", [("degC", 1.0)]),
+    ],
+)
+def test_a_unit_is_advised_from_the_one_that_was_declared(name: str, declared: str, column: str, wanted: list[tuple[str, float]]) -> None:
+    """Not from the SI unit: of W in a column declared mW the advice was kW, and after that mW."""
+    request = asked()
+    (record,) = request.records
+    channel = replace(record[name], unit=declared, column=column)
+    channel = replace(channel, values=channel.values - 273.15) if declared == "K" else channel  # a room at 22 K
+    tried = [h for h in _units(replace(request, records=(record.with_channels(channel),))) if h.name == name]
+    moves = [np.ptp(h.request.records[0][name].values) / np.ptp(channel.values) for h in tried]
+    assert [h.words(0.0) for h in tried] == [f"'{name}' is in {text} but was read in {declared}" for text, _ in wanted]
+    assert moves == pytest.approx([factor for _, factor in wanted])
+    for hypothesis, (text, _) in zip(tried, wanted, strict=True):
+        assert (f'unit = "{text}"' in hypothesis.remedy(0.0)) is bool(column)
+        assert ("columns from which 'P' is computed" in hypothesis.remedy(0.0)) is not bool(column)
 
 
 def test_a_power_keeps_its_last_valid_value_where_readings_are_masked_at_every_shift_of_its_clock() -> None:
