@@ -81,13 +81,16 @@ def late_ends(band: Band) -> tuple[float, float]:
 def test_departures_move_switching_times_and_not_what_they_hold(found: Calibration, told: td.Prediction) -> None:
     """By derivatives the band of a battery that is held at 5 to 9 degC went from -2800 to 2600 degC, its middle to -110 degC."""
     low, high = late_ends(told["bat"])
-    assert ON - 0.3 < low < ON + 1.0 and OFF - 0.5 < high < OFF + 0.1
+    assert ON - 0.3 < low < ON + 1.0
+    assert OFF - 0.5 < high < OFF + 0.1
     assert late_ends(told["frame"])[0] > -10.0
     assert sum(told["bat"].parts.values()) == pytest.approx(told["bat"].error ** 2)
-    assert set(told["bat"].moved) == {SWITCHING} and "because of switching times" in told.centre
+    assert set(told["bat"].moved) == {SWITCHING}
+    assert "because of switching times" in told.centre
     runs = td.qualify.uncertain_runs(found.model, COLD, found, n=MEMBERS, nodes=["bat"])
     held = runs.node_temperatures("bat")[:, runs.times > LATE] - 273.15
-    assert ON - 1.0 < held.min() and held.max() < OFF + 0.1
+    assert ON - 1.0 < held.min()
+    assert held.max() < OFF + 0.1
     assert "because of switching times" in runs.centre
     assert td.qualify.hold(runs, {"bat": {"lowest": "0 [degC]"}})["bat"].never == 1.0
 
@@ -95,11 +98,13 @@ def test_departures_move_switching_times_and_not_what_they_hold(found: Calibrati
 def test_margins_are_those_of_the_extremes_of_members(found: Calibration, told: td.Prediction) -> None:
     """At an instant hardly a member is just switched on, but every one is at some time."""
     (margin,) = (m for m in CampaignPrediction("cold", "sat", told, {"bat": (253.15, 303.15)}).margins if m.node == "bat")
-    assert margin.expected[0] - 273.15 == pytest.approx(ON, abs=0.5) and ON - 1.0 < margin.band[0] - 273.15 < ON + 0.1
+    assert margin.expected[0] - 273.15 == pytest.approx(ON, abs=0.5)
+    assert ON - 1.0 < margin.band[0] - 273.15 < ON + 0.1
     assert margin.band[1] - 273.15 == pytest.approx(20.0, abs=0.1)
     seen = foresee(td.design.Knowledge.of_source(found), COLD, nodes=["bat"])
     (cold, _) = td.qualify.margins({"cold": seen}, [Limits("bat", "bat", operating=("0 [degC]", "60 [degC]"))])
-    assert cold.predicted - 273.15 == pytest.approx(ON, abs=0.5) and 0.0 <= cold.uncertainty < 1.0
+    assert cold.predicted - 273.15 == pytest.approx(ON, abs=0.5)
+    assert 0.0 <= cold.uncertainty < 1.0
 
 
 def test_where_nothing_switches_derivatives_do(found: Calibration) -> None:

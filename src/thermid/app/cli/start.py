@@ -295,13 +295,12 @@ def _fits(campaign: Path, stage: str, data: Path | None, results: Path | None) -
     ------
     NameNotFoundError   When no stage of that name was fitted to logs.
     """
-    done = staged(campaign, data, results).stages
+    done = staged(campaign, data, results, stage=stage).stages
     fitted = {name: fit for name, fit in done.items() if fit.records}
     if not stage:
         return fitted
     if stage not in fitted:
-        why = "was tuned by hand, so it has no residuals" if stage in done else "is not in this campaign"
-        raise NameNotFoundError(f"stage '{stage}' {why}.{nearest(stage, fitted)}", campaign.name)
+        raise NameNotFoundError(f"stage '{stage}' was tuned by hand, so it has no residuals.{nearest(stage, fitted)}", campaign.name)
     return {stage: fitted[stage]}
 
 

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Final
 
 from thermid.app.cli.screen import SCREEN, Progress, console, folded, severity, show_lines, width
-from thermid.base.errors import ScenarioError, spoken
+from thermid.base.errors import NameNotFoundError, ScenarioError, refuse_unknown, spoken
 from thermid.base.extensions import require
 from thermid.base.files import PAPER, check_ending
 from thermid.base.sourced import VERDICTS
@@ -86,8 +86,17 @@ def staged(
     accept: Sequence[str] | None = None,
     fresh: bool = False,
     executor: Workers = None,
+    stage: str = "",
+    records: Sequence[str] = (),
 ) -> Campaign:
-    """Run a campaign with progress, taking finished stages from the results folder: beside the campaign by default."""
+    """Run a campaign with progress, taking finished stages from the results folder: beside the campaign by default.
+
+    A stage and records (patterns) that the caller will ask of it are looked up before anything is read or fitted.
+    """
+    source = read_campaign(path, data)
+    names = [s.name for s in source.content.stages]
+    refuse_unknown([stage] * bool(stage), names, source.content.title, "no stage '{}'.", NameNotFoundError)
+    source.pick(records, "--record")
     folder = results if results is not None else path.parent / "results"
     with campaign_progress(path) as progress:
         return run_stages(path, data=data, notice=progress, cache=None if fresh else folder, accept=accept or (), executor=executor)

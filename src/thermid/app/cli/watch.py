@@ -119,7 +119,7 @@ def watch(
     stated = scenario_of(scenario, boundary, [], None, None) if boundary or scenario is not None else None
     read = pairs(reading, "--read")
     refuse_unknown(read, READ_KEYS, "--read")
-    test = None if campaign is None else running_test(staged(campaign, data, results), record)
+    test = None if campaign is None else running_test(staged(campaign, data, results, records=[record] * bool(record)), record)
     if test is None:
         columns = BoundColumns(*_column_bindings(channel), None if model is None else fitted_model(model, values, None), read)
     else:
