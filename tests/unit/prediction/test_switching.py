@@ -13,6 +13,7 @@ from thermid.campaign.verdicts import Limits
 from thermid.fit.calibration import Calibration
 from thermid.prediction import _predict
 from thermid.prediction._predict import SWITCHING, Band, foresee
+from thermid.prediction._records import predict_record
 
 ON, OFF = 5.0, 9.0
 LATE = 2.5 * 3600.0
@@ -93,6 +94,18 @@ def test_departures_move_switching_times_and_not_what_they_hold(found: Calibrati
     assert held.max() < OFF + 0.1
     assert "because of switching times" in runs.centre
     assert td.qualify.hold(runs, {"bat": {"lowest": "0 [degC]"}})["bat"].never == 1.0
+
+
+def test_readings_of_a_record_have_the_band_of_members(found: Calibration) -> None:
+    """By derivatives their band was +- 74 K, at most 2700, and its centre went down to -55 degC."""
+    times = np.arange(0.0, COLD.seconds, 60.0)
+    run = td.simulate(deck(0.24, 210.0, 340.0, 3.0, (ON, OFF)), COLD, times=times)
+    noise = np.random.default_rng(3).normal(0.0, 0.05, times.size)
+    channel = td.Channel.from_array("bat", run["bat"].celsius + noise, unit="degC", target="bat", noise="0.05 [K]", accuracy="0.3 [K]")
+    band = predict_record(found, td.Record.from_arrays("cold", times, {"bat": channel}), scenario=COLD).bands["bat"]
+    assert band.half_width()[times > LATE].max() < 0.5 * (OFF - ON) + 1.0
+    assert ON < band.predicted[times > LATE].min() - 273.15 < band.predicted[times > LATE].max() - 273.15 < OFF
+    assert band.inside() > 0.9
 
 
 def test_margins_are_those_of_the_extremes_of_members(found: Calibration, told: td.Prediction) -> None:
