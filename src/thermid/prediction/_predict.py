@@ -169,6 +169,11 @@ class Band(Result):
         return self.simulated + self.shift if self.members is None else np.asarray(self.members.mean(axis=1))
 
     @property
+    def switches(self) -> bool:
+        """Whether members switch at different times, so that each has extremes of its own."""
+        return self.members is not None and SWITCHING in self.shifts
+
+    @property
     def parted(self) -> Band:
         """The band with the variance of its members parted as that by derivatives."""
         whole = np.sum([np.zeros(self.times.size), *self.parts.values()], axis=0)
@@ -211,7 +216,7 @@ class Band(Result):
         Of members each has an extreme of its own, which no quantile at an instant shows where they switch at different times. `during`
         chooses times.
         """
-        if self.members is None:
+        if self.members is None or not self.switches:
             end = self.interval(level)[int(sign > 0.0)][during]
             return sign * float((sign * self.kelvin[during]).max()), sign * float((sign * end).max()) + ICE_POINT
         furthest = (sign * self.members[during]).max(axis=0)
@@ -545,7 +550,7 @@ def _mixture(bands: Sequence[Band], weights: Array) -> Band:
     parts: dict[str, Array] = {}
     shifts: dict[str, Array] = {}
     for b, w in zip(bands, weights, strict=True):
-        for cause, v in b.parts.items():
+        for cause, v in b.parted.parts.items():
             parts[cause] = parts.get(cause, np.zeros(b.times.size)) + w * v
         for cause, v in b.shifts.items():
             shifts[cause] = shifts.get(cause, np.zeros(b.times.size)) + w * v
@@ -553,7 +558,7 @@ def _mixture(bands: Sequence[Band], weights: Array) -> Band:
         parts[DEFECTS] = weights @ (kelvin - mean) ** 2
     simulated = weights @ np.array([b.simulated for b in bands])
     drawn = [b.members[:, : round(w * b.members.shape[1])] for b, w in zip(bands, weights, strict=True) if b.members is not None]
-    members = np.concatenate(drawn, axis=1) if len(drawn) == len(bands) and all(SWITCHING in b.shifts for b in bands) else None
+    members = np.concatenate(drawn, axis=1) if all(b.switches for b in bands) else None
     return Band(bands[0].path, bands[0].times, simulated, mean - simulated, parts, members, shifts)
 
 
@@ -612,7 +617,7 @@ def predicted(
     omitted, least = _left_out(budget, bands)
     widest = max((b.final for b in bands.values()), key=lambda e: e.error, default=None)
     words = meaning(widest.shares if widest is not None else {}, budget)
-    bands = {n: b.parted if b.members is not None else b for n, b in bands.items()}
+    bands = {n: b.parted if b.switches else b for n, b in bands.items()}
     return Prediction(budget.model.title, budget.scenario.title, times, bands, rest, words, warnings, find, budget.standing, omitted, least)
 
 
