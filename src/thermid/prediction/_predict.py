@@ -41,7 +41,7 @@ from thermid.prediction._budget import (
     in_order,
 )
 from thermid.prediction._known import Knowledge, Rows
-from thermid.prediction._setting import Drawn, Linear, Setting
+from thermid.prediction._setting import PROBE_MEMBERS, Drawn, Linear, Setting
 from thermid.simulation.runs import Scenario, Solution, simulate
 from thermid.simulation.solver import Options
 from thermid.values.store import LeftOut, Normal, Source, State
@@ -74,8 +74,6 @@ NARROWS = {
     GAS_IN_JOINTS: "a record at low pressure, a gap in the deck, or gas = 'none' where a pad or grease fills the joint",
 }
 """Cause -> what would narrow a band that comes from it."""
-PROBE_MEMBERS = 32
-"""Members that tell whether derivatives do, in pairs of opposite numbers."""
 DRAWN_MEMBERS = 2000
 """Members drawn where derivatives do not do."""
 MAX_MEAN_MISS, MAX_WIDTH_MISS = 0.1, 0.1
@@ -114,6 +112,13 @@ class Estimate:
     def __str__(self) -> str:
         """Return it with its error."""
         return f"{self.celsius:.2f} +- {short(self.error)} degC ({self.low:.2f} .. {self.high:.2f})"
+
+
+def parted(parts: Mapping[str, Array], variance: Array) -> dict[str, Array]:
+    """Return cause -> its part of a variance (times,), in proportion to `parts`; zeros where these are zero. [K^2]"""
+    whole = np.sum([np.zeros(variance.size), *parts.values()], axis=0)
+    grown = np.divide(variance, whole, out=np.zeros(variance.size), where=whole > 0.0)
+    return {c: v * grown for c, v in parts.items()}
 
 
 @dataclass(frozen=True, eq=False)
@@ -176,9 +181,7 @@ class Band(Result):
     @property
     def parted(self) -> Band:
         """The band with the variance of its members parted as that by derivatives."""
-        whole = np.sum([np.zeros(self.times.size), *self.parts.values()], axis=0)
-        grown = np.where(whole > 0.0, self.error**2 / np.where(whole > 0.0, whole, 1.0), 0.0)
-        return replace(self, parts={c: v * grown for c, v in self.parts.items()})
+        return replace(self, parts=parted(self.parts, self.error**2))
 
     @property
     def celsius(self) -> Array:
@@ -210,17 +213,17 @@ class Band(Result):
         low, high = self.interval()
         return np.asarray(0.5 * (high - low))
 
-    def extreme(self, sign: float, level: float = 0.95, during: Bools | slice = slice(None)) -> tuple[float, float]:
+    def extreme(self, sign: float, during: Bools | slice = slice(None)) -> tuple[float, float]:
         """Return the highest (sign 1) or lowest (-1) expected temperature of the run, and the end of the band that lies furthest. [K]
 
         Of members each has an extreme of its own, which no quantile at an instant shows where they switch at different times. `during`
         chooses times.
         """
         if self.members is None or not self.switches:
-            end = self.interval(level)[int(sign > 0.0)][during]
+            end = self.interval()[int(sign > 0.0)][during]
             return sign * float((sign * self.kelvin[during]).max()), sign * float((sign * end).max()) + ICE_POINT
-        furthest = (sign * self.members[during]).max(axis=0)
-        return sign * float(furthest.mean()), sign * float(np.quantile(furthest, 0.5 + level / 2))
+        furthest = replace(self, members=sign * (sign * self.members[during]).max(axis=0)[None, :])
+        return float(furthest.kelvin[0]), float(furthest.interval()[int(sign > 0.0)][0]) + ICE_POINT
 
     def at(self, time: float) -> Estimate:
         """Return the temperature at a time within the run, straight lines between stored times. [s]"""
@@ -617,7 +620,7 @@ def predicted(
     omitted, least = _left_out(budget, bands)
     widest = max((b.final for b in bands.values()), key=lambda e: e.error, default=None)
     words = meaning(widest.shares if widest is not None else {}, budget)
-    bands = {n: b.parted if b.switches else b for n, b in bands.items()}
+    bands = {n: b.parted for n, b in bands.items()} if first.setting.switches else bands
     return Prediction(budget.model.title, budget.scenario.title, times, bands, rest, words, warnings, find, budget.standing, omitted, least)
 
 

@@ -49,7 +49,7 @@ from thermid.measure.records import Record
 from thermid.model.elements import UNJUDGED, Constant, Standing, TableSignal, literal
 from thermid.prediction._budget import AVERAGED, Budget, budget_of, first_line, in_order
 from thermid.prediction._known import Knowledge, rows_of
-from thermid.prediction._predict import predicted
+from thermid.prediction._predict import parted, predicted
 from thermid.prediction._setting import Setting
 from thermid.simulation.runs import Scenario
 from thermid.values.store import LeftOut, error_table_of
@@ -370,9 +370,7 @@ def _switched(bands: dict[str, SensorBand], budget: Budget) -> dict[str, SensorB
     for name, b in bands.items():
         of_node = by_node[b.node]
         moved, variance = (np.interp(b.times, times, v) for v in (of_node.kelvin - of_node.simulated, of_node.error**2))
-        others = {c: v for c, v in b.parts.items() if c != READING}
-        whole = np.sum([np.full(b.times.size, 1e-30), *others.values()], axis=0)
-        parts = {c: v / whole * variance for c, v in others.items()} | {READING: b.parts[READING]}
+        parts = parted({c: v for c, v in b.parts.items() if c != READING}, variance) | {READING: b.parts[READING]}
         out[name] = replace(b, predicted=b.predicted - b.shift + moved, parts=parts, shift=moved)
     return out
 

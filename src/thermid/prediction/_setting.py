@@ -23,8 +23,8 @@ from thermid.values.store import Shifted, deviated
 
 MAX_EFFECT_LEFT = 0.3
 """Part of the effect of an assumed value alone that is left with the fit solved again, below which the fit has taken it back. [-]"""
-SWITCHING_MEMBERS = 32
-"""Members that tell whether anything switches where the run with the best values does not."""
+PROBE_MEMBERS = 32
+"""Members that tell whether derivatives do, in pairs of opposite numbers, and whether anything switches."""
 VALUE_FORMS = ("add", "log", "factor")
 """Forms of targets that are values."""
 
@@ -125,16 +125,16 @@ class Setting:
 
     @cached_property
     def switches(self) -> bool:
-        """Whether temperatures switch anything, in the run with the best values or in one of `SWITCHING_MEMBERS`.
+        """Whether temperatures switch anything, in the run with the best values or in one of `PROBE_MEMBERS`.
 
         What such a run is at an instant follows its switching times: the derivative grows from cycle to cycle, while members stay where the
         hysteresis holds them.
         """
         if not self.ready.wiring.network.switches:
             return False
-        sources = self.budget.drawn(self.budget.numbers(1, 0, SWITCHING_MEMBERS))
+        sources = self.budget.drawn(self.budget.numbers(1, 0, PROBE_MEMBERS))
         values = self._values_in_runs(sources)
-        members = ({n: float(x[k]) for n, x in values.items()} for k in range(SWITCHING_MEMBERS if values else 0))
+        members = ({n: float(x[k]) for n, x in values.items()} for k in range(PROBE_MEMBERS if values else 0))
         return bool(self._run._run.answer.switched) or any(self.full.run(self.full.with_units(x))._run.answer.switched for x in members)
 
     @property

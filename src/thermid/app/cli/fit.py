@@ -400,13 +400,10 @@ def predict(
             _refuse_options_of_scenario(campaign, bool(record), options, stage)
         stages = staged(campaign, data, results, accept, stage=stage, records=record)
         name = stage or list(stages)[-1]
-        if conditions is None and not record:
-            _predict_named(stages, as_json, verbose)
+        if conditions is None:
+            _predict_without_scenario(campaign, data, stages, name, record, as_json, verbose)
             return
         known = stages[name]
-        if conditions is None:
-            _predict_records(campaign, data, known, name, record, as_json, verbose)
-            return
     assert conditions is not None
     with working(f"prediction of '{conditions.title}'"):
         predicted = prediction.predict(known, conditions.vacuum() if vacuum else conditions, spread=spreads, draws=draws)
@@ -478,11 +475,17 @@ def _prediction_code(predictions: Sequence[CampaignPrediction], failed: Mapping[
     return code or (1 if any(p.within is False for p in predictions) else 0)
 
 
-def _predict_records(
-    campaign: Path, data: Path | None, fit: Calibration, name: str, patterns: Sequence[str], as_json: bool, verbose: bool
+def _predict_without_scenario(
+    campaign: Path, data: Path | None, stages: Campaign, name: str, patterns: Sequence[str], as_json: bool, verbose: bool
 ) -> None:
-    """Say what a stage predicts of logged runs, each beside its readings; as the verdict on a run takes it, else as the stage does."""
-    source = read_campaign(campaign, data)
+    """Print what a stage predicts of logged runs, each beside its readings; without patterns of these what the campaign names.
+
+    A run is taken as the verdict on it takes it, else as the stage does.
+    """
+    if not patterns:
+        _predict_named(stages, as_json, verbose)
+        return
+    source, fit = read_campaign(campaign, data), stages[name]
     stage = next(s for s in source.content.stages if s.name == name)
     scores = []
     for run in source.pick(patterns, "--record"):

@@ -142,15 +142,14 @@ def improve(path: Path, stage: str = "", evaluations: int = EVALUATIONS, data: P
     names = [s.name for s in source.content.stages]
     name = stage or names[-1]
     refuse_unknown([name], names, path.name, "no stage '{}'.", DeckError)
-    if not next(s for s in source.content.stages if s.name == name).records:
+    before = run_stages(path, data=data, cache=path.parent / "results", executor=executor).stages[name]
+    if before.request is None or not before.request.records:
         raise DeckError(
             f"stage '{name}' has values tuned by hand and fits nothing, so structures cannot be compared. Give a stage that fits records.",
             path.name,
             code="campaign.refused",
         )
-    before = run_stages(path, data=data, cache=path.parent / "results", executor=executor).stages[name]
     request = before.request
-    assert request is not None
     refuse_unseen(request.model, "a search for another structure")
     may = _may_delay(source, request)
     first = search_structure(
