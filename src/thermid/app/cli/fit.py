@@ -432,7 +432,7 @@ def _refuse_options_of_scenario(campaign: Path, of_records: bool, options: Mappi
     given = [word for word, value in (options if of_records else {"--stage": stage, **options}).items() if value]
     if given:
         what = "logged runs" if of_records else "the predictions that a campaign names"
-        cure = "Give --scenario FILE in place of --record." if of_records else "Give --scenario FILE or --record NAME too."
+        cure = "Give --scenario FILE instead of --record." if of_records else "Give --scenario FILE or --record NAME too."
         words = f"{', '.join(given)} {'is' if len(given) == 1 else 'are'} not for {what}. {cure}"
         raise ScenarioError(words, "command line", code="command.not-understood")
     content = read_campaign(campaign).content
