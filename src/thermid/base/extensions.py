@@ -121,7 +121,8 @@ _ADVICE: Final = {
     ("plan", "deck"): " Run `thermid plan` on it.",
     ("scenario", "deck"): " Give the deck, and this file with --scenario.",
     ("campaign", "deck"): " Give a deck named under 'model' of its stages.",
-    ("deck", "campaign"): " A campaign has records and stages, and names the deck of each stage under 'model'.",
+    ("deck", "campaign"): " A campaign has records and stages, and names the deck of each stage under 'model'. "
+    "`thermid predict DECK --values FILE --scenario FILE` predicts with a deck alone.",
     ("deck", "scenario"): " A scenario has boundaries, loads, start and duration.",
     ("deck", "plan"): " A plan names its deck under [model], beside objectives, limits and tests.",
     ("deck", "hold"): " A hold question names its deck under 'model'.",

@@ -18,7 +18,7 @@ from thermid.base.arguments import takes_objects
 from thermid.base.errors import IdentificationError, NameNotFoundError, nearest, quoted
 from thermid.base.expression import seconds
 from thermid.base.files import FileKinds, replacing
-from thermid.base.linear_algebra import Array
+from thermid.base.linear_algebra import Array, Bools
 from thermid.base.results import PlottedTrace, Result, Row
 from thermid.fit.calibration import Calibration
 from thermid.fit.error_model import BandCause, NormalMixture
@@ -41,7 +41,7 @@ from thermid.prediction._budget import (
     in_order,
 )
 from thermid.prediction._known import Knowledge, Rows
-from thermid.prediction._setting import Drawn, Linear, Setting
+from thermid.prediction._setting import PROBE_MEMBERS, Drawn, Linear, Setting
 from thermid.simulation.runs import Scenario, Solution, simulate
 from thermid.simulation.solver import Options
 from thermid.values.store import LeftOut, Normal, Source, State
@@ -74,8 +74,6 @@ NARROWS = {
     GAS_IN_JOINTS: "a record at low pressure, a gap in the deck, or gas = 'none' where a pad or grease fills the joint",
 }
 """Cause -> what would narrow a band that comes from it."""
-PROBE_MEMBERS = 32
-"""Members that tell whether derivatives do, in pairs of opposite numbers."""
 DRAWN_MEMBERS = 2000
 """Members drawn where derivatives do not do."""
 MAX_MEAN_MISS, MAX_WIDTH_MISS = 0.1, 0.1
@@ -88,6 +86,8 @@ QUANTILE_DRAWS = 4096
 """Draws of a straight model that give the quantiles of its laws."""
 BENT = "nonlinearity of the model"
 """Cause: the mean of a curved answer, or of laws that are not normal, is not the answer at the mean."""
+SWITCHING = "switching times"
+"""Cause: members switch at other times than the run with the best values, so their mean is no course of one of them."""
 Given = Mapping[str, Any] | Spread
 
 
@@ -112,6 +112,13 @@ class Estimate:
     def __str__(self) -> str:
         """Return it with its error."""
         return f"{self.celsius:.2f} +- {short(self.error)} degC ({self.low:.2f} .. {self.high:.2f})"
+
+
+def parted(parts: Mapping[str, Array], variance: Array) -> dict[str, Array]:
+    """Return cause -> its part of a variance (times,), in proportion to `parts`; zeros where these are zero. [K^2]"""
+    whole = np.sum([np.zeros(variance.size), *parts.values()], axis=0)
+    grown = np.divide(variance, whole, out=np.zeros(variance.size), where=whole > 0.0)
+    return {c: v * grown for c, v in parts.items()}
 
 
 @dataclass(frozen=True, eq=False)
@@ -167,6 +174,16 @@ class Band(Result):
         return self.simulated + self.shift if self.members is None else np.asarray(self.members.mean(axis=1))
 
     @property
+    def switches(self) -> bool:
+        """Whether members switch at different times, so that each has extremes of its own."""
+        return self.members is not None and SWITCHING in self.shifts
+
+    @property
+    def parted(self) -> Band:
+        """The band with the variance of its members parted as that by derivatives."""
+        return replace(self, parts=parted(self.parts, self.error**2))
+
+    @property
     def celsius(self) -> Array:
         """Expected temperatures (times,). [degC]"""
         return self.kelvin - ICE_POINT
@@ -195,6 +212,18 @@ class Band(Result):
         """Half the width (times,) of the band that holds the truth in 95 of 100 cases. [K]"""
         low, high = self.interval()
         return np.asarray(0.5 * (high - low))
+
+    def extreme(self, sign: float, during: Bools | slice = slice(None)) -> tuple[float, float]:
+        """Return the highest (sign 1) or lowest (-1) expected temperature of the run, and the end of the band that lies furthest. [K]
+
+        Of members each has an extreme of its own, which no quantile at an instant shows where they switch at different times. `during`
+        chooses times.
+        """
+        if self.members is None or not self.switches:
+            end = self.interval()[int(sign > 0.0)][during]
+            return sign * float((sign * self.kelvin[during]).max()), sign * float((sign * end).max()) + ICE_POINT
+        furthest = replace(self, members=sign * (sign * self.members[during]).max(axis=0)[None, :])
+        return float(furthest.kelvin[0]), float(furthest.interval()[int(sign > 0.0)][0]) + ICE_POINT
 
     def at(self, time: float) -> Estimate:
         """Return the temperature at a time within the run, straight lines between stored times. [s]"""
@@ -367,11 +396,11 @@ def centre_words(moved: Mapping[str, Mapping[str, Array]], times: Array) -> str:
         return ""
     k = int(np.abs(apart[node]).argmax())
     named = sorted(((c, float(v[k])) for c, v in moved[node].items()), key=lambda item: -abs(item[1]))
-    why = ", ".join(f"{c} {v:+.2g} K" for c, v in named if abs(v) >= NAMED_SHARE * NEGLIGIBLE_HALF_WIDTH)
+    why = ", ".join(f"{c} ({'+' if v > 0.0 else ''}{short(v)} K)" for c, v in named if abs(v) >= NAMED_SHARE * NEGLIGIBLE_HALF_WIDTH)
     return (
-        f"report the bands and their middles: at {duration_text(float(times[k]))} the middle for '{node}' is {abs(apart[node][k]):.2g} K "
-        f"{'above' if apart[node][k] > 0.0 else 'below'} the run with the fitted values, which simulate and verdicts show "
-        f"({why}); other nodes differ less"
+        f"at {duration_text(float(times[k]))} the band of '{node}' is centred {short(abs(float(apart[node][k])))} K "
+        f"{'above' if apart[node][k] > 0.0 else 'below'} the run with the fitted values, because of {why}; simulate and verdicts show that "
+        "run. Report the centre of the band with its ends; other nodes differ less"
     )
 
 
@@ -524,17 +553,16 @@ def _mixture(bands: Sequence[Band], weights: Array) -> Band:
     parts: dict[str, Array] = {}
     shifts: dict[str, Array] = {}
     for b, w in zip(bands, weights, strict=True):
-        whole = np.sum([np.zeros(b.times.size), *b.parts.values()], axis=0)
-        # of drawn members the variance is their own, parted as that by derivatives
-        grown = np.where(whole > 0.0, b.error**2 / np.where(whole > 0.0, whole, 1.0), 0.0)
-        for cause, v in b.parts.items():
-            parts[cause] = parts.get(cause, np.zeros(b.times.size)) + w * v * grown
+        for cause, v in b.parted.parts.items():
+            parts[cause] = parts.get(cause, np.zeros(b.times.size)) + w * v
         for cause, v in b.shifts.items():
             shifts[cause] = shifts.get(cause, np.zeros(b.times.size)) + w * v
     if len(bands) > 1:
         parts[DEFECTS] = weights @ (kelvin - mean) ** 2
     simulated = weights @ np.array([b.simulated for b in bands])
-    return Band(bands[0].path, bands[0].times, simulated, mean - simulated, parts, shifts=shifts)
+    drawn = [b.members[:, : round(w * b.members.shape[1])] for b, w in zip(bands, weights, strict=True) if b.members is not None]
+    members = np.concatenate(drawn, axis=1) if all(b.switches for b in bands) else None
+    return Band(bands[0].path, bands[0].times, simulated, mean - simulated, parts, members, shifts)
 
 
 def _mixed(several: Sequence[Estimate], weights: Array) -> Estimate:
@@ -574,6 +602,8 @@ def predicted(
         parts, shifts, centre, mixture = mixed_answer(ways, n, best[n].kelvin)
         now, moved = ({c: v[:-1] for c, v in several.items()} for several in (parts, shifts))
         members_of_node, end = members.get(n, (None, None))
+        if members_of_node is not None and first.setting.switches:
+            moved = {SWITCHING: members_of_node.mean(axis=1) - best[n].kelvin}
         bands[n] = Band(n, times, best[n].kelvin, centre[:-1] - best[n].kelvin, now, members_of_node, moved, taken(mixture, slice(0, -1)))
         if all(n in w.linear.settled for w in ways):
             last = {c: v[-1:] for c, v in parts.items()}
@@ -590,6 +620,7 @@ def predicted(
     omitted, least = _left_out(budget, bands)
     widest = max((b.final for b in bands.values()), key=lambda e: e.error, default=None)
     words = meaning(widest.shares if widest is not None else {}, budget)
+    bands = {n: b.parted for n, b in bands.items()} if first.setting.switches else bands
     return Prediction(budget.model.title, budget.scenario.title, times, bands, rest, words, warnings, find, budget.standing, omitted, least)
 
 
@@ -778,6 +809,8 @@ def missed(setting: Setting, linear: Linear) -> Missed:
     size = {n: s for n, s in size.items() if s.max(initial=0.0) > NEGLIGIBLE_HALF_WIDTH}
     if not size:
         return Missed()
+    if setting.switches:
+        return Missed("temperatures switch parts of this run, and no straight line follows that", True)
     shape = budget.drawn(budget.numbers(0, 0, QUANTILE_DRAWS))
     half = budget.numbers(1, 0, PROBE_MEMBERS // 2)
     probe = budget.drawn(np.hstack([half, 1.0 - half]))

@@ -7,7 +7,7 @@ followed of that, the constant error of the sensor, and the noise of one reading
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cache
 from itertools import pairwise
 from statistics import NormalDist
@@ -36,6 +36,8 @@ from thermid.measure.records import Record
 from thermid.model.elements import UNJUDGED, Constant, Standing, TableSignal, literal
 from thermid.prediction._budget import AVERAGED, Budget, budget_of, first_line, in_order
 from thermid.prediction._known import Knowledge, rows_of
+from thermid.prediction._predict import parted, predicted
+from thermid.prediction._setting import Setting
 from thermid.simulation.runs import Scenario
 from thermid.values.store import LeftOut, error_table_of
 
@@ -333,6 +335,7 @@ def record_bands(calibration: Calibration, shown: Calibration, without: Sequence
     used = np.flatnonzero(below.gain.any(axis=0))
     named = ((n, t, row[used]) for t, row in zip(below.targets, below.gain, strict=True) for n in (t.name, *t.also))
     bands = _banded(calibration, shown, local, laws, {n: BesideRow(row, t.form == "log") for n, t, row in named if row.any()}, without)
+    bands = _switched(bands, budget) if e.network.switches else bands
     listed = (
         [LeftOut(f"the temperature of {', '.join(open_)}, which is assumed: no fit shows how it differs between runs")] if open_ else []
     )
@@ -340,6 +343,23 @@ def record_bands(calibration: Calibration, shown: Calibration, without: Sequence
     locally = tuple(dict.fromkeys(i.name for i in shown.local))
     remarks = (*budget.remarks, *_follow_commands(bands, e.scenario))
     return RecordPrediction(calibration.stage, e.record.name, bands, locally, remarks, omitted, calibration.standing)
+
+
+def _switched(bands: dict[str, SensorBand], budget: Budget) -> dict[str, SensorBand]:
+    """Return the bands of readings of a run that temperatures switch: mean and variance of members; as they are where nothing switches.
+
+    What the run's own room and start follow is then not taken off.
+    """
+    times = np.unique(np.concatenate([b.times for b in bands.values()]))
+    if not Setting.of_budget(budget.weighted_ways[0][1], times=times).switches:
+        return bands
+    by_node, out = predicted(budget, [b.node for b in bands.values()], times=times), {}
+    for name, b in bands.items():
+        of_node = by_node[b.node]
+        moved, variance = (np.interp(b.times, times, v) for v in (of_node.kelvin - of_node.simulated, of_node.error**2))
+        parts = parted({c: v for c, v in b.parts.items() if c != READING}, variance) | {READING: b.parts[READING]}
+        out[name] = replace(b, predicted=b.predicted - b.shift + moved, parts=parts, shift=moved)
+    return out
 
 
 def _banded(

@@ -23,6 +23,8 @@ from thermid.values.store import Shifted, deviated
 
 MAX_EFFECT_LEFT = 0.3
 """Part of the effect of an assumed value alone that is left with the fit solved again, below which the fit has taken it back. [-]"""
+PROBE_MEMBERS = 32
+"""Members that tell whether derivatives do, in pairs of opposite numbers, and whether anything switches."""
 VALUE_FORMS = ("add", "log", "factor")
 """Forms of targets that are values."""
 
@@ -121,6 +123,20 @@ class Setting:
         wide = Wiring(*with_heats(network, conditions, heats.values()), (*ready.free, *(s for names in scales.values() for s in names)))
         return cls(budget, ready, carriers, at, replace(ready, wiring=wide, engine=Engine(wide)), sizes)
 
+    @cached_property
+    def switches(self) -> bool:
+        """Whether temperatures switch anything, in the run with the best values or in one of `PROBE_MEMBERS`.
+
+        What such a run is at an instant follows its switching times: the derivative grows from cycle to cycle, while members stay where the
+        hysteresis holds them.
+        """
+        if not self.ready.wiring.network.switches:
+            return False
+        sources = self.budget.drawn(self.budget.numbers(1, 0, PROBE_MEMBERS))
+        values = self._values_in_runs(sources)
+        members = ({n: float(x[k]) for n, x in values.items()} for k in range(PROBE_MEMBERS if values else 0))
+        return bool(self._run._run.answer.switched) or any(self.full.run(self.full.with_units(x))._run.answer.switched for x in members)
+
     @property
     def _derivative_point(self) -> dict[str, Any]:
         """Free name -> value [SI] where the derivatives are taken: departures at zero, others at their means."""
@@ -152,13 +168,14 @@ class Setting:
     def cancelled(self, linear: Linear) -> Bools:
         """Return which sources (sources,) are values whose effect the values of a fit take back, solved again for each, in this scenario.
 
+        None where anything switches: there no straight line holds.
         Both effects are large and of opposite sign, and fitted values are known to follow along a straight line only: what members differ
         from the straight model by is then the error of that line. Such a source leaves less than `MAX_EFFECT_LEFT` of its effect alone.
         """
         budget = self.budget
         is_own_source = np.array([[s.name in (t.name, *t.also) for s in budget.sources] for t in budget.targets], dtype=bool)
         is_own_source = is_own_source.reshape(len(budget.targets), len(budget.sources))
-        many: Bools = is_own_source.any(axis=0) & (np.where(is_own_source, 0.0, budget.gain) != 0.0).any(axis=0)
+        many: Bools = is_own_source.any(axis=0) & (np.where(is_own_source, 0.0, budget.gain) != 0.0).any(axis=0) & (not self.switches)
         if not many.any() or not self.full.free:
             return many
         chain = self._chain(np.where(is_own_source, budget.gain, 0.0))
@@ -222,20 +239,30 @@ class Setting:
         named = dict(zip(self.budget.sources, sources, strict=True))
         out |= {s.name: row for s, row in named.items() if s.kind in ("misfit", "variant")}
         # of a departure how much heat it moves at the mean operating point
-        moved = combined(self.budget.gain, sources)
-        alone = {t: row for t, row in zip(self.budget.targets, moved, strict=True) if t.form == "heat" and t in self.sizes}
+        alone = self._departures(sources)
         of = {t: t.name.rpartition(" of ")[2] if " of " in t.name else t.name for t in alone}
         return out | {
             e: np.sum([self.sizes[t] * row for t, row in alone.items() if of[t] == e], axis=0) for e in dict.fromkeys(of.values())
         }
 
+    def _values_in_runs(self, sources: Array) -> dict[str, Array]:
+        """Return free name -> value of every member (members,), departures among them as sizes of the loads of `full`. [SI]"""
+        return self.values(sources) | {n: self.sizes[t] * x for t, x in self._departures(sources).items() for n in self.carriers[t]}
+
+    def _departures(self, sources: Array) -> dict[Target, Array]:
+        """Return target of a departure -> how many of its units every member has (members,), of those that act here. [-]"""
+        moved = combined(self.budget.gain, sources)
+        return {t: row for t, row in zip(self.budget.targets, moved, strict=True) if t.form == "heat" and t in self.sizes}
+
     def temperatures(self, sources: Array, nodes: Sequence[str], threads: int = 1, extremes: bool = True) -> Drawn:
         """Return the temperatures of nodes at values (sources, members) of the sources, and the runs behind them.
 
-        Without `extremes` members are not followed between the stored times, which costs less.
+        Without `extremes` members are not followed between the stored times, which costs less. Departures are added to the run by its
+        derivatives; where anything switches, their heat is put into the run of every member, so that it moves switching times alone.
         """
-        ready = self.ready if extremes else replace(self.ready, options=replace(self.ready.options, extremes=False))
-        values, members = self.values(sources), sources.shape[1]
+        ready = self.full if self.switches else self.ready
+        ready = ready if extremes else replace(ready, options=replace(ready.options, extremes=False))
+        values, members = self._values_in_runs(sources) if self.switches else self.values(sources), sources.shape[1]
         many: Ensemble | None = None
         temperatures: dict[str, Array] = {}
         turnings: dict[str, MemberTurnings] = {}
@@ -255,7 +282,7 @@ class Setting:
                 if trace.turnings is not None:
                     turnings[n] = MemberTurnings.alike(trace.turnings, np.zeros(members))
         after = {n: combined(self._added_after_run(n)[None, :], sources) for n in nodes}
-        if self.sizes:
+        if self.sizes and not self.switches:
             chain = self._chain(forms=("heat",))
             after |= {n: combined(self._run.slopes(n) @ chain, sources) + after[n] for n in nodes}
         kelvin = {n: traces + after[n] for n, traces in temperatures.items()}

@@ -225,10 +225,11 @@ def estimate(
     its bands. Exit code 1 if the search did not converge.
     """
     conditions = load_scenario(scenario) if scenario is not None else None
+    drivers = pairs(noise, "--noise")
     result = staged(campaign, data, results, stage=stage)
     request = result.requests[result[stage].stage if stage else list(result)[-1]]
     with working(f"process noise of stage '{request.name}'"):
-        estimation = estimated(replace(request, fit_start=False), pairs(noise, "--noise"), {}, with_unit(horizon, "s"))
+        estimation = estimated(replace(request, fit_start=False), drivers, {}, with_unit(horizon, "s"))
     content, lines = estimation.as_object(), [str(estimation)]
     if conditions is not None:
         runs = {e.name: estimation.predict(conditions, by=e.name) for e in (estimation.chosen, estimation.process, estimation.output)}
@@ -324,7 +325,8 @@ def swap(
         to.mkdir(parents=True, exist_ok=True)  # a name that is no folder's is refused before minutes of work
     logs = new_logs(campaign, new_data) if new_data is not None else None
     check_replacement(campaign, part, deck)
-    plan = plan_retune(staged(campaign, data, results, accept), part, deck, sensors=pairs(sensor_at, "--sensor-at"))
+    sensors = pairs(sensor_at, "--sensor-at")
+    plan = plan_retune(staged(campaign, data, results, accept), part, deck, sensors=sensors)
     content: dict[str, Any] = {"plan": retune_object(plan)}
     texts, standing, code = [str(plan)], plan.standing, 0
     if logs is not None:
@@ -388,25 +390,24 @@ def predict(
         raise ScenarioError(words, "command line", code="value.incomplete")
     conditions = load_scenario(scenario) if scenario is not None else None
     writable((csv, FileKinds.TABLE))
+    spreads, times = _spreads(spread), moments(at, conditions.seconds) if conditions is not None else []
     known: Calibration | Knowledge
     if values is not None:
         known, name = _known_of_file(campaign, values, scenario is not None and not (stage or data or results))
     else:
+        if conditions is None:
+            options = {"--spread": spread, "--at": at, "--draws": draws, "--vacuum": vacuum, "--csv": csv}
+            _refuse_options_of_scenario(campaign, bool(record), options, stage)
         stages = staged(campaign, data, results, accept, stage=stage, records=record)
         name = stage or list(stages)[-1]
-        if conditions is None and not record:
-            options = {"--stage": stage, "--spread": spread, "--at": at, "--draws": draws, "--vacuum": vacuum, "--csv": csv}
-            _predict_named(stages, [word for word, value in options.items() if value], as_json, verbose)
+        if conditions is None:
+            _predict_without_scenario(campaign, data, stages, name, record, as_json, verbose)
             return
         known = stages[name]
-        if conditions is None:
-            _predict_records(campaign, data, known, name, record, as_json, verbose)
-            return
     assert conditions is not None
     with working(f"prediction of '{conditions.title}'"):
-        predicted = prediction.predict(known, conditions.vacuum() if vacuum else conditions, spread=_spreads(spread), draws=draws)
+        predicted = prediction.predict(known, conditions.vacuum() if vacuum else conditions, spread=spreads, draws=draws)
     predicted = replace(predicted, standing=predicted.standing.accept(accept or ()))
-    times = moments(at, conditions.seconds)
     if csv is not None:
         predicted.to_csv(csv)
     lines = [str(predicted), *(f"  at {t:g} s: " + ", ".join(f"{n} {b.at(t)}" for n, b in predicted.bands.items()) for t in times)]
@@ -423,16 +424,27 @@ def _known_of_file(deck: Path, values: Path, alone: bool) -> tuple[Knowledge, st
     return Knowledge.of_file(filled), filled.values.stage
 
 
-def _predict_named(campaign: Campaign, given: Sequence[str], as_json: bool, verbose: bool) -> None:
-    """Print the predictions that a campaign names, the answers first; options that are `given` are not for them."""
+def _refuse_options_of_scenario(campaign: Path, of_records: bool, options: Mapping[str, Any], stage: str) -> None:
+    """Refuse options that need --scenario, for logged runs and for the predictions that a campaign names; and a campaign that names none.
+
+    Nothing is read or fitted for this but the campaign's file.
+    """
+    given = [word for word, value in (options if of_records else {"--stage": stage, **options}).items() if value]
     if given:
-        words = f"{', '.join(given)} {'is' if len(given) == 1 else 'are'} not for the predictions that a campaign names."
-        raise ScenarioError(f"{words} Give --scenario FILE or --record NAME too.", "command line", code="command.not-understood")
+        what = "logged runs" if of_records else "the predictions that a campaign names"
+        cure = "Give --scenario FILE instead of --record." if of_records else "Give --scenario FILE or --record NAME too."
+        words = f"{', '.join(given)} {'is' if len(given) == 1 else 'are'} not for {what}. {cure}"
+        raise ScenarioError(words, "command line", code="command.not-understood")
+    content = read_campaign(campaign).content
+    if not (of_records or content.predictions):
+        words = 'nothing to predict: give --scenario FILE or --record NAME, or write [predictions.hot] with scenario = "hot.toml".'
+        raise ScenarioError(words, content.title, code="command.not-understood")
+
+
+def _predict_named(campaign: Campaign, as_json: bool, verbose: bool) -> None:
+    """Print the predictions that a campaign names, the answers first."""
     with working("predictions of the campaign"):
         predictions, failed = campaign_predictions(campaign)
-    if not (predictions or failed):
-        words = 'nothing to predict: give --scenario FILE or --record NAME, or write [predictions.hot] with scenario = "hot.toml".'
-        raise ScenarioError(words, campaign.title, code="command.not-understood")
     if not predictions:
         raise next(iter(failed.values()))
     heads = ["\n".join(_heads(predictions if len(predictions) > 1 else (), failed))] if failed or len(predictions) > 1 else []
@@ -463,11 +475,17 @@ def _prediction_code(predictions: Sequence[CampaignPrediction], failed: Mapping[
     return code or (1 if any(p.within is False for p in predictions) else 0)
 
 
-def _predict_records(
-    campaign: Path, data: Path | None, fit: Calibration, name: str, patterns: Sequence[str], as_json: bool, verbose: bool
+def _predict_without_scenario(
+    campaign: Path, data: Path | None, stages: Campaign, name: str, patterns: Sequence[str], as_json: bool, verbose: bool
 ) -> None:
-    """Say what a stage predicts of logged runs, each beside its readings; as the verdict on a run takes it, else as the stage does."""
-    source = read_campaign(campaign, data)
+    """Print what a stage predicts of logged runs, each beside its readings; without patterns of these what the campaign names.
+
+    A run is taken as the verdict on it takes it, else as the stage does.
+    """
+    if not patterns:
+        _predict_named(stages, as_json, verbose)
+        return
+    source, fit = read_campaign(campaign, data), stages[name]
     stage = next(s for s in source.content.stages if s.name == name)
     scores = []
     for run in source.pick(patterns, "--record"):

@@ -298,8 +298,7 @@ def _fits(campaign: Path, stage: str, data: Path | None, results: Path | None) -
     if not stage:
         return fitted
     if stage not in fitted:
-        why = "was tuned by hand, so it has no residuals" if stage in done else "is not in this campaign"
-        raise NameNotFoundError(f"stage '{stage}' {why}.{nearest(stage, fitted)}", campaign.name)
+        raise NameNotFoundError(f"stage '{stage}' was tuned by hand, so it has no residuals.{nearest(stage, fitted)}", campaign.name)
     return {stage: fitted[stage]}
 
 

@@ -279,12 +279,11 @@ def _sides(name: str, run: Foresight, one: Limits, k: int, side: str, policy: Po
         index = int(towards.argmax())
         before = run.before.get(one.node, run.before.get(band.path))
         shares = {c: float(v[index] / error[index] ** 2) if error[index] > 0 else 0.0 for c, v in band.parts.items()}
-        figures = (
-            float(band.times[index]),
-            float(band.kelvin[index]),
-            float(error[index]),
-            float(before[index]) if before is not None else np.nan,
-        )
+        expected, size = float(band.kelvin[index]), float(error[index])
+        if band.switches:
+            expected, end = band.extreme(sign, during=inside)
+            size = sign * (end - expected) / HALF_WIDTH_95
+        figures = (float(band.times[index]), expected, size, float(before[index]) if before is not None else np.nan)
         out.append(Margin(one.point, side, state_name, name, *figures, shares, ends[k], one.mark, policy, tested, standing=run.standing))
     return out
 

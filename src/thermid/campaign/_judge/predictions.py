@@ -78,10 +78,8 @@ class CampaignPrediction(Result):
         """Every node with its band and limits, smallest margin first."""
         out = []
         for node, band in self.prediction.bands.items():
-            low, high = band.interval()
-            ends = (float(low.min()) + ICE_POINT, float(high.max()) + ICE_POINT)
-            middle = (float(band.kelvin.min()), float(band.kelvin.max()))
-            out.append(BandMargin(node, ends, middle, self.limits.get(node, (-np.inf, np.inf))))
+            (lowest, low), (highest, high) = (band.extreme(sign) for sign in (-1.0, 1.0))
+            out.append(BandMargin(node, (low, high), (lowest, highest), self.limits.get(node, (-np.inf, np.inf))))
         return tuple(sorted(out, key=lambda m: m.margin))
 
     @property

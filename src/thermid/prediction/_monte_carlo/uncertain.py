@@ -25,7 +25,7 @@ from thermid.physics.constants import ICE_POINT
 from thermid.prediction._budget import AVERAGED, Spread, assumed_left_out, budget_of, check_variants, first_line, in_order
 from thermid.prediction._known import Knowledge, known_of
 from thermid.prediction._monte_carlo.chunks import Chunk, CountTable, Job, Limit, MemberRuns, Progress, chunk_name
-from thermid.prediction._predict import BENT, WayAnswer, centre_words, mixed_answer
+from thermid.prediction._predict import BENT, SWITCHING, WayAnswer, centre_words, mixed_answer
 from thermid.prediction._reduction.macro import assumed
 from thermid.prediction._setting import Setting
 from thermid.simulation.network import compile_network
@@ -290,6 +290,9 @@ class UncertainRuns(Result):
         chosen = job.budget.chosen(sources)
         moved = {}
         for n in self.nodes:
+            if ways[0].setting.switches:
+                moved[n] = {SWITCHING: self._kept_temperatures(n).mean(axis=0) - best[n].kelvin}
+                continue
             _, shifts, _, _ = mixed_answer(ways, n, best[n].kelvin)
             # beside the straight model at the same draws, so that their number does not count
             lines = [w.linear.run[n].kelvin[:, None] + w.linear.columns[n][:-1] @ sources[:, chosen == k] for k, w in enumerate(ways)]

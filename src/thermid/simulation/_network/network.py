@@ -224,6 +224,13 @@ class Network:
         """The controls that something names, in the order of the deck."""
         return self.memo.value("controls", self._named_controls)
 
+    @property
+    def switches(self) -> bool:
+        """Whether a temperature switches anything: a thermostat, a machine of modes, or a melt that cools below its melting point."""
+        thermostats = any(field.startswith("thermostat.") for load in self.flat.loads for field in load.fields)
+        machines = any(self.flat.controls[name].control.kind in ("thermostat", "modes") for name in self.controls)
+        return thermostats or machines or any(store.melt is not None for store in self.stores.values())
+
     def _named_controls(self) -> tuple[str, ...]:
         """Return the controls that an element or a boundary of the scenario names, in the order of the deck."""
         if not self.flat.controls:

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+from thermid.app.cli import summary
 from thermid.values.fitted import load_values
 from unit.app.cli.conftest import Call
 
@@ -66,6 +67,7 @@ class TestCheck:
         said = call("calibrate", accelerometer, "--json")
         assert said.code == 2
         assert said.object["message"].startswith("this is a deck, not a campaign. A campaign has records and stages, and names")
+        assert "DECK --values FILE" in said.object["message"]
         said = call("simulate", campaign, "--json")
         assert said.code == 2
         assert said.object["message"].startswith("this is a campaign, not a deck")
@@ -314,9 +316,15 @@ class TestPredict:
             (("--scenario", "hot.toml", "--spread", "room"), "must be written as NAME=SPREAD"),
             (("--scenario", "hot.toml", "--at", "5 [h]"), "18000 s lies outside the run"),
             (("--scenario", "hot.toml", "--stage", "m_Pr"), "no stage 'm_Pr'"),
+            (("--stage", "pair"), "--stage is not for the"),
+            (("--record", "pair_1", "--vacuum"), "is not for logged runs"),
+            (("--record", "pair_9"), "no record 'pair_9'"),
         ],
     )
-    def test_what_is_missing(self, call: Call, fitted_campaign: Path, tmp_path: Path, more: tuple[str, ...], word: str) -> None:
+    def test_what_is_missing_is_told_before_anything_is_fitted(
+        self, call: Call, fitted_campaign: Path, tmp_path: Path, more: tuple[str, ...], word: str, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        monkeypatch.setattr(summary, "run_stages", None)
         scenario = tmp_path / "hot.toml"
         scenario.write_text('start = "24 [degC]"\nduration = "2 [h]"\n[boundaries]\nroom = "40 [degC]"\n')
         said = call("predict", fitted_campaign, *(str(scenario) if m == "hot.toml" else m for m in more))

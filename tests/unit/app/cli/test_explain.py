@@ -54,7 +54,7 @@ def test_all_stages_and_one_that_is_not_there(fitted_campaign: Path, call: Call)
     assert list(call("criticise", fitted_campaign, "--json").object["stages"]) == ["box", "pair"]
     said = call("criticise", fitted_campaign, "--stage", "boxx")
     assert said.code == 2
-    assert "stage 'boxx' is not in this campaign. Did you mean 'box'?" in said.err
+    assert "no stage 'boxx'. Did you mean 'box'?" in said.err
 
 
 def test_values_are_compared_with_what_is_physical(fitted_campaign: Path, call: Call) -> None:
