@@ -93,15 +93,8 @@ def measurement_update(belief: Belief, reading: ReadingRow) -> tuple[Belief, Arr
     gain = np.einsum("mij,mj->mi", belief.root, spread_of_reading) / variance[:, None]
     share = 1.0 / (1.0 + reading.noise / np.sqrt(variance))
     root = belief.root - share[:, None, None] * gain[:, :, None] * spread_of_reading[:, None, :]
-    did = Gain(gain, variance)
-    mean, error = mean_update(belief.mean, reading, did)
-    return Belief(mean, root), error, did
-
-
-def mean_update(mean: Array, reading: ReadingRow, did: Gain) -> tuple[Array, Array]:
-    """Return the mean x + K (y - H x) (members, states) and the innovation y - H x (members,), the gain K known. [K]"""
-    error = reading.value - np.einsum("mi,mi->m", reading.row, mean)
-    return mean + did.gain * error[:, None], error
+    error = reading.value - np.einsum("mi,mi->m", reading.row, belief.mean)
+    return Belief(belief.mean + gain * error[:, None], root), error, Gain(gain, variance)
 
 
 class FilterStep(NamedTuple):
