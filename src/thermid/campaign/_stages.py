@@ -76,7 +76,10 @@ def mistakes_of(fit: Calibration) -> Mistakes:
 
 
 def next_command(campaign: str, fit: Calibration, mistakes: Mistakes) -> str:
-    """Return the next command to try on a bad fit, after the change that a mistake asks for; empty where a fit is good.
+    """Return the next `thermid` command to try on a bad fit; empty where a fit is good.
+
+    In this order: `check` for stray readings; for a likely mistake `criticise` if it is a load, else `calibrate` again once it is mended;
+    `plausibility` for a value at its bound; else `criticise`.
 
     Parameters
     ----------
@@ -121,7 +124,7 @@ Notice = Callable[[str, int, float], None]
 
 
 def request_of(source: CampaignSource, stage: StageTable, k: int, done: Mapping[str, Calibration], model: Model | None = None) -> Request:
-    """Return what a stage asks, with what it inherits laid under the parent's own [set]; of its deck, or of a model in its place."""
+    """Return the fit request of a stage: its deck, or a model in its place, with inherited values under its own [set]."""
     where = source.where(f"stages.{k}")
     model = source.model(stage.model, where) if model is None else model
     store, moving, remarks = _from_below(model, stage, done, where)
@@ -200,7 +203,7 @@ def with_courses(request: Request, stage: StageTable, where: str) -> Request:
 def _from_below(
     model: Model, stage: StageTable, done: Mapping[str, Calibration], where: str
 ) -> tuple[Store, tuple[str, ...], tuple[str, ...]]:
-    """Return what the stages below know of a model, which of it may move, and remarks."""
+    """Return the values that a model inherits from earlier stages, the paths of those that may move, and remarks."""
     below: list[tuple[str, Store]] = []
     moving: dict[str, None] = {}
     for part, inherit in stage.inherit.items():

@@ -263,9 +263,9 @@ def record_request(
     readings: Mapping[str, Any] | None = None,
     window: float = 0.0,
 ) -> Request:
-    """Return the request that runs a record at the values of a fit, which are held; arguments as in `predict_record`.
+    """Return the request that runs a record with all fitted values fixed; arguments as in `predict_record`.
 
-    No instrument's constant error is taken off beyond what its accuracy allows: what a fit found beyond that are errors of its model.
+    Constant errors of instruments are corrected up to twice the stated accuracy: beyond that they are errors of the model.
     """
     constant_errors = {**calibration.instrument_errors, **calibration.bias}
     widths = {c.name: STATED_WIDTH * c.accuracy for c in record.channels.values() if c.accuracy and c.quantity == "temperature"}

@@ -44,7 +44,7 @@ MIN_POSSIBLE_PROBABILITY = 0.025
 
 @dataclass(frozen=True)
 class SplitSurface:
-    """One coefficient taken apart. Errors are one sigma.
+    """One effective coefficient split into radiation and convection. Errors are one sigma.
 
     Parameters
     ----------
@@ -120,11 +120,11 @@ class Split(Result):
 
 @dataclass(frozen=True)
 class EmissivityPrior:
-    """What is known of an emissivity beforehand, by its logarithm.
+    """Prior of an emissivity, normal in its logarithm.
 
     Parameters
     ----------
-    mean, log_sd : float    [-]
+    mean, log_sd : float    Median of the emissivity, and standard deviation of its logarithm. [-]
     text : str              Where it comes from.
     finish : str            The finish, where it is one.
     """
@@ -137,7 +137,7 @@ class EmissivityPrior:
 
 @dataclass(frozen=True)
 class Part:
-    """A surface with an effective coefficient, and what is known of it.
+    """A surface with an effective coefficient, and the inputs of its split into radiation and convection.
 
     Parameters
     ----------
@@ -167,7 +167,7 @@ class Part:
 
     @property
     def rise(self) -> float:
-        """Surface less gas. [K]"""
+        """Surface temperature less gas temperature. [K]"""
         return self.surface - self.gas
 
     def refusal(self) -> str:
@@ -186,7 +186,7 @@ class Part:
         )
 
     def conflict(self, remainder: float, spread: float) -> str:
-        """Return what a `remainder` +- `spread` for convection that disagrees with the correlation can mean. [W/(m^2 K)]"""
+        """Return the possible causes, in words, of a convective `remainder` +- `spread` [W/(m^2 K)] that disagrees with the correlation."""
         head = (
             f"beside the radiation {remainder:.2g} +- {spread:.2g} W/(m^2 K) remain for convection, but the correlation for a body of this "
             f"area gives {self.expected:.2g}. The correlation was not used. Possible causes:"
@@ -203,7 +203,7 @@ def parts_of(
     conditions: Scenario | Mapping[str, tuple[float, float]],
     priors: Mapping[str, Any],
 ) -> list[Part]:
-    """Return what is known of each surface; arguments as in `split_values`.
+    """Return the inputs of the split of each wanted surface; arguments as in `split_values`.
 
     Raises
     ------
@@ -237,7 +237,16 @@ def parts_of(
 
 
 def _part(network: Network, c: FlatConductor, at: tuple[float, float], fitted: FittedValues, priors: Mapping[str, Any]) -> Part:
-    """Return what is known of one surface."""
+    """Return the inputs of the split of one surface: fitted coefficient, emissivity prior, black radiation, correlation and floor.
+
+    Parameters
+    ----------
+    at : (float, float)   Temperatures of surface and gas where the coefficient was fitted. [K]
+
+    Raises
+    ------
+    IdentificationError   When surface and gas differ by no more than `MIN_RISE`.
+    """
     values = network.numbers().values
     hot, cold = at
     if not abs(hot - cold) > MIN_RISE:
@@ -284,7 +293,7 @@ def _emissivity_path(network: Network, c: FlatConductor, fitted: FittedValues) -
 
 
 def _prior(network: Network, c: FlatConductor, priors: Mapping[str, Any]) -> EmissivityPrior:
-    """Return what is known of an emissivity: what the caller says, else the finish, else the bounds in the deck."""
+    """Return the prior of an emissivity: from the caller, else from the finish, else from the bounds in the deck."""
     parameters = network.flat.parameters
     root = parameters.literal_behind(c.emissivity)
     parameter = parameters.table[root].parameter

@@ -170,7 +170,14 @@ class Overhead:
 
 
 def _radiation(weather: Weather, site: Site, begin: Any, times: Array, zenith: Array) -> tuple[Array, Array, Array]:
-    """Return beam, diffuse and global (samples,) from what the weather has of them. [W/m^2]"""
+    """Return direct normal, diffuse and global irradiance (samples,) from any two, or from global alone. [W/m^2]
+
+    global = direct cos(zenith) + diffuse. From global alone by Erbs' model (pvlib). `zenith` in degrees.
+
+    Raises
+    ------
+    ScenarioError   When the weather has neither global nor both direct and diffuse, or sun at night.
+    """
     _check_night(weather, site, begin, float(times[-1]))
     have = {
         k: TableSignal(*weather[k]).within(times, f"{weather.name}, {k}") for k in ("direct_normal", "diffuse", "global") if k in weather

@@ -174,7 +174,7 @@ class _Surfaces:
 
 
 def _surfaces(solution: Solution, parts: Sequence[FlatConductor]) -> _Surfaces:
-    """Return temperature, area and film of every surface over a run (surfaces, times), for what water settles there."""
+    """Return area, temperature, mass transfer coefficient and saturated vapour density of every surface over a run."""
     run = solution._run
     values = {p: value_of(v) for p, v in run.assembled.numbers.values.items()}
     shape = (len(parts), solution.times.size)
@@ -189,7 +189,10 @@ def _surfaces(solution: Solution, parts: Sequence[FlatConductor]) -> _Surfaces:
 
 
 def _speed(conductance: Array, skin: Array, air: Array, area: float, emissivity: float, pressure: Array) -> Array:
-    """Return the mass transfer coefficient (times,) of a surface from its conductance to the gas, none where there is no gas. [m/s]"""
+    """Return the mass transfer coefficient (times,) of a surface, zero where there is no gas. [m/s]
+
+    From h = G / A - 4 e sigma T_m^3, T_m the mean of `skin` and `air` [K], by the analogy of heat and mass transfer.
+    """
     if area <= 0.0:
         return np.zeros(skin.size)
     mean = 0.5 * (skin + air)
@@ -199,7 +202,10 @@ def _speed(conductance: Array, skin: Array, air: Array, area: float, emissivity:
 
 
 def follow(solution: Solution, parts: Sequence[FlatConductor], open_air: Mapping[str, Signal], volumes: Mapping[str, Volume]) -> Followed:
-    """Return what vapour does along a run: all volumes and their films together, films never below nothing.
+    """Return dew points, films, latent heat and water balance along a run, films never below zero.
+
+    Beside a gas of known humidity a film is integrated in closed form (`_film_in_known_gas`); volumes with vapour of their own are solved
+    together with the films on their walls (`_System`).
 
     Parameters
     ----------
@@ -231,7 +237,7 @@ def follow(solution: Solution, parts: Sequence[FlatConductor], open_air: Mapping
     at = np.array([order.index(c.gas) for c in parts], dtype=int)
     film, mean, moved = np.zeros(surfaces.skin.shape), np.zeros((len(parts), times.size - 1)), np.zeros((2, len(parts)))
     outdoors = at < len(open_air)
-    film[outdoors], mean[outdoors], moved[:, outdoors] = _open(times, held[at[outdoors]], surfaces, outdoors)
+    film[outdoors], mean[outdoors], moved[:, outdoors] = _film_in_known_gas(times, held[at[outdoors]], surfaces, outdoors)
     exchanged = np.zeros(2)
     if volumes:
         system = _System.of_volumes(solution, order, volumes, surfaces, at, held)
@@ -256,11 +262,20 @@ def _rates(times: Array, film: Array, mean: Array) -> Array:
     return np.asarray(2.0 * np.diff(beside, axis=1) / np.concatenate(([dt[0]], dt[1:] + dt[:-1], [dt[-1]])))
 
 
-def _open(times: Array, held: Array, s: _Surfaces, which: Bools) -> tuple[Array, Array, Array]:
-    """Return films, their means over each interval, and what settled and dried, beside gases of known humidity. [kg/m^2]
+def _film_in_known_gas(times: Array, held: Array, s: _Surfaces, which: Bools) -> tuple[Array, Array, Array]:
+    """Return films on the surfaces `which` beside gases of known humidity. [kg/m^2]
 
-    A film that never falls below nothing is the sum of what came, less the lowest that this sum would have reached below nothing. Speed
-    and driving density are straight between outputs, so the sum is a cubic there whose turns lie where the density changes sign.
+    With S(t) the integral of v (c - w) without a limit, the film is S - min(0, lowest S so far). The speed v and the driving density c - w
+    are linear between outputs, so S is cubic there; it is evaluated at `FILM_PIECES` points per interval and where c - w changes sign.
+
+    Parameters
+    ----------
+    times : array (times,)            [s]
+    held : array (surfaces, times)    Vapour density c of the gas beside each surface. [kg/m^3]
+
+    Returns
+    -------
+    film : array (surfaces, times), its means : array (surfaces, times - 1), totals that settled and dried : array (2, surfaces)
     """
     speed, drive, dt = s.speed[which], held - s.settled[which], np.diff(times)
     knots = np.concatenate(([0.0], np.linspace(0.0, 1.0, FILM_PIECES + 1)[1:]))
@@ -318,7 +333,7 @@ class _System:
 
     @cached_property
     def tripled(self) -> Array:
-        """Sizes of the volumes, once for each stage. [m^3]"""
+        """Sizes of the volumes, repeated for each of the 3 Radau stages (3 volumes,). [m^3]"""
         return np.tile(self.size, 3)
 
     @classmethod
@@ -382,16 +397,16 @@ class _Interval:
         return float(self.system.times[self.i + 1] - self.system.times[self.i])
 
     def _at(self, values: Array, share: Array) -> Array:
-        """Return values (rows, shares) of a quantity at shares of the interval."""
+        """Return values (rows, shares) of a quantity (rows, times), linear between its outputs, at shares 0 to 1 of the interval."""
         return np.asarray(values[:, self.i, None] * (1.0 - share) + values[:, self.i + 1, None] * share)
 
     def gain(self, state: _Water, share: float) -> Array:
-        """Return what walls would take (surfaces,), were they wet. [kg/(m^2 s)]"""
+        """Return the mass flux v (c - w) to walls (surfaces,) as if all were wet; `share` is 0 to 1 of the interval. [kg/(m^2 s)]"""
         s, at = self.system, np.array([share])
         return np.asarray(self._at(s.speed, at)[:, 0] * (state.vapour[s.at] - self._at(s.wall, at)[:, 0]))
 
     def step(self, state: _Water, share: float, width: float, wet: Bools) -> _Water:
-        """Return the state after a step of a share of the interval, with these walls wet."""
+        """Return the state after one Radau step from `share` over `width`, both parts of the interval, with the walls in `wet` wet."""
         s, n, h = self.system, self.system.size.size, width * self.span
         at = share + width * RADAU_C
         speed, wall, known_density = self._at(s.speed, at) * wet[:, None], self._at(s.wall, at), self._at(s.known, at)
@@ -424,7 +439,7 @@ class _Interval:
                 continue
             crossed = self._crossed(after, share + width, wet) | self._crossed(middle, share + 0.5 * width, wet)
             if crossed.any() and width > SHORTEST_STEP:
-                width = self._until(state, share, width, wet, middle)
+                width = self._width_to_switch(state, share, width, wet, middle)
                 after, middle, error = self._doubled(state, share, width, wet)
             yield state, after, width, middle
             state, share = after, share + width
@@ -434,7 +449,7 @@ class _Interval:
             width = max(width, SHORTEST_STEP)
 
     def _doubled(self, state: _Water, share: float, width: float, wet: Bools) -> tuple[_Water, _Water, float]:
-        """Return the state after two half steps, that between them, and their distance from one step over what is allowed."""
+        """Return the state after two half steps, the state between them, and their distance from one whole step over the tolerance [-]."""
         whole = self.step(state, share, width, wet)
         middle = self.step(state, share, 0.5 * width, wet)
         after = self.step(middle, share + 0.5 * width, 0.5 * width, wet)
@@ -445,28 +460,28 @@ class _Interval:
         ]
         return after, middle, float(np.concatenate(off).max(initial=0.0))
 
-    def _guards(self, state: _Water, share: float, wet: Bools) -> Array:
-        """Return what stays above zero while the same walls are wet: their films, and of dry ones what they would lose. (surfaces,)"""
+    def _event_functions(self, state: _Water, share: float, wet: Bools) -> Array:
+        """Return event functions (surfaces,), positive while `wet` holds: film / scale of a wet wall, -gain / scale of a dry one."""
         return np.where(wet, state.film / self.scale, -self.gain(state, share) / self.scale)
 
     def _crossed(self, state: _Water, share: float, wet: Bools) -> Bools:
-        """Return which guards have switched: film gone, or vapour saturated (surfaces,)."""
-        return np.asarray(self._guards(state, share, wet) < -NOTHING)
+        """Return which event functions are negative (surfaces,): the film is gone, or vapour condenses on a dry wall."""
+        return np.asarray(self._event_functions(state, share, wet) < -NOTHING)
 
     def _turned(self, state: _Water, share: float, wet: Bools) -> Bools:
-        """Return which walls have just dried or just passed the dew point."""
+        """Return which walls (surfaces,) change state here: a wet one without film that dries, or a dry one at the dew point."""
         gain = self.gain(state, share)
         return np.asarray(np.where(wet, (state.film <= NOTHING * self.scale) & (gain < 0.0), gain > -NOTHING * self.scale))
 
-    def _until(self, state: _Water, share: float, width: float, wet: Bools, middle: _Water) -> float:
-        """Return the share at whose end the first wall dries or passes the dew point, by bisection and the secant."""
+    def _width_to_switch(self, state: _Water, share: float, width: float, wet: Bools, middle: _Water) -> float:
+        """Return the width of the step, in parts of the interval, until the first wall dries or passes the dew point; Brent's method."""
         from scipy.optimize import brentq
 
         high = 0.5 * width if self._crossed(middle, share + 0.5 * width, wet).any() else width
 
         def lowest(part: float) -> float:
-            """Return the lowest guard after a step of a share."""
-            return float(self._guards(self.step(state, share, part, wet), share + part, wet).min())
+            """Return the lowest event function after a step of width `part`."""
+            return float(self._event_functions(self.step(state, share, part, wet), share + part, wet).min())
 
         if lowest(SHORTEST_STEP) <= 0.0:
             return SHORTEST_STEP

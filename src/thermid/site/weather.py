@@ -292,7 +292,12 @@ def read_weather(
 
 
 def _bridged(columns: Columns, name: str, values: FloatArray, longest: float, file: str, filled: list[str]) -> WeatherSeries:
-    """Return the valid samples of a column, after its holes have been looked at."""
+    """Return the finite samples of a column; each gap up to `longest` [s] adds a remark to `filled`.
+
+    Raises
+    ------
+    RecordError   When samples are missing at an end, or a gap is longer than `longest`.
+    """
     valid = np.isfinite(values)
     times = columns.times[valid]
     edges: Sequence[tuple[float, float]] = [(float(columns.times[0]), float(times[0])), (float(times[-1]), float(columns.times[-1]))]

@@ -752,7 +752,9 @@ def _columns_of(name: str, binding: Any) -> set[str]:
 def _with_uses(
     columns: Sequence[Mapping[str, Any]], supplies: Mapping[str, Sequence[str]], channels: Mapping[str, Any]
 ) -> list[dict[str, Any]]:
-    """Return the columns of a log, each with the channels that use it; a power of several columns is a row of its own, bound or not.
+    """Return the columns of a log as rows, each with the channels that use it, then a row per power computed from several columns.
+
+    `supplies` is name -> its columns of volts and amperes; a pair that no channel uses yet is proposed as such a power.
 
     A channel has the name of its column, or its heading as written; `key` is the one in use.
     """

@@ -416,7 +416,12 @@ class Project:
         return self._levels[1]
 
     def _request(self, name: str) -> Request:
-        """Return what a stage asks, with what the stages below found; kept until the files change."""
+        """Return the fit request of a stage, with the values of the stages that it inherits from; kept until the files change.
+
+        Raises
+        ------
+        DeckError   When one of these stages has not been run, or failed.
+        """
         assert self.source is not None
         if name not in self._requests:
             k = self.stages.index(self.checked_stage(name))

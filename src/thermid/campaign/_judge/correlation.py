@@ -390,7 +390,12 @@ def _named(criteria: str | Criteria) -> Criteria:
 
 
 def _deviation(o: Overlay, kind: str, window: Window, weight: float, reason: str) -> Deviation:
-    """Return the deviation, prediction less reading, of a sensor in a window of time [s]; a window that holds no reading is refused."""
+    """Return the deviation, prediction less reading, of a sensor in a window of time [s].
+
+    Raises
+    ------
+    IdentificationError   When the window holds no reading, or the readings leave a part of a steady window uncovered without a `reason`.
+    """
     inside = _inside(o, window)
     if not inside.any():
         raise IdentificationError(

@@ -111,7 +111,7 @@ class Discrepancy(Result):
 
     @classmethod
     def from_dict(cls, data: Mapping[str, Any]) -> Discrepancy:
-        """Return what `to_dict` gave."""
+        """Return the discrepancy that `to_dict` wrote."""
         return cls(
             {p: OperatingPoint(float(d), float(t)) for p, (d, t) in data["conditions"].items()},
             tuple(str(n) for n in data["names"]),
@@ -122,7 +122,7 @@ class Discrepancy(Result):
         )
 
     def __str__(self) -> str:
-        """Return where each coefficient was found."""
+        """Return a line per coefficient: the temperature difference and level at which it was fitted."""
         return "\n".join(f"{p}: found at a difference of {c}" for p, c in self.conditions.items())
 
 
@@ -135,7 +135,7 @@ class AssumedMoves:
     moved : dict    Assumed value -> what every unknown (unknowns,) would move by for one more of its SI unit; fitted form.
     said : dict     Assumed value -> variance that the readings leave it with all else open, and how far away they ask it to be. [SI]
     ranges : tuple  Source of each stated range, and what every unknown (unknowns,) moves by for one of its standard deviations.
-    better : tuple  In words, fixed values that the readings know better than their stated range does.
+    better : tuple  In words, fixed values that the readings determine with a smaller error than their stated range.
     """
 
     moved: Mapping[str, Array] = field(default_factory=dict)
@@ -145,7 +145,7 @@ class AssumedMoves:
 
     @property
     def remarks(self) -> tuple[str, ...]:
-        """One remark on the fixed values that the readings know better; empty where there is none."""
+        """One remark on fixed values that the readings determine better than their stated spread; empty where there is none."""
         if not self.better:
             return ()
         more = f"; {counted(len(self.better) - MAX_BETTER_SHOWN, 'more value')}" if len(self.better) > MAX_BETTER_SHOWN else ""
@@ -157,7 +157,7 @@ class AssumedMoves:
 
 @takes_objects
 def discrepancy(fit: Calibration) -> Discrepancy:
-    """Return what a fit leaves open of surfaces, joints and assumed values.
+    """Return the model discrepancy of a fit: operating points of coefficients, unseparated joints, effect of assumed values.
 
     Raises
     ------
@@ -172,12 +172,12 @@ def discrepancy(fit: Calibration) -> Discrepancy:
 
 
 def discrepancy_kept(values: FittedValues) -> Discrepancy | None:
-    """Return what fitted values keep of what their fit left open; None where they are of a file of before."""
+    """Return the model discrepancy stored with fitted values; None where an older file has none."""
     return kept_in(values.provenance)
 
 
 def kept_in(provenance: Mapping[str, Any]) -> Discrepancy | None:
-    """Return what the provenance of a stage keeps; None where it is of a file of before."""
+    """Return the model discrepancy stored in the provenance of a stage; None where an older file has none."""
     table = provenance.get(KEY)
     return Discrepancy.from_dict(table) if table is not None else None
 

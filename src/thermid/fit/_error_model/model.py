@@ -96,7 +96,7 @@ def deviations(columns: Sequence[UnknownColumn], sizes: Array) -> Array:
 
 
 def reach(u: Unknown) -> float:
-    """Return how far an unknown of a fit may lie that has no prior: by its bounds, else far; fitted form."""
+    """Return a standard deviation for an unknown without a prior: (high - low) / sqrt(12) of its bounds, else a wide one; fitted form."""
     low, high = u.fitted_bounds()
     whole = float(high) - float(low)
     if np.isfinite(whole):
@@ -162,7 +162,11 @@ class RunsOfFit:
         return cls(problem, fitted, values, departures_used, tuple(columns.values()), own_columns_of_runs, tuple(traces), spans)
 
     def rows(self, size: float) -> dict[tuple[float, float], list[RunRows]]:
-        """Return a size of what no element explains, with each time -> what the priors of the fit say, and each run."""
+        """Return (size, time) -> rows of the priors of the fit and then of each run, white under a wander of that size and time.
+
+        The wander is the deviation that no element explains: `size` is in parts of the scale of `SIZES["left"]`, and the times, in parts
+        of a run, are those of `left_prior`. The rows of the priors are [R, 0, -r], kept as their product with themselves.
+        """
         shared = len(self.values) + len(self.columns)
         prior_residuals, rows = prior_rows(self.problem.unknowns, self.problem.coupled, self.fitted)
         acting = rows[:, self.values].any(axis=1)
@@ -174,7 +178,7 @@ class RunsOfFit:
         return {remainder: [priors, *(several[k] for several in by_run)] for k, remainder in enumerate(remainders)}
 
     def posterior(self, centre: Array, sizes: Array, remainder: tuple[float, float]) -> Members:
-        """Return values and columns given the readings, at sizes (members, groups) and a size and time of what no element explains."""
+        """Return the posterior of values and columns at sizes (members, groups) of departures, and (size, time) of the wander."""
         wide = np.array([reach(self.problem.unknowns[k]) for k in self.values])
         every = np.column_stack([np.broadcast_to(wide, (len(sizes), len(self.values))), deviations(self.columns, sizes)])
         own_deviations = [np.zeros((len(sizes), 0)), *(deviations(c, sizes) for c in self.own)]  # the priors of the fit have none
@@ -182,9 +186,9 @@ class RunsOfFit:
         return members_of(rows, centre, every, own_deviations)
 
     def posteriors(self, centre: Array, sizes: Array) -> dict[tuple[float, float], Members]:
-        """Return size and time of what no element explains -> `posterior`, of those that have a say.
+        """Return (size, time) of the wander -> `posterior`, for sizes that carry weight.
 
-        Sizes grow until the evidence falls, to less than a share of `NO_SAY` of the best: a larger process costs more and explains no more.
+        Sizes grow until the evidence falls to less than a share of `NO_SAY` of the best: a larger process costs more and explains no more.
         """
         prior, logs = left_prior(), [-np.inf]
         out: dict[tuple[float, float], Members] = {}
@@ -197,7 +201,7 @@ class RunsOfFit:
         return out
 
     def likeliest(self, bent: Sequence[int], centre: Array) -> tuple[float, Array, Array]:
-        """Return what the readings say against some unknowns here, the step to where they say least, and standard errors.
+        """Return `step_to_mode` of the unknowns `bent`: cost at these values, step (bent,) to the mode, standard errors (bent,).
 
         All else is integrated out at usual sizes, and at every size and time of what no element explains.
         """
@@ -213,7 +217,7 @@ def alone_in(problem: Problem, i: int) -> list[int]:
 
 
 def own_columns(problem: Problem, i: int) -> list[UnknownColumn]:
-    """Return the same as columns about the means of their priors."""
+    """Return the unknowns of `alone_in` as columns about the means of their priors."""
     several = [problem.unknowns[k] for k in alone_in(problem, i)]
     return [UnknownColumn(u.name, "", u.prior.sd if u.prior is not None else reach(u), u.name) for u in several]
 
@@ -338,7 +342,7 @@ def points_of(problem: Problem, fitted: Array) -> dict[str, OperatingPoint]:
 
 
 def before(u: Unknown) -> tuple[float, float]:
-    """Return mean and standard deviation of a value before any reading; fitted form."""
+    """Return prior mean and standard deviation of an unknown; without a prior, of a uniform one over its bounds; fitted form."""
     if u.prior is not None:
         return u.prior.mean, u.prior.sd
     low, high = (float(x) for x in u.fitted_bounds())

@@ -129,12 +129,12 @@ def _estimated(request: Request, noise_table: Mapping[str, Any], start_sd: Mappi
         if p.target not in starts and any(d.level_sd(p) > 0.0 for d in full.dynamics)
     )
     return _compared(
-        request, estimators[PROCESS], estimators[OUTPUT], ahead, ((*levels, *_exact(problem, noises)), starts, differing(problem))
+        request, estimators[PROCESS], estimators[OUTPUT], ahead, ((*levels, *_uncounted_noise(problem, noises)), starts, differing(problem))
     )
 
 
-def _exact(problem: Problem, noises: Sequence[ProcessNoise]) -> list[str]:
-    """Return in words which noise of logged boundaries and powers is not counted, but for those that a process noise drives."""
+def _uncounted_noise(problem: Problem, noises: Sequence[ProcessNoise]) -> list[str]:
+    """Return a remark on the noise of logged boundaries and powers, which is not counted; those with a process noise left out."""
     driven = {p.target for p in noises}
     sizes: dict[str, float] = {}
     for e in problem.experiments:

@@ -20,7 +20,7 @@ from thermid.measure.steadiness import effective_samples
 
 
 class ReadingRow(NamedTuple):
-    """One reading: which sensor, its value less what no state holds (members,) [K], its row (members, states), its noise (members,) [K]."""
+    """One reading y = H x + v: column of its sensor, y less known inputs (members,) [K], H (members, states), sd of v (members,) [K]."""
 
     sensor: int
     value: Array
@@ -29,27 +29,27 @@ class ReadingRow(NamedTuple):
 
 
 class Belief(NamedTuple):
-    """Mean (members, states) and root of the covariance (members, states, states) of the state."""
+    """Mean x (members, states) [K] and root L of the covariance P = L L' (members, states, states) of the state."""
 
     mean: Array
     root: Array
 
     @property
     def variance(self) -> Array:
-        """Of every state (members, states). [K^2]"""
+        """Diagonal of the covariance (members, states). [K^2]"""
         return np.asarray(np.sum(self.root**2, axis=2))
 
 
 @dataclass(frozen=True, eq=False)
 class Innovations:
-    """What readings said beyond what was foreseen, in order.
+    """Innovations of a filter: readings less their one-step forecasts, in order.
 
     Parameters
     ----------
     sensors : array (readings,)             Column of the sensor.
     times : array (readings,)               [s]
-    errors : array (readings, members)      ReadingRow less its forecast. [K]
-    variances : array (readings, members)   Of that. [K^2]
+    errors : array (readings, members)      Reading less its forecast. [K]
+    variances : array (readings, members)   Variance of the innovation, forecast and noise together. [K^2]
     """
 
     sensors: Array
@@ -68,38 +68,37 @@ class Innovations:
         return np.asarray(self.errors / np.sqrt(self.variances))
 
 
-def moved(belief: Belief, transition: Array, mean: Array, noise: Array) -> Belief:
-    """Return a belief a step later, its new mean given."""
+def time_update(belief: Belief, transition: Array, mean: Array, noise: Array) -> Belief:
+    """Return the belief after a time step, its new mean given: P+ = F P F' + Q, the root by one QR of [F L, root of Q].
+
+    `transition` is F and `noise` the root of Q, both (members, states, states).
+    """
     return Belief(mean, lower(np.concatenate([transition @ belief.root, noise], axis=2)))
 
 
 class Gain(NamedTuple):
-    """What a reading does to a mean (members, states), and the variance of its innovation (members,). [K^2]"""
+    """Kalman gain K (members, states) [-] and variance S of the innovation (members,) [K^2]."""
 
     gain: Array
     variance: Array
 
 
-def updated(belief: Belief, reading: ReadingRow) -> tuple[Belief, Array, Gain]:
-    """Return a belief after a reading, the innovation (members,) [K], and what it did."""
+def measurement_update(belief: Belief, reading: ReadingRow) -> tuple[Belief, Array, Gain]:
+    """Return the belief after one reading, the innovation (members,) [K] and the gain, by Potter's update.
+
+    With f = L' H' and S = f' f + r^2, r the noise: K = L f / S, x+ = x + K (y - H x), L+ = L - K f' / (1 + r / sqrt(S)).
+    """
     spread_of_reading = np.einsum("mij,mi->mj", belief.root, reading.row)
     variance = np.einsum("mj,mj->m", spread_of_reading, spread_of_reading) + reading.noise**2
     gain = np.einsum("mij,mj->mi", belief.root, spread_of_reading) / variance[:, None]
     share = 1.0 / (1.0 + reading.noise / np.sqrt(variance))
     root = belief.root - share[:, None, None] * gain[:, :, None] * spread_of_reading[:, None, :]
-    did = Gain(gain, variance)
-    mean, error = corrected(belief.mean, reading, did)
-    return Belief(mean, root), error, did
-
-
-def corrected(mean: Array, reading: ReadingRow, did: Gain) -> tuple[Array, Array]:
-    """Return a mean (members, states) after a reading whose gain is known, and the innovation (members,). [K]"""
-    error = reading.value - np.einsum("mi,mi->m", reading.row, mean)
-    return mean + did.gain * error[:, None], error
+    error = reading.value - np.einsum("mi,mi->m", reading.row, belief.mean)
+    return Belief(belief.mean + gain * error[:, None], root), error, Gain(gain, variance)
 
 
 class FilterStep(NamedTuple):
-    """A step that was taken: transition, root of the noise, the belief before and the mean after it."""
+    """A time step that the filter took: transition F, root of the noise Q, the belief before and the mean after it."""
 
     transition: Array
     noise: Array
@@ -108,15 +107,18 @@ class FilterStep(NamedTuple):
 
 
 def smoothed(last: Belief, legs: Sequence[FilterStep]) -> list[Belief]:
-    """Return the beliefs by all readings, before every leg and at the end, from the last filtered one back."""
+    """Return the smoothed beliefs before every step and at the end, in order of time, from the last filtered one backwards.
+
+    Per step: C = P F' (F P F' + Q)^-1, x_s = x + C (x_s+ - F x) and P_s = P + C (P_s+ - (F P F' + Q)) C' (Rauch, Tung and Striebel).
+    """
     out = [last]
     for leg in reversed(legs):
-        out.append(_back(leg, out[-1]))
+        out.append(_smoothing_step(leg, out[-1]))
     return out[::-1]
 
 
-def _back(leg: FilterStep, later: Belief) -> Belief:
-    """Return the belief before a leg by all readings, from that after it."""
+def _smoothing_step(leg: FilterStep, later: Belief) -> Belief:
+    """Return the smoothed belief before a step, from the smoothed one after it."""
     n = later.mean.shape[1]
     carried = np.concatenate([leg.transition @ leg.before.root, leg.noise], axis=2)
     here = np.concatenate([leg.before.root, np.zeros_like(leg.noise)], axis=2)
@@ -158,12 +160,12 @@ class Whiteness:
 
     @property
     def white(self) -> bool:
-        """Whether they pass at one per cent."""
+        """Whether the innovations are not rejected as white at 1 %."""
         return self.probability >= MIN_WHITENESS_PROBABILITY
 
     @property
     def loud(self) -> bool:
-        """Whether they are larger than the stated noise allows."""
+        """Whether the innovations are larger than the stated noise allows."""
         return self.size > 1.0 + LOUD / math.sqrt(2.0 * self.effective)
 
     @property
@@ -172,7 +174,7 @@ class Whiteness:
         return max(1.0, (self.size if self.loud else 1.0) * (1.0 if self.white else math.sqrt(self.count / self.effective)))
 
     def __str__(self) -> str:
-        """On one line."""
+        """The test in one line."""
         word = "white" if self.white else "not white"
         text = f"{self.sensor}: innovations {word} (lag one {self.lag_one:+.2f}, {chance(self.probability)} over {self.lags} lags)"
         return f"{text}, {self.size:.3g} times the expected size"

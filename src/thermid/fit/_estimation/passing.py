@@ -11,7 +11,7 @@ import numpy as np
 from thermid.base.errors import SolverError
 from thermid.base.linear_algebra import Array
 from thermid.fit._estimation.dynamics import JUMP_SHARE_OF_STEP, MAX_CURVATURE_ERROR, At, Dynamics
-from thermid.fit._estimation.filtering import Belief, FilterStep, Gain, Innovations, ReadingRow, moved, updated
+from thermid.fit._estimation.filtering import Belief, FilterStep, Gain, Innovations, ReadingRow, measurement_update, time_update
 from thermid.fit._estimation.steps import responses, step
 
 HALVINGS: Final = 12
@@ -116,14 +116,14 @@ class Passing:
         # the rates bend quadratically; two thirds of what was missed stands in the mean
         mean = mean + np.einsum("mij,mj->mi", slope, rates_after - foreseen) * (2.0 / 3.0)
         root = step(0.5 * (jacobian + d.rates(self.members, mean, late)[1]), self.noise, seconds)
-        return moved(belief, root.transition, mean, root.noise), [FilterStep(root.transition, root.noise, belief, mean)]
+        return time_update(belief, root.transition, mean, root.noise), [FilterStep(root.transition, root.noise, belief, mean)]
 
     def ahead(self, belief: Belief, place: int) -> tuple[Belief, tuple[FilterStep, ...]]:
         """Return the belief at the next time of the grid after `place`, no reading in between, and the legs to it."""
         if self.dynamics.linear:
             s = self._steps[self.dynamics.lengths[place]]
             mean = np.asarray(np.einsum("mij,mj->mi", s.transition, belief.mean - self.about) + self._forced[:, place])
-            out, leg = moved(belief, s.transition, mean, s.noise), FilterStep(s.transition, s.noise, belief, mean)
+            out, leg = time_update(belief, s.transition, mean, s.noise), FilterStep(s.transition, s.noise, belief, mean)
             return out, (leg,)
         later, legs = self._bent_step(belief, float(self.dynamics.grid[place]), float(self.dynamics.grid[place + 1]))
         return later, tuple(legs)
@@ -186,7 +186,7 @@ class Passing:
                 if keep:
                     out.legs.append(way)
             for reading in self.readings(belief, place, time) if taken else ():
-                belief, error, did = updated(belief, reading)
+                belief, error, did = measurement_update(belief, reading)
                 gains.append(did)
                 out.take(reading.sensor, time, error, did.variance)
             if ready and place:

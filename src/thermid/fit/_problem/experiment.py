@@ -440,7 +440,7 @@ def hidden_starts(
     nodes = list(assembled.reduced.nodes)
     loose = [k for k, n in enumerate(nodes) if n not in first and n not in scenario.initial]
     held = [k for k, n in enumerate(nodes) if n in first]
-    temperatures, jacobian = _balanced(engine, loose)
+    temperatures, jacobian = _balance_temperatures(engine, loose)
     out = {}
     for group in _groups(jacobian, loose):
         beside = [k for k in held if np.any(jacobian[np.ix_(group, [k])]) or np.any(jacobian[np.ix_([k], group)])]
@@ -477,8 +477,11 @@ def _unpowered(network: Network, scenario: Scenario) -> Engine:
         return Engine(Wiring(network, scenario))
 
 
-def _balanced(engine: Engine, loose: Sequence[int]) -> tuple[Array, Array]:
-    """Return temperatures (nodes,) [K] at which the loose nodes store no heat, and the Jacobian (nodes, nodes) of the net heat. [W/K]"""
+def _balance_temperatures(engine: Engine, loose: Sequence[int]) -> tuple[Array, Array]:
+    """Return temperatures (nodes,) [K] at which the loose nodes store no heat, and the Jacobian J (nodes, nodes) of the net heat q. [W/K]
+
+    Newton's method with all other nodes fixed: T += J^-1 (-q) over the loose ones, within half the lowest and twice the highest start.
+    """
     assembled = engine.wiring.assemble(gradients=False)
     temperatures = np.array(assembled.initial)
     low, high = 0.5 * float(temperatures.min()), 2.0 * float(temperatures.max())
@@ -999,7 +1002,14 @@ def _hidden_starts(
     observations: Sequence[Observation],
     tips: Mapping[str, str],
 ) -> dict[str, HiddenStart]:
-    """Return the starts of nodes without a sensor, from the channels of the record by the places that they read or drive."""
+    """Return node -> start, of nodes without a sensor, from the channels of the record; empty where an FMU runs the model.
+
+    Parameters
+    ----------
+    first : dict          Node -> its first reading. [K]
+    driven : dict         Channel -> the boundary or load that it drives.
+    tips : dict           Nodes that are tips of sensors, which are left out.
+    """
     if network.flat.names.model.runner is not None:
         return {}
     by_place = {path: record.channels[name] for name, path in driven.items()} | {o.seat: record.channels[o.sensor] for o in observations}

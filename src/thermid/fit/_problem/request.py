@@ -482,7 +482,7 @@ class KnownBefore:
 
 
 def known_before(request: Request, unknowns: Sequence[Unknown]) -> KnownBefore:
-    """Return what the stages below found of the values that a fit may move, and of its instruments.
+    """Return mean and root covariance, by source of error, of the inherited unknowns of a fit and of its instruments; fitted form.
 
     The accuracy of an instrument is part of what they found of it, so it counts once. Instances that a fit unties start from the same
     values; each errs for itself, its own values together.

@@ -29,7 +29,7 @@ NEGLIGIBLE_INFORMATION = 1e-10
 
 @dataclass(frozen=True)
 class Shift:
-    """One value by the data alone, against what was known of it; in the fitted form.
+    """Difference between one value fitted to the data alone and its inherited value; in the fitted form (a logarithm where it has one).
 
     Parameters
     ----------
@@ -56,7 +56,7 @@ class Together:
 
 @dataclass(frozen=True, eq=False)
 class Test:
-    """What data say of values that are known from elsewhere, everything else that is free marginalised.
+    """Information of the data about inherited values (known from another fit), all other free unknowns marginalised.
 
     Parameters
     ----------
@@ -73,13 +73,15 @@ class Test:
 
     @classmethod
     def of_unknowns(cls, data: Weighed, priors: Array, pulls: Array, inherited: Sequence[int], root: Array) -> Test:
-        """Return the test of some of the unknowns of a fit.
+        """Return the test of inherited values among the unknowns of a fit, all others marginalised by a Schur complement.
+
+        I = A_kk - A_kr A_rr^-1 A_rk and b = b_k - A_kr A_rr^-1 b_r, k the inherited unknowns, r the rest, by each noise model.
 
         Parameters
         ----------
-        data : Weighed                          What the data say of all unknowns, where the known ones stand as they are known.
-        priors : array (unknowns, unknowns)     Information that there is beside the data, of the other unknowns.
-        pulls : array (unknowns,)               Its scores there.
+        data : Weighed                          Information and scores of all unknowns, the inherited ones at their inherited values.
+        priors : array (unknowns, unknowns)     Information of the priors of the other unknowns, zero elsewhere.
+        pulls : array (unknowns,)               Scores of these priors.
         inherited : sequence of int             Positions of the known values among the unknowns.
         root : array (known, sources)           Root of the covariance with which they are known.
         """
@@ -124,8 +126,8 @@ def _opened(a: Test, chosen: Sequence[int], loose: Sequence[int]) -> tuple[Array
     return scores, information, spread
 
 
-def _one(a: Test, k: int, loose: Sequence[int]) -> tuple[Array, Array]:
-    """Return the shift of one value and its standard error, by each noise model."""
+def _shift_by_model(a: Test, k: int, loose: Sequence[int]) -> tuple[Array, Array]:
+    """Return the shift I^-1 T of the value in position k and its standard error (models,); 0 and infinite where the data tell nothing."""
     scores, information, spread = _opened(a, [k], loose)
     information_of_value = information[:, 0, 0]
     is_determined = information_of_value > NEGLIGIBLE_INFORMATION * np.maximum(a.information[:, k, k], 1e-300)
@@ -144,7 +146,7 @@ def _chance(weights: Array, sizes: Array, errors: Array) -> float:
 
 
 def _quantile(weights: Array, errors: Array, chance: float) -> float:
-    """Return what a sum of centred normal distributions exceeds with a chance."""
+    """Return the q with P(d > q) = chance, d a mixture of normal distributions of mean 0, by bisection; infinite for an infinite error."""
     from scipy.special import ndtr
 
     if not np.isfinite(errors[weights > 0]).all():
@@ -155,13 +157,13 @@ def _quantile(weights: Array, errors: Array, chance: float) -> float:
     return high
 
 
-def _found_with(weights: Array, errors: Array, tests: int) -> float:
-    """Return the shift that the first of so many tests finds with 90 % power."""
+def _detectable_shift(weights: Array, errors: Array, tests: int) -> float:
+    """Return the shift found with 90 % power at 5 % significance, two-sided, Bonferroni over `tests`; in the unit of `errors`."""
     return _quantile(weights, errors, 0.5 * ALPHA / max(tests, 1)) + _quantile(weights, errors, 1.0 - POWER)
 
 
 def holm(chances: Sequence[float]) -> list[float]:
-    """Return chances corrected for how many there are (S. Holm, Scandinavian Journal of Statistics 6 (1979) 65)."""
+    """Return probabilities adjusted for their number, (n - rank) p made monotone (Holm, Scand. J. Statist. 6 (1979) 65); NaN stays."""
     out, worst = [math.nan] * len(chances), 0.0
     order = sorted((k for k, p in enumerate(chances) if math.isfinite(p)), key=lambda k: chances[k])
     for rank, k in enumerate(order):
@@ -180,7 +182,7 @@ def shifts(a: Test, positions: Sequence[int]) -> list[Shift]:
     count, moved = len(remaining), list[int]()
     out: dict[int, Shift] = {}
     while remaining:
-        candidates = {k: _one(a, k, moved) for k in remaining}
+        candidates = {k: _shift_by_model(a, k, moved) for k in remaining}
         chances = {k: _chance(a.weights, *one) for k, one in candidates.items()}
         corrected = dict(zip(remaining, holm(list(chances.values())), strict=True))
         first = min(remaining, key=chances.__getitem__)
@@ -196,11 +198,14 @@ def _shift(weights: Array, sizes: Array, errors: Array, chance: float, tests: in
         return Shift(math.nan, math.inf, math.nan, math.inf)
     size = float(weights @ sizes)
     wide = np.sqrt(errors**2 + (sizes - size) ** 2)
-    return Shift(size, float(np.sqrt(weights @ wide**2)), chance, _found_with(weights, wide, tests))
+    return Shift(size, float(np.sqrt(weights @ wide**2)), chance, _detectable_shift(weights, wide, tests))
 
 
 def estimate(data: Weighed, priors: Array, pulls: Array, inherited: Sequence[int], root: Array, moved: Sequence[int]) -> Array:
-    """Return how far all unknowns are from where the data were taken, on average over the noise; values that `moved` are free."""
+    """Return the Gauss-Newton step (unknowns,) of all unknowns, averaged over the noise models; inherited values that `moved` are free.
+
+    `moved` counts within `inherited`; the other inherited values keep their prior of covariance root root'. Fitted form.
+    """
     held = np.zeros((priors.shape[0], root.shape[1]))
     unmoved = [k for k in range(len(inherited)) if k not in moved]
     held[[inherited[k] for k in unmoved]] = root[unmoved]
@@ -212,7 +217,7 @@ def estimate(data: Weighed, priors: Array, pulls: Array, inherited: Sequence[int
 
 
 def normal_shifts(sizes: Array, errors: Array) -> list[Shift]:
-    """Return the same of shifts whose standard errors are known already."""
+    """Return shifts (values,) with Holm-adjusted probabilities and detectable sizes, from their sizes and standard errors (values,)."""
     one = np.ones(1)
     is_finite = [math.isfinite(e) and e > 0 for e in errors]
     chances = holm(
@@ -220,7 +225,7 @@ def normal_shifts(sizes: Array, errors: Array) -> list[Shift]:
     )
     rows = zip(sizes, errors, chances, is_finite, strict=True)
     return [
-        Shift(float(d), float(e), p, _found_with(one, np.array([e]), len(is_finite)))
+        Shift(float(d), float(e), p, _detectable_shift(one, np.array([e]), len(is_finite)))
         if t
         else Shift(math.nan, math.inf, math.nan, math.inf)
         for d, e, p, t in rows
@@ -228,17 +233,17 @@ def normal_shifts(sizes: Array, errors: Array) -> list[Shift]:
 
 
 def together(a: Test, groups: Sequence[Sequence[int]], moved: Sequence[int] = ()) -> list[Together]:
-    """Return the same of groups of values opened at once; others that `moved` are free besides."""
+    """Return the chi-square test of each group of values opened at once; other values in `moved` are free besides."""
     return [_chi_square(a.weights, *_opened(a, group, [k for k in moved if k not in group])[::2]) for group in groups]
 
 
 def normal_together(sizes: Array, covariance: Array) -> Together:
-    """Return the same of shifts whose covariance is known already."""
+    """Return the chi-square test d' V^+ d of shifts d (values,) with covariance V (values, values)."""
     return _chi_square(np.ones(1), sizes[None], covariance[None])
 
 
 def _chi_square(weights: Array, scores: Array, spread: Array) -> Together:
-    """Return the test of scores (models, values) that have these covariances by each noise model."""
+    """Return the chi-square test T' V^+ T of scores T (models, values) with covariances V (models, values, values)."""
     from scipy.special import chdtrc, chdtri  # chi-squared; scipy.stats would take half a second to load
 
     size = np.sqrt(np.maximum(np.diagonal(spread, axis1=1, axis2=2), 1e-300))
@@ -263,7 +268,7 @@ NONSENSE = 10.0
 
 @dataclass(frozen=True)
 class Move:
-    """One value of a stage below against what the logs of this level say alone.
+    """One inherited value against its fit to the logs of this level alone.
 
     Parameters
     ----------
@@ -451,7 +456,7 @@ def part_of(model: Model, path: str) -> str:
 
 @dataclass(frozen=True, eq=False)
 class _Inherited:
-    """What stages below found of a fit's unknowns, those opened for the test among them.
+    """Values that a fit's unknowns inherit from the stages below, those opened for the test among them.
 
     Parameters
     ----------
@@ -467,8 +472,12 @@ class _Inherited:
     root: Array
 
 
-def _fixed(request: Request, problem: Problem) -> dict[tuple[str, ...], State]:
-    """Return what was inherited and is no unknown of a fit, by the paths where it acts; instances of one part have one value."""
+def _fixed_values(request: Request, problem: Problem) -> dict[tuple[str, ...], State]:
+    """Return inherited values that a fit keeps fixed: paths where a value acts -> its state.
+
+    Left out are values without a known error, those that are unknowns of the fit, and those that have a prior. Paths of instances that
+    share one part and one value are one key.
+    """
     here, shared = covering(problem.unknowns), request.shared
     groups: dict[tuple[frozenset[str], float], tuple[State, list[str]]] = {}
     for s in request.store.parameters.values():
@@ -480,7 +489,7 @@ def _fixed(request: Request, problem: Problem) -> dict[tuple[str, ...], State]:
 
 
 def _inherited(request: Request, opened: Opened, fixed: Mapping[tuple[str, ...], State]) -> _Inherited:
-    """Return what stages below found of the unknowns of a fit, and of the `fixed` values that were opened beside them."""
+    """Return mean and root covariance of the inherited unknowns of a fit, and of the `fixed` values opened beside them."""
     unknowns, store = opened.problem.unknowns, request.store
     before = known_before(request, unknowns[: opened.own])
     moving = {q: store.states[p] for p in request.prior for q in store.states[p].acts}
@@ -499,7 +508,7 @@ def _inherited(request: Request, opened: Opened, fixed: Mapping[tuple[str, ...],
 
 
 def moves_above(request: Request, problem: Problem, minimum: Fit, level: float = 1.0) -> Moves:
-    """Return what the logs of a fit say of the values that it inherited, fixed or as priors.
+    """Return whether the logs of a fit contradict its inherited values, fixed or with priors: the move of each and its probability.
 
     Each value is opened without its prior in one step of Gauss and Newton from the end of the fit, by generalised least squares: traces
     are white noise plus an autocorrelated deviation, averaged over what their residuals allow (`weighed`). Unknowns of the fit that were
@@ -507,7 +516,7 @@ def moves_above(request: Request, problem: Problem, minimum: Fit, level: float =
     it led, since the model is not a straight line over so long a way. `level` is the variance of the noise of traces that are too short
     to show it, in squares of what was stated.
     """
-    fixed = _fixed(request, problem)
+    fixed = _fixed_values(request, problem)
     if not (fixed or request.prior):
         return Moves()
     opened = opened_at(request, problem, minimum.fitted, list(fixed))
@@ -522,7 +531,7 @@ def moves_above(request: Request, problem: Problem, minimum: Fit, level: float =
 
 
 def _tested(request: Request, opened: Opened, inherited: _Inherited, at: Array, level: float) -> tuple[Moves, Array]:
-    """Return what the logs say with the derivatives at some values of all unknowns, and where these lead with the moved values free.
+    """Return the moves, with derivatives at `at` (unknowns,), and the unknowns after one Gauss-Newton step with the moved values free.
 
     Residuals are measured less what the model says, in units of the noise; the step begins where the stages below expect values. `level`
     is that of `moves_above`.
@@ -532,7 +541,7 @@ def _tested(request: Request, opened: Opened, inherited: _Inherited, at: Array, 
     start[list(inherited.at)] = inherited.mean
     pieces = binned(opened.problem, at, request.loss, request.loss_scale, STRETCHES_PER_TRACE)
     here = [replace(b, mean=b.mean + b.slopes @ (start - at)) for b in pieces.values()]
-    priors, pulls = _beside(opened.problem, start, inherited.at)
+    priors, pulls = _other_priors(opened.problem, start, inherited.at)
     data = weighed(here, priors, pulls, level)
     test = Test.of_unknowns(data, priors, pulls, inherited.at, inherited.root)
     state_of_position = {k: s for k, s in enumerate(inherited.states) if s is not None}
@@ -561,8 +570,8 @@ def _alone(u: Unknown, at: float, end: float) -> float:
     return u.to_value(end) if low <= end <= high and abs(end - at) <= reach else math.nan
 
 
-def _beside(problem: Problem, start: Array, inherited: Sequence[int]) -> tuple[Array, Array]:
-    """Return information and scores of the priors of unknowns that no stage below found."""
+def _other_priors(problem: Problem, start: Array, inherited: Sequence[int]) -> tuple[Array, Array]:
+    """Return information 1 / sd^2 (unknowns, unknowns) and scores (mean - start) / sd^2 of priors of unknowns that are not inherited."""
     info, pulls = np.zeros((start.size, start.size)), np.zeros(start.size)
     for k, u in enumerate(problem.unknowns):
         if u.prior is not None and k not in inherited:
@@ -574,7 +583,10 @@ def _beside(problem: Problem, start: Array, inherited: Sequence[int]) -> tuple[A
 def _move(
     path: str, part: str, stage: str, below: tuple[float, float, float], alone: float, here: float, of: Unknown | FittedValue, s: Shift
 ) -> Move:
-    """Return the move of a value; `below` is it with its error and random error; a detectable shift of a logarithm is one upward."""
+    """Return the move of a value; `below` is (value, error, random error) of the stage below [SI].
+
+    The detectable shift d of a logarithm becomes |value| (exp(d) - 1).
+    """
     value, error, random = below
     detectable = (abs(value) * math.expm1(min(s.detectable, 50.0)) if of.log else s.detectable) if math.isfinite(s.size) else math.inf
     far = s.size / s.error if s.error > 0 else math.nan
@@ -582,7 +594,7 @@ def _move(
 
 
 def moves_from(staged: Sequence[tuple[FittedValues, Mapping[str, str]]], joint_values: FittedValues, place: Callable[[str], str]) -> Moves:
-    """Return how far a joint fit moved what the stages found.
+    """Return how far a joint fit moved the values of the stages, with a Hausman test of each.
 
     Parameters
     ----------
@@ -601,7 +613,7 @@ def moves_from(staged: Sequence[tuple[FittedValues, Mapping[str, str]]], joint_v
         stage_paths = list(stage)
         at, there = [stage_paths.index(p) for p in names], [order.index(q) for q in names.values()]
         below = stage.covariance[np.ix_(at, at)]
-        spread[np.ix_(there, there)] = _less(below, joint_values.covariance[np.ix_(there, there)])
+        spread[np.ix_(there, there)] = _covariance_difference(below, joint_values.covariance[np.ix_(there, there)])
     for _, before, q in pairs:
         here = joint_values[q]
         shift[order.index(q)] = math.log(here.value / before.value) if here.log else here.value - before.value
@@ -620,7 +632,7 @@ def moves_from(staged: Sequence[tuple[FittedValues, Mapping[str, str]]], joint_v
 
 
 def moved_instruments(before: Store, after: Store) -> MovedGroup:
-    """Return whether constant errors of instruments that two fits to different logs found are those of the same instruments.
+    """Return a chi-square test whether the constant errors of instruments from two fits to different logs agree.
 
     Parameters
     ----------
@@ -639,8 +651,8 @@ def moved_instruments(before: Store, after: Store) -> MovedGroup:
     return MovedGroup("instruments", tuple(words), test.chi_square, test.directions, test.chance)
 
 
-def _less(below: Array, here: Array) -> Array:
-    """Return one covariance less another, and the first alone in directions where less than a tenth would be left."""
+def _covariance_difference(below: Array, here: Array) -> Array:
+    """Return `below` - `here`, both covariances; `below` alone in directions where the difference is under a tenth of it."""
     root = np.linalg.cholesky(below)
     half = np.linalg.solve(root, here)
     # below = L L'; the eigenvalues of L^-1 here L^-T are the shares of the variance below that are left here

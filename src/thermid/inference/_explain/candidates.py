@@ -68,7 +68,7 @@ class Fault:
     start: float = 0.0
 
     def words(self, amount: float) -> str:
-        """Return what a fault of a size means."""
+        """Return the fault with its size in words: [K], [W/K], else as a percentage."""
         if self.group == "sensor":
             return (
                 f"{self.name} {amount:+.1f} K" if self.unit == "K" else (f"{self.name}: {100 * amount:.0f} % of its reading is the ambient")

@@ -107,17 +107,17 @@ class TraceCriticism:
 
     @property
     def white(self) -> bool:
-        """Whether nothing in them speaks against independent noise: Ljung and Box at 1 %, the periodogram within its band."""
+        """Whether the residuals are not rejected as independent noise: Ljung and Box at 1 %, periodogram below 1.2 times its band."""
         return self.ljung_box > 0.01 and self.periodogram < 1.2 * self.band
 
     @property
     def loud(self) -> bool:
-        """Whether they are larger than the stated noise by more than four standard deviations of chance; a few bad readings suffice."""
+        """Whether the mean square exceeds the stated noise variance by more than 4 sqrt(2 / n) of it; a few bad readings suffice."""
         return bool(self.rmse**2 > self.noise**2 * (1.0 + 4.0 * (2.0 / self.residuals.size) ** 0.5))
 
     @property
     def is_noise(self) -> bool:
-        """Whether they are independent noise of the size that was stated."""
+        """Whether the residuals are independent noise of the stated size: `white` and not `loud`."""
         return self.white and not self.loud
 
     def to_dict(self) -> dict[str, Any]:
@@ -127,7 +127,7 @@ class TraceCriticism:
         return {**{k: getattr(self, k) for k in keys}, "slopes": slopes}
 
     def __str__(self) -> str:
-        """What they say, in words."""
+        """RMSE, autocorrelation, and what the residuals go with, in words."""
         head = f"{self.sensor} in {self.record}: RMSE {short(self.rmse, 3)} K"
         if self.loud:
             head += f" for a noise of {self.noise:.3g} K"
@@ -274,7 +274,7 @@ def criticise(
         raise IdentificationError(
             "this calibration was not made by a fit in this session; repeat the fit.", fit.stage, code="fit.needs-session"
         )
-    traces, checks = tuple(_traces(fit)), tuple(running_locals(fit))
+    traces, checks = tuple(_criticise_traces(fit)), tuple(running_locals(fit))
     wanted = (any(not t.is_noise for t in traces) and fit.given_model.runner is None) if elements is None else elements
     if wanted:
         refuse_unseen(fit.given_model, "a search for missing elements")
@@ -325,8 +325,12 @@ def running_locals(fit: Calibration) -> list[str]:
     return out
 
 
-def _traces(fit: Calibration) -> list[TraceCriticism]:
-    """Return the criticism of every sensor in every record."""
+def _criticise_traces(fit: Calibration) -> list[TraceCriticism]:
+    """Return residual statistics of every sensor in every record.
+
+    Each has Ljung and Box's test, the cumulated periodogram, and the least-squares slope of the residuals z over predicted temperature
+    [K/K], sum of all load powers [K/W] and time [K/s]: b = sum (x - mean x) z / sum (x - mean x)^2, its error widened by sqrt(n / n_eff).
+    """
     out = []
     powers = {}
     for e in fit.experiments:

@@ -76,7 +76,7 @@ class Heat:
         return f"'{self.name}' had {short(abs(amount))} W {more} than logs and deck state, {self.when}"
 
     def remedy(self, amount: float) -> str:
-        """Return what the user is to change in log, deck or test."""
+        """Return in one sentence what to change: log the power, give it in the scenario, or trim the log; the same for any amount."""
         first, last = self.window
         if self.load:
             return f"Log it, or give it in the scenario: loads = {{ {self.load} = '... [W]' }}."

@@ -123,7 +123,7 @@ class Mistakes:
 
 
 def find_mistakes(request: Request, stage: str = "") -> Mistakes:
-    """Return which mistakes in a log, a deck or on the bench would explain a bad fit.
+    """Return which mistakes in a log, a deck or on the bench would explain a bad fit; a search that fails returns its error as text.
 
     Parameters
     ----------

@@ -100,7 +100,11 @@ class FittedStructure:
         return all(possible for _, possible in self.judged())
 
     def errors(self, free: Sequence[str] | None = None) -> dict[str, float]:
-        """Return name -> standard error of what was fitted, of its logarithm where it is one; with `free`, all other parameters fixed."""
+        """Return name -> standard error of every unknown in its fitted form, the logarithm where it has one.
+
+        The root of the diagonal of the pseudo-inverse of J'J, J the weighted residuals' derivatives with the rows of the priors. With
+        `free`, all other parameters are fixed; starts, offsets and other unknowns stay free.
+        """
         columns = [k for k, u in enumerate(self.problem.unknowns) if u.kind != "parameter" or free is None or u.name in free]
         rows = np.concatenate([self.end.jacobian, self.end.priors])[:, columns]
         scale = np.linalg.norm(rows, axis=0)

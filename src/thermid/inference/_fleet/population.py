@@ -104,7 +104,7 @@ class RestrictedLikelihood:
 
     @classmethod
     def at(cls, summaries: Summaries, root: Array) -> RestrictedLikelihood:
-        """Return it for a root L (values, values)."""
+        """Return the restricted likelihood at Omega = L L', L the `root` (values, values), with beta = (X' W X)^-1 X' W d and its slope."""
         x = summaries.design
         lower, along, weights, pushed = weigh(summaries.information, summaries.score, root)
         carried = weights @ x

@@ -67,7 +67,7 @@ FIRST_PRIOR_SD = 1.0
 
 @dataclass(frozen=True, eq=False)
 class FleetUnit:
-    """One unit of a fleet: what is looked for in its logs.
+    """One unit of a fleet: its fit problem and which of its unknowns the fleet has.
 
     Parameters
     ----------
@@ -117,7 +117,7 @@ class FleetUnit:
 
     @property
     def seconds(self) -> float:
-        """How long its logs are. [s]"""
+        """Total duration of its records. [s]"""
         return sum(float(np.ptp(e.times)) for e in self.problem.experiments)
 
     @property
@@ -133,15 +133,15 @@ class FleetUnit:
 
 @dataclass(frozen=True, eq=False)
 class UnitSummary:
-    """What a unit says at its mode.
+    """Marginal likelihood of one unit about its conditional mode, as a quadratic in the values of the fleet.
 
     Parameters
     ----------
     at : array (unknowns,)                      The mode, in the fitted form.
-    information : array (values, values)        H.
+    information : array (values, values)        Minus the second derivative of the log-likelihood, other unknowns marginalised.
     score : array (values,)                     Derivative of its log-likelihood there.
     chi_square, freedom : float                 Of its readings, in units of their noise.
-    white : bool                                Whether nothing wanders.
+    white : bool                                Whether no residual is autocorrelated.
     sums : tuple                                Record, sensor, sums of residuals.
     converged : bool
     """
@@ -157,7 +157,7 @@ class UnitSummary:
 
 
 def read_unit(unit: FleetUnit, start: Array | None, mean: Array, root: Array, noise: dict[str, float], level: float) -> UnitSummary:
-    """Return what a unit says at its conditional mode.
+    """Return the marginal likelihood of a unit about its mode, with the population as prior.
 
     Parameters
     ----------
@@ -202,7 +202,7 @@ def read_unit(unit: FleetUnit, start: Array | None, mean: Array, root: Array, no
 
 @dataclass(frozen=True, eq=False)
 class UnitJudgement:
-    """What a fit of one unit says of itself at its mode, as any calibration does.
+    """Standing and checks of the fit of one unit at its mode.
 
     Parameters
     ----------
@@ -219,7 +219,7 @@ class UnitJudgement:
 
 
 def judge_unit(unit: FleetUnit, at: Array, noise: dict[str, float]) -> UnitJudgement:
-    """Return what the fit of a unit at its conditional mode (unknowns,) says of itself; `noise` as of `read_unit`.
+    """Return standing and checks of the fit of a unit at its mode `at` (unknowns,); `noise` as of `read_unit`.
 
     Its prior lies there and is as wide as the first: a narrow one would answer for the readings to what the unit shares with others.
     """
@@ -281,7 +281,10 @@ def fleet(
 
 
 def fleet_of(requests: Mapping[str, Request], covariates: Covariates, title: str, executor: Workers = None) -> Fleet:
-    """Return the population of units whose fits are asked for, one request each; see `fleet`.
+    """Return the population of units from one fit request each; result as of `fleet`.
+
+    A linear mixed model by restricted maximum likelihood: values of a unit are normal about means that depend on the covariates, and
+    each unit is linearised at its mode again until means and spreads settle. Spreads are uncorrelated where there are few units.
 
     Raises
     ------
@@ -307,7 +310,7 @@ def fleet_of(requests: Mapping[str, Request], covariates: Covariates, title: str
 
 
 def _judged(units: Sequence[FleetUnit], answers: Sequence[UnitSummary], executor: Workers) -> dict[str, UnitJudgement]:
-    """Return unit -> what its fit says of itself."""
+    """Return unit -> standing and checks of its fit."""
     noise = _noise(units, answers)
     tasks = [(f"unit '{u.name}'", (u, s.at, noise)) for u, s in zip(units, answers, strict=True)]
     judged = dict(in_tasks(judge_unit, tasks, executor))
@@ -343,7 +346,7 @@ def _shared(judged: Mapping[str, UnitJudgement]) -> Array:
 def _iterated(
     units: Sequence[FleetUnit], unknowns: Sequence[Unknown], design: CovariateDesign, together: Bools, title: str, executor: Workers
 ) -> tuple[Array, PopulationFit, list[UnitSummary], bool]:
-    """Return reference, population, what units say, and whether the last linearisation is the last one needed."""
+    """Return reference (values,), population, unit summaries, and whether the linearisations converged; fitted form."""
     scale = np.array([u.scale for u in unknowns])
     begin = np.array([u.to_fitted(u.start) for u in unknowns])
     means, omega = np.repeat(begin[None], len(units), axis=0), np.diag((FIRST_PRIOR_SD * scale) ** 2)
@@ -416,7 +419,7 @@ def _refuse_unseen(summaries: Summaries, design: CovariateDesign, unknowns: Sequ
 
 
 def _remarks(units: Sequence[FleetUnit], together: Bools, numbers: int, answers: Sequence[UnitSummary], settled: bool) -> tuple[str, ...]:
-    """Return what a reader must know."""
+    """Return remarks on the result, such as dropped priors, too few units for correlations, and fits that did not converge."""
     out = list(dict.fromkeys(r for u in units for r in u.remarks))
     if not together.all():
         out.append(

@@ -40,13 +40,16 @@ class HeatRate:
 
 
 class CommentedArrays:
-    """The array rows among the comments of a file: the row that begins one, then rows of numbers only."""
+    """Reader of arrays that are commented out; it remembers whether the last comment belonged to one.
+
+    An array begins with a comment such as `C 6 = 0.0, 1.5`. The comments after it belong to it as long as they have numbers only.
+    """
 
     def __init__(self) -> None:
         self.inside = False
 
     def row(self, comment: str) -> str | None:
-        """Return a comment as a row of an array; None when it is something else."""
+        """Return the next comment of the file without its comment mark if it is a row of an array, else None; call it for each in order."""
         begins = _BEGIN.match(comment)
         words = re.split(r"[\s,]+", comment[begins.end() if begins else 1 :].strip(" ,"))
         self.inside = (self.inside or begins is not None) and all(_NUMBER.fullmatch(word) for word in words)

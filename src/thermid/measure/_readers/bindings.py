@@ -84,7 +84,12 @@ def bindings(channels: Mapping[str, object], extra: Mapping[str, Mapping[str, st
 
 
 def _one(key: str, written: object, where: str) -> Binding:
-    """Return one binding, from a column name or a table; refuse keys that are unknown, of a wrong kind, or not for its role."""
+    """Return one binding, from a column name or a table.
+
+    Raises
+    ------
+    RecordError   When a key is of a wrong kind, or not for its role.
+    """
     if isinstance(written, str):
         return Binding(key, written, target=key)
     if not isinstance(written, Mapping):

@@ -208,8 +208,9 @@ def common_step(first: Sequence[LogCourse], second: Sequence[LogCourse]) -> Comm
 def zone_shared(pairs: Sequence[tuple[Sequence[LogCourse], Sequence[LogCourse], float]]) -> float | None:
     """Return by how much the clocks of logs without a stated zone are ahead of UTC; None where no zone fits much better than others. [s]
 
-    The zone is that at which powers explain temperatures best, clocks up to 5 min off. What a power does to a thermometer is a sum of
-    first-order responses of which none cools, so that a response cannot stand for a power that is hours early; a single rise can.
+    The zone is that with the largest sum over pairs of N log(squares without the power / squares left), with clocks up to 5 min off.
+    Temperatures are fitted by first-order responses to powers with non-negative shares, so that a response cannot stand for a power that
+    is hours early; a single rise can, so two switches are needed. The second best must have less than `RIVAL` of the information.
 
     Parameters
     ----------
@@ -223,7 +224,7 @@ def zone_shared(pairs: Sequence[tuple[Sequence[LogCourse], Sequence[LogCourse], 
         for b in _together(second)
         if a.power != b.power and a.heated and b.heated and (a if a.power else b).switched.size > 1
     ]
-    made = [_ways(effect, cause)[0] for effect, cause, _, _ in ways]
+    made = [_explanations(effect, cause)[0] for effect, cause, _, _ in ways]
     for hours in sorted(ZONES, key=abs):
         begins = [sign * ((late + hours * HOUR + 0.5 * DAY) % DAY - 0.5 * DAY) for _, _, sign, late in ways]
         if not any(abs(hours - other) == 24.0 for other in known):  # the same time of day
@@ -237,7 +238,7 @@ def zone_shared(pairs: Sequence[tuple[Sequence[LogCourse], Sequence[LogCourse], 
 
 
 def _heating_information(seen: LogCourse, made: Explanation, offset: float) -> float:
-    """Return the same as `_information`, of responses of which none cools."""
+    """Return N log(squares without the power / squares left) at an offset [s], shares of responses non-negative; 0 for few readings. [-]"""
     from scipy.optimize import nnls
 
     rows, target = _rows(seen, made, offset)
@@ -250,7 +251,7 @@ def _heating_information(seen: LogCourse, made: Explanation, offset: float) -> f
 
 
 def _as_pairs_agree(offsets: Sequence[CommonStep]) -> list[CommonStep]:
-    """Return offsets; those by a power get the variance between pairs beyond their own errors (DerSimonian and Laird 1986)."""
+    """Return offsets; errors of those from a power get the between-pair variance added (DerSimonian and Laird 1986)."""
     sure = [f for f in offsets if not (f.lags or f.candidate)]
     weights, values = np.array([f.error**-2.0 for f in sure]), np.array([f.offset for f in sure])
     if len(sure) < 2:
@@ -281,7 +282,7 @@ def _compared(a: LogCourse, b: LogCourse) -> CommonStep | None:
     low, high = SHARED * length - cause.times[-1], effect.times[-1] - SHARED * length
     step = max(float(np.median(np.diff(a.times))), float(np.median(np.diff(b.times))))
     offsets, spacing = np.linspace(low, high, TRIED_OFFSETS + 1), (high - low) / TRIED_OFFSETS
-    ways = _ways(effect, cause)
+    ways = _explanations(effect, cause)
     known = np.array([_information(effect, ways[0], offset) for offset in offsets])
     first = float(offsets[int(np.argmax(known))])
     rival = float(np.max(known[np.abs(offsets - first) > DISTINCT * length], initial=0.0))
@@ -326,7 +327,7 @@ def _enough_switches(seen: LogCourse, cause: LogCourse, offset: float) -> bool:
     return bool(inside >= min(2, cause.switched.size))
 
 
-def _ways(effect: LogCourse, cause: LogCourse) -> list[Explanation]:
+def _explanations(effect: LogCourse, cause: LogCourse) -> list[Explanation]:
     """Return the forms in which one course may act on another: sets of responses where a power acts on a temperature, else as it is."""
     if cause.power == effect.power:
         return [Explanation(cause.times, cause.values[:, None], np.zeros(0), np.zeros(0))]

@@ -107,7 +107,7 @@ def _around(times: FloatArray, valid: BoolArray, grid: FloatArray) -> tuple[Floa
 
 
 def interpolate(times: FloatArray, values: FloatArray, valid: BoolArray, grid: FloatArray, max_gap: float) -> tuple[FloatArray, BoolArray]:
-    """Return straight lines between valid samples at the times of a grid, and where they hold (grid,): not beyond the ends or in a gap.
+    """Return linear interpolation at the times of a grid, NaN where it does not hold, and where it holds: inside the ends, not in a gap.
 
     Parameters
     ----------
@@ -123,9 +123,10 @@ def interpolate(times: FloatArray, values: FloatArray, valid: BoolArray, grid: F
 
 
 def hold(times: FloatArray, values: FloatArray, valid: BoolArray, grid: FloatArray, max_gap: float) -> tuple[FloatArray, BoolArray]:
-    """Return the last valid sample at the times of a grid, and where it holds (grid,): not before the first one or in a gap.
+    """Return the last valid sample at the times of a grid, NaN where it does not hold, and where it holds (grid,).
 
-    Arguments are those of `interpolate`.
+    It holds from the first valid sample on, where the valid samples before and after are at most `max_gap` apart; after the last one, for
+    `max_gap`. Arguments are those of `interpolate`.
     """
     valid_times, before, after = _around(times, valid, grid)
     low, high = np.maximum(before, 0), np.minimum(after, valid_times.size - 1)

@@ -116,7 +116,8 @@ class Curve:
     def value_and_slope(self, at: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Return the curve's values and slopes (times,) at temperatures or differences `at`. [SI], [SI/K]
 
-        Outside its points a table that is refused there is held, so that what left it can be shown.
+        Piecewise linear, or cubic Hermite where the table has slopes. Beyond its ends `at` is clipped: the value is that of the end
+        point and the slope that of the last piece, also where a run would refuse the table.
         """
         x, y, d = self.table
         inside = np.clip(at, x[0], x[-1])

@@ -234,7 +234,12 @@ def _of_record(
     run: Solution | None,
     unit: str,
 ) -> Stability:
-    """Judge a log; arguments as of `stability`, times in s."""
+    """Judge a log up to `at`; arguments as of `stability`, times in s. Without `tau` the change still to come is forecast from readings.
+
+    Raises
+    ------
+    RecordError   When `at` lies beyond the log, or the log has no temperature.
+    """
     record.refuse_beyond(at, f"{record.name}, stability")
     inside, _ = record.stretch(since, at, f"{record.name}, stability")
     times = record.times[inside]
@@ -269,7 +274,7 @@ def _rate_times_tau(c: ChannelStability, tau: float) -> Remaining:
 
 
 def _remaining_by_readings(times: FloatArray, kelvin: FloatArray, room: tuple[FloatArray, FloatArray] | None) -> Remaining:
-    """Return the remaining change that readings (samples,) show, as a forecast of them does. [s], [K]"""
+    """Return the remaining change [K] and its 95 % interval, by a forecast of readings (samples,); `room` is (times, temperatures)."""
     curve = approach(times, kelvin, MAX_UNSEEN_SLOWNESS * float(times[-1] - times[0]), room=room, bent=GUARD)
     now, end = curve.at(curve.now).mean, curve.at(float("inf"))
     return Remaining(end.quantile(0.5) - now, end.quantile(0.025) - now, end.quantile(0.975) - now, "by the readings alone")
@@ -278,7 +283,10 @@ def _remaining_by_readings(times: FloatArray, kelvin: FloatArray, room: tuple[Fl
 def _of_solution(
     run: Solution, rule: StabilityRule, names: tuple[str, ...], since: str | float, at: str | float, tau: float | None, unit: str
 ) -> Stability:
-    """Judge a run; arguments as of `stability`, times in s.
+    """Judge a run over the rule's window before `at`; arguments as of `stability`, times in s.
+
+    `tau` [s], or the slowest time constant of the run, gives the change still to come, rate times tau. `unit` is the path of the part
+    whose stored heat counts, where the rule is one of stored heat.
 
     Raises
     ------

@@ -13,9 +13,9 @@ from thermid.values.fitted import FittedValue
 
 
 def answer(v: FittedValue, ranges: Mapping[str, float], estimate: FittedValue | None = None) -> dict[str, Any]:
-    """Return a value and its errors in its unit, as JSON and the studio say them; `ranges` are parts of its variance by stated range.
+    """Return a fitted value in its unit as a JSON object: value, error, random error, unit; `ranges` is stated range -> share of variance.
 
-    An estimate that differs from what was fitted stands in front: its value and error are the ones to quote.
+    An estimate that differs from the fit gives `value` and `error`; the fit is then in `fitted` and `fitted_error`.
     """
     out = {"value": v.in_unit, "error": v.shown(v.error), "random": v.shown(v.error_random), "unit": v.unit}
     if estimate is not None and estimate is not v:

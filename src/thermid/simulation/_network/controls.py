@@ -297,7 +297,17 @@ def _mapped(shape: Curve, base: float, scale: float) -> Curve:
 
 
 def _limits(flat: FlatControl, f: Mapping[str, Number], kind: str) -> tuple[Number, Number, Number]:
-    """Return the band of a controller [K] and the lowest and highest output [-], 0 and 1 by default; refuse exchanged limits."""
+    """Return the band of a controller [K] and its lowest and highest output [-], 0 and 1 by default.
+
+    Parameters
+    ----------
+    f : dict     Field of the control -> its number, such as "pid.band".
+    kind : str   "proportional" or "pid".
+
+    Raises
+    ------
+    DeckError   When the lowest output is not below the highest.
+    """
     band, low, high = f[f"{kind}.band"], f.get(f"{kind}.lowest", 0.0), f.get(f"{kind}.highest", 1.0)
     if not value_of(low) < value_of(high):
         _refuse(flat, f"'{flat.path}' has limits from {value_of(low):g} to {value_of(high):g}. Give lowest below highest.")

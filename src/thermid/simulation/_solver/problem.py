@@ -588,7 +588,10 @@ class KernelProblem:
         return {n: k for k, n in enumerate((*self.nodes, *self.wiring.network.boundaries))}
 
     def message(self, answer: Any, options: Options, end: float, a: Assembled | None = None) -> str:
-        """Return why a run ended early, in words: what ran out, when, where and what to change; `a` are the numbers of the run."""
+        """Return why a run ended before `end` [s], in words: what ran out, when, where and what to change.
+
+        With the numbers `a` of the run, a table that the temperatures have left is named instead.
+        """
         network = self.wiring.network
         follows = any(load.follows_temperature for load in network.flat.loads)
         text = ending(answer, (*self.nodes, *network.boundaries), options.max_steps, end, follows)
