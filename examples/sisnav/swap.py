@@ -83,7 +83,7 @@ def study(folder: Path) -> dict[str, Swap]:
 
 def text(found: dict[str, Swap]) -> str:
     """Return the table."""
-    heads = ["replaced", "interface values retuned", "values fitted (all)", "stages run", "tests repeated", "fits, s (all)", "apart, K"]
+    heads = ["replaced", "values retuned", "values fitted (all)", "stages run", "tests repeated", "fits, s (all)", "apart, K"]
     heads += ["RMSE of the new deck alone, K", "retuned, K", "all refitted, K"]
     lines = ["| " + " | ".join(heads) + " |", "|" + "---|" * len(heads)]
     for name, s in found.items():

@@ -74,7 +74,7 @@ export function Levels({ parts }: { parts: string[] }) {
         <button type="submit" disabled={busy.value}>What would a swap cost?</button></form>}
       <div id="swap-result" class="detail" aria-live="polite">{typeof r === "string" ? <p class="soft">{r}</p> : <>
         {p.stages.filter((x) => x.standing).map((x) => <p key={x.name} class="warning">{nice(`${x.name}: ${x.because}.`)}</p>)}
-        <p>{r.part}: {r.old} → {r.new}. {r.freed.length} interface values retuned, {r.stages.filter((x) => x.action !== "kept").length} of {r.stages.length} stages due again, {r.tests.length} tests to repeat.</p>
+        <p>{r.part}: {r.old} → {r.new}. {r.freed.length} values retuned, {r.stages.filter((x) => x.action !== "kept").length} of {r.stages.length} stages due again, {r.tests.length} tests to repeat.</p>
         <ul>{r.stages.map((x) => <li key={x.name} data-action={x.action}>{nice(`${x.name}: ${x.action}, ${x.why}`)}</li>)}</ul><details><summary>In full</summary><pre tabIndex={0}>{nice(r.text)}</pre></details></>}</div>
     </section>
   );

@@ -153,7 +153,7 @@ class RetunePlan(Result):
 
     @property
     def freed(self) -> tuple[str, ...]:
-        """Interface values that are retuned, ``stage: path``."""
+        """Values that are retuned, ``stage: path``."""
         return tuple(f"{t.stage}: {t.path}" for t in self.touched if not t.held)
 
     @property
