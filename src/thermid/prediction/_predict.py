@@ -590,7 +590,8 @@ def predicted(
     omitted, least = _left_out(budget, bands)
     widest = max((b.final for b in bands.values()), key=lambda e: e.error, default=None)
     words = meaning(widest.shares if widest is not None else {}, budget)
-    return Prediction(budget.model.title, budget.scenario.title, times, bands, rest, words, warnings, find, budget.standing, omitted, least)
+    standing = worst([budget.standing, *best.doubts])
+    return Prediction(budget.model.title, budget.scenario.title, times, bands, rest, words, warnings, find, standing, omitted, least)
 
 
 def undetermined_words(answer: WayAnswer, bands: Mapping[str, Band]) -> list[str]:

@@ -23,7 +23,6 @@ from thermid.model.elements import POSITIVE, Constant
 from thermid.model.tree import Model, streams_of
 from thermid.simulation._ensemble import Ensemble, run_members
 from thermid.simulation._many.tasks import Workers
-from thermid.simulation._network.environment import Environment
 from thermid.simulation._network.medium import gas_remarks
 from thermid.simulation._network.network import Network, compile_network, unreached
 from thermid.simulation._scenarios.scenario import STEADY, Scenario, sampled_logs
@@ -388,7 +387,7 @@ def ensemble(
 
 
 def _warnings(wiring: Wiring, scenario: Scenario) -> tuple[str, ...]:
-    """Return the warnings of all runs: missing parts, nodes without a path to a boundary, assumed samples, gas, wind and humidity."""
+    """Return the warnings of all runs: missing parts, nodes without a path to a boundary, assumed samples, gas and wind."""
     numbers = wiring.assemble().numbers
     powers = {}
     for load in wiring.network.flat.loads:
@@ -413,16 +412,6 @@ def _warnings(wiring: Wiring, scenario: Scenario) -> tuple[str, ...]:
     out += gas_remarks(wiring.network.media, wiring.network.flat, numbers.values)
     if streams_of(wiring.network.flat.conductors):
         out += wiring.network.streams.remarks(scenario.seconds)
-    for gas, e in scenario.environment.items():
-        if e.humidity != Environment().humidity:
-            of = "of every gas" if gas == "*" else f"of '{gas}'"
-            out.append(
-                CodedText(
-                    f"the relative humidity {of}, {100 * e.humidity:g} %, is not used: the equations contain no moisture. If it matters, "
-                    "give a schedule of coefficients for moist air, and a load for latent heat",
-                    "run.humidity-not-used",
-                )
-            )
     return tuple(out)
 
 

@@ -18,9 +18,10 @@ from thermid.base.files import NETCDF, NETCDF_SOURCE, TABLE, replacing
 from thermid.base.linear_algebra import Array
 from thermid.base.memo import Memo
 from thermid.base.results import PlottedTrace, Result, Row
-from thermid.model.elements import degrees, evaluate, literal
+from thermid.model.elements import Standing, degrees, evaluate, literal, worst
 from thermid.physics.constants import ICE_POINT
 from thermid.physics.correlations import GapLaw, correlation
+from thermid.simulation._condensation import condensation
 from thermid.simulation._network.network import Network
 from thermid.simulation._solver.engine import Engine
 from thermid.simulation._solver.extremes import Dense, Extreme, Turnings, first_above
@@ -501,6 +502,14 @@ class Solution(Result):
         return (*self._remarks, *self._run.out_of_range(), *self._run.open_balance())
 
     @cached_property
+    def doubts(self) -> tuple[Standing, ...]:
+        """Why its temperatures are not credible, whatever its values: water condenses, whose heat it leaves out; empty where it does not.
+
+        Of the gases whose humidity the scenario states.
+        """
+        return tuple(condensation(self._run.wiring, self._run.traces.temperature, self.times))
+
+    @cached_property
     def temperatures(self) -> Array:
         """Temperatures (times, nodes) of every node and boundary, in the order of `nodes`. [K]"""
         return np.column_stack([self._run.traces.temperature(n) for n in self.nodes])
@@ -644,7 +653,7 @@ class Solution(Result):
         if any(self[n].turnings is None for n in self.nodes):
             lines.append("  highest of the stored samples; not known between them")
         lines += [f"  warning: {w}" for w in self.warnings]
-        return "\n".join(lines)
+        return worst(self.doubts).over("\n".join(lines))
 
     def _as_rows(self) -> list[Row]:
         """Return every node with its last, highest and lowest temperature."""

@@ -22,9 +22,7 @@ from thermid.base.linear_algebra import Array, Bools
 from thermid.model.elements import Signal, exposed_area
 from thermid.model.tree import FlatConductor
 from thermid.physics.constants import ATMOSPHERE, STEFAN_BOLTZMANN
-from thermid.simulation.network import VACUUM_LIMIT
-from thermid.simulation.runs import Solution
-from thermid.site._moist import (
+from thermid.physics.moist_air import (
     VAPOUR_CONSTANT,
     dew_point,
     latent_heat,
@@ -33,6 +31,8 @@ from thermid.site._moist import (
     vapour_density,
     vapour_pressure,
 )
+from thermid.simulation.network import VACUUM_LIMIT
+from thermid.simulation.runs import Solution
 
 MAX_MISSING_WATER_SHARE: Final = 1e-6
 """Share of the water that may be missing at the end of a run without a remark. [-]"""
