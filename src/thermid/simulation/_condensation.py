@@ -65,6 +65,6 @@ def condensation(wiring: Wiring, kelvin: Callable[[str], Array], times: Array) -
         yield Standing(
             "not credible",
             f"water condenses on {quoted(sorted(found), 3)}, and this run leaves out its heat. '{worst}' is up to {below:.3g} K below the "
-            f"dew point of '{gas}', where its heat equals that of a gas {warmer_by:.2g} K warmer. `thermid moisture` gives the temperatures "
-            "with it",
+            f"dew point of '{gas}', where its heat equals that of a gas {warmer_by:.2g} K warmer. `thermid moisture` gives the "
+            "temperatures with it",
         )

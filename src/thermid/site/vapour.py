@@ -180,7 +180,7 @@ def _surfaces(solution: Solution, parts: Sequence[FlatConductor]) -> _Surfaces:
     shape = (len(parts), solution.times.size)
     skin = np.array([solution[c.ends[0]].kelvin for c in parts]).reshape(shape)
     area = np.array([value_of(exposed_area(c.path, values[c.fields["area"]], c.takes, values)) for c in parts])
-    conductances = run.conductances(solution.times, solution.temperatures)
+    conductances = run.conductances(solution.times, solution._kelvin)
     speed = np.zeros(shape)
     for k, c in enumerate(parts):
         grey = values[c.emissivity] if c.kind == "effective" and c.emissivity else 0.0

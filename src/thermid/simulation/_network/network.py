@@ -22,7 +22,7 @@ from thermid.base.dual import Number, value_of
 from thermid.base.errors import DeckError, errors_at
 from thermid.base.memo import Memo
 from thermid.model.elements import COMPLEMENT, Curve, HeatStore, Law, exposed_area
-from thermid.model.tree import Flat, FlatConductor, FlatLoad, FlatNode, Model, flatten, into_gas, radiates_into, streams_of, unclosed
+from thermid.model.tree import Flat, FlatConductor, FlatLoad, FlatNode, Model, flatten, gas_nodes, into_gas, radiates_into, streams_of, unclosed
 from thermid.simulation._network.controls import PHASE, ControlRow, control_names, control_row, phase_row, state_of
 from thermid.simulation._network.irradiation import absorbers
 from thermid.simulation._network.medium import TRACE, Media, check_gas_laws, conductors_with_trace
@@ -570,6 +570,17 @@ def unreached(network: Network, numbers: Numbers, powers: Mapping[str, float]) -
         if capacity > 0:
             out.append(Unreached(members, heat / capacity))
     return tuple(out)
+
+
+def without_gas(network: Network, numbers: Numbers) -> tuple[str, ...]:
+    """Return the inner nodes that stand for a gas that is not there in the whole run: they have no temperature.
+
+    Nodes into which a load puts power, and those that something but gas joins to others, keep theirs.
+    """
+    kept = {load.node for load in network.flat.loads}
+    kept |= {end for row in numbers.conductors if value_of(row.coefficients[0]) not in (0.0, TRACE) for end in row.ends}
+    gases = gas_nodes(network.flat) - kept
+    return tuple(n for n in network.nodes if n in gases and network.media.empty(n))
 
 
 def _spread(start: Iterable[str], joined: Mapping[str, set[str]]) -> set[str]:
