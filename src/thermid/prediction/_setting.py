@@ -268,7 +268,7 @@ class Setting:
         ------
         SolverError   When a member settles nowhere.
         """
-        values, heat = self.values(sources), self._chain(forms=("heat",)) @ sources if self.sizes else None
+        values, heat = self.values(sources), self._chain(forms=("heat",)) @ sources
         moves = self.full.settled(self._derivative_point)[1] if self.sizes else {}
         members = [{n: v[k] for n, v in values.items()} for k in range(sources.shape[1])]
         settled = [self.ready.settled(self.ready.with_units(v), sensitivities=False)[0] for v in members]

@@ -252,9 +252,7 @@ class Simulator(Shown):
         nodes = nodes if nodes is not None or not self.without_gas else [n for n in names if n not in self.without_gas]
         return run_members(self.engine, values, self.times, self.options, nodes, quantiles, threads, simd, self._remarks, executor, job)
 
-    def settled(
-        self, values: Mapping[str, Any] | None = None, *, sensitivities: bool = True
-    ) -> tuple[dict[str, float], dict[str, Array]]:
+    def settled(self, values: Mapping[str, Any] | None = None, *, sensitivities: bool = True) -> tuple[dict[str, float], dict[str, Array]]:
         """Return node -> temperature with the inputs of the end held for good [K], and its derivatives (free,) [K per SI unit].
 
         Without `sensitivities` these are empty.

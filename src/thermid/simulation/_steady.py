@@ -19,8 +19,8 @@ from thermid.model.tree import Model, Names
 from thermid.physics.constants import ICE_POINT
 from thermid.simulation._block import BlockSolution, steady_block, steady_levels_of_block
 from thermid.simulation._heat_map import HeatMap
-from thermid.simulation._scenarios.scenario import MEAN, PERIODIC, Scenario
 from thermid.simulation._network.network import without_gas
+from thermid.simulation._scenarios.scenario import MEAN, PERIODIC, Scenario
 from thermid.simulation._simulator import network_for
 from thermid.simulation._solver.engine import at_rest
 from thermid.simulation._solver.problem import KernelProblem, Traces

@@ -115,7 +115,7 @@ def course_of(wiring: Wiring, engine: Engine, x: Array | None, options: Options,
 
 
 BEFORE_REST = 1e-3
-"""How long before the end of a run a course that ends where it settles leaves the run: at the end, whose inputs rest is of, it rests. [s]"""
+"""How long before the end a course that ends where it settles leaves its run: with the inputs of the end it rests. [s]"""
 
 
 def _power_of(load: FlatLoad, wiring: Wiring, values: Mapping[str, Any]) -> Any:
