@@ -513,7 +513,8 @@ def test_a_gas_that_is_not_there_is_no_result() -> None:
     )
     bench = td.Scenario("bench", boundaries={"room": "20 [degC]"}, start="20 [degC]", duration="1 [h]")
     empty = bench.vacuum()
-    assert "inside" in td.simulate(box, bench).nodes and "inside" in td.steady(box, bench)
+    assert "inside" in td.simulate(box, bench).nodes
+    assert "inside" in td.steady(box, bench)
     run = td.simulate(box, empty)
     assert run.nodes == ("wall", "part", "room")
     assert [w for w in run.warnings if "inside" in w] == ["'inside' has no gas in this scenario and is left out"]
