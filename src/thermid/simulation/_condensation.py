@@ -11,7 +11,7 @@ from thermid.base.errors import quoted
 from thermid.base.linear_algebra import Array
 from thermid.model.elements import Standing
 from thermid.model.tree import Flat, FlatConductor
-from thermid.physics.moist_air import (
+from thermid.physics.air import (
     dew_point,
     latent_heat,
     mass_transfer_coefficient,
@@ -35,7 +35,7 @@ def condensation(wiring: Wiring, kelvin: Callable[[str], Array], times: Array) -
     """Yield that a run is not credible, where water settles on surfaces whose heat it leaves out; else nothing.
 
     The heat of what settles over that of convection is L (h_m / h) (c - c_s), with the analogy of heat and mass transfer
-    (`thermid.physics.moist_air.mass_transfer_coefficient`): the gas would have to be so much warmer.
+    (`thermid.physics.air.mass_transfer_coefficient`): the gas would have to be so much warmer.
 
     Parameters
     ----------

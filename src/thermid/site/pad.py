@@ -16,10 +16,9 @@ from thermid.base.expression import amount
 from thermid.base.linear_algebra import Array
 from thermid.base.units import TEMPERATURE
 from thermid.model.elements import Constant, Facing, MeanOf, Mixed, Signal, TableSignal, degrees, literal, signal
-from thermid.physics.air import dry_air
+from thermid.physics.air import dew_point, dry_air, vapour_pressure
 from thermid.physics.constants import STEFAN_BOLTZMANN
 from thermid.physics.correlations import forced_plate_nusselt
-from thermid.physics.moist_air import dew_point, vapour_pressure
 from thermid.simulation.network import Environment
 from thermid.simulation.runs import Scenario
 from thermid.site.exposure import cloudless_sky, driving_rain, sky_share

@@ -21,8 +21,7 @@ from thermid.base.expression import amount
 from thermid.base.linear_algebra import Array, Bools
 from thermid.model.elements import Signal, exposed_area
 from thermid.model.tree import FlatConductor
-from thermid.physics.constants import ATMOSPHERE, STEFAN_BOLTZMANN
-from thermid.physics.moist_air import (
+from thermid.physics.air import (
     VAPOUR_CONSTANT,
     dew_point,
     latent_heat,
@@ -31,6 +30,7 @@ from thermid.physics.moist_air import (
     vapour_density,
     vapour_pressure,
 )
+from thermid.physics.constants import ATMOSPHERE, STEFAN_BOLTZMANN
 from thermid.simulation.network import VACUUM_LIMIT
 from thermid.simulation.runs import Solution
 

@@ -10,7 +10,7 @@ from scipy.integrate import solve_ivp
 
 import thermid as td
 from by_code import raises_code
-from thermid.physics.moist_air import (
+from thermid.physics.air import (
     dew_point,
     latent_heat,
     mass_transfer_coefficient,
