@@ -30,7 +30,7 @@ from .size import by_room
 from .source import Module, room_of
 
 SHAPES = {"swapaxes", "reshape", "zeros", "ones", "full", "combinations", "moveaxis", "round", "short", "digits", "maxsize", "lru_cache"}
-PUBLISHED = {"physics", "_units_table", "_atmosphere", "_moist"}
+PUBLISHED = {"physics", "_units_table", "_atmosphere"}
 """Rooms, and files of any room, of which the numbers are published."""
 
 

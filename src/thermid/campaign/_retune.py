@@ -736,6 +736,7 @@ def _local(request: Request, stage: StagePlan, before: Calibration, plan: Retune
         prior=(*prior, *anew),
         held_bias=before.bias,
         held_errors=before.instrument_errors,
+        search="local",  # all stands where the fit before left it; what fixed values do not explain, no other start of the few explains
         remarks=(
             *request.remarks,
             f"only the values that {plan.new} at {plan.part} affects were fitted again. All others, constant errors of instruments among "

@@ -28,7 +28,7 @@ from thermid.model.identity import cuts_of
 from thermid.model.tree import Model
 from thermid.physics.constants import ICE_POINT
 from thermid.values.fitted import FittedValue, FittedValues, load_values, save_store
-from thermid.values.ranges import range_shares, without_spread
+from thermid.values.ranges import bracketed, range_shares, without_spread
 from thermid.values.store import INPUT, State, Store
 
 LOUD = "NOT CREDIBLE: "
@@ -69,14 +69,14 @@ def contradicted(values: Mapping[str, FittedValue]) -> dict[str, str]:
 
 
 def _bracketed(fit: Calibration) -> list[str]:
-    """Return what a fit held and has no spread: set points of thermostats, and assumed values whose deck has min and max."""
+    """Return what a fit held and has no spread: set points of thermostats, assumed and measured values whose deck has min and max."""
     given = {p for s in fit.store.states.values() for p in s.acts}
     given |= {p for e in fit.experiments for p in e.scenario.driven(e.network.flat)}
     held = {p: e.parameter for p, e in fit.given_model.parameter_table().items() if p not in given}
     bare = [p for p, x in held.items() if x.is_literal and x.stated_range is None]
     # a set point is known to some tenths of a kelvin at best, and offsets of sensors take up what it is wrong by
     points = [p for p in bare if ".thermostat." in p or p.endswith(".setpoint")]
-    return points + [p for p in bare if held[p].source == "assumed" and None not in held[p].walls and p not in points]
+    return points + [p for p in bracketed(held, ("assumed", "measured")) if p not in points]
 
 
 def far_from_sheet(model: Model, values: FittedValues) -> tuple[str, ...]:
@@ -309,7 +309,7 @@ class Calibration(Result):
     @property
     def exact(self) -> str:
         """What the fit held and has no spread, in words; empty for nothing."""
-        return f"counted as exact: {without_spread(bare)}; min and max only bound a search" if (bare := _bracketed(self)) else ""
+        return f"counted as exact: {without_spread(bare, '')}; min and max only bound a search" if (bare := _bracketed(self)) else ""
 
     @property
     def clocks(self) -> dict[str, str]:

@@ -290,10 +290,13 @@ class Search:
     def tell(self, words: str, seconds: float, loud: bool = True) -> None:
         """Say what follows and what it takes [s], before it begins."""
         ahead = getattr(self.progress, "ahead", None)
+        words += (
+            f", about {spoken(seconds)}. The interrupt key ends it {'with the best values so far' if self.stoppable else 'without values'}."
+        )
         if ahead is not None:
             ahead(words, seconds)
         elif loud and seconds > WARNED_SEARCH_TIME:
-            text = f"a fit goes on with {words}, about {spoken(seconds)}. The interrupt key ends it with the best values so far."
+            text = f"a fit goes on with {words}"
             warnings.warn(ThermidWarning(text, code="fit.takes-long"), stacklevel=2)
 
     def affordable(self, first: Fit, why: str) -> Fit:

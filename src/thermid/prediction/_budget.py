@@ -28,7 +28,7 @@ from thermid.prediction._split import split_values
 from thermid.simulation.network import Network, compile_network
 from thermid.simulation.runs import Scenario, Simulator, network_for, prepare
 from thermid.values.fitted import FittedValues
-from thermid.values.ranges import RANGE_OF, RangedValue, narrowed, ranged_values, without_spread
+from thermid.values.ranges import RANGE_OF, RangedValue, bracketed, narrowed, ranged_values, without_spread
 from thermid.values.spreads import cut
 from thermid.values.store import Distribution, Kind, LeftOut, Logarithm, LogNormal, Normal, Shifted, Source, Uniform, uniforms
 
@@ -803,7 +803,10 @@ def left_out_of(knowledge: Knowledge, whole: Budget, errors: Sequence[ErrorModel
     inputs += ["start"] if scenario.start and not any(n.startswith("initial.") for n in spread) else []
     if inputs:
         out.append(LeftOut(f"inputs without a stated spread ({quoted(inputs, 3)})", listed=True))
-    return tuple(out)
+    known = spread | {p for s in fitted for p in s.acts}
+    held = {p: e.parameter for p, e in whole.model.parameter_table().items() if p not in known}
+    measured = bracketed(held, ("measured",))
+    return (*out, *([LeftOut(without_spread(measured, "measured"), listed=True)] if measured else []))
 
 
 def in_order(left_out: Iterable[LeftOut]) -> tuple[LeftOut, ...]:

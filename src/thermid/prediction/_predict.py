@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thermid.base.arguments import takes_objects
-from thermid.base.errors import IdentificationError, NameNotFoundError, nearest, quoted
+from thermid.base.errors import IdentificationError, NameNotFoundError, SolverError, nearest, quoted
 from thermid.base.expression import seconds
 from thermid.base.files import FileKinds, replacing
 from thermid.base.linear_algebra import Array, Bools
@@ -621,7 +621,8 @@ def predicted(
     widest = max((b.final for b in bands.values()), key=lambda e: e.error, default=None)
     words = meaning(widest.shares if widest is not None else {}, budget)
     bands = {n: b.parted for n, b in bands.items()} if first.setting.switches else bands
-    return Prediction(budget.model.title, budget.scenario.title, times, bands, rest, words, warnings, find, budget.standing, omitted, least)
+    standing = worst([budget.standing, *best.doubts])
+    return Prediction(budget.model.title, budget.scenario.title, times, bands, rest, words, warnings, find, standing, omitted, least)
 
 
 def undetermined_words(answer: WayAnswer, bands: Mapping[str, Band]) -> list[str]:
@@ -746,21 +747,32 @@ def drawn_members(ways: Sequence[WayAnswer], chosen: NDArray[np.int64], sources:
         if not sources_of_way.shape[1]:
             continue
         columns = way.linear.columns
+        rest = {n: way.kelvin(n)[-1] + c[-1] @ sources_of_way for n, c in columns.items()}
         if straight:
             kelvin = {n: way.linear.run[n].kelvin[:, None] + c[:-1] @ sources_of_way for n, c in columns.items()}
         else:
             drawn = _member_temperatures(way.setting, way.linear, sources_of_way, list(columns))
+            rest |= _member_rest(way, sources_of_way)
             kelvin = dict(drawn.kelvin)
             failed |= drawn.runs.failed if drawn.runs is not None else {}
         for n, traces in kelvin.items():
             complete = ~np.isnan(traces).any(axis=0)
-            # from the end of each member to where it settles: as in the straight model
-            on = way.kelvin(n)[-1] - way.kelvin(n)[-2] + (columns[n][-1] - columns[n][-2]) @ sources_of_way[:, complete]
-            out.setdefault(n, []).append((traces[:, complete], traces[-1, complete] + on))
+            out.setdefault(n, []).append((traces[:, complete], rest[n][complete]))
     every = {n: (np.concatenate([a for a, _ in m], axis=1), np.concatenate([b for _, b in m])) for n, m in out.items()}
     why = next(iter(failed.values()), "")
     lost = f"{len(failed)} of {sources.shape[1]} members failed; the bands leave them out. One of them: {why}" if failed else ""
     return {n: m for n, m in every.items() if m[1].size}, lost
+
+
+def _member_rest(way: WayAnswer, sources: Array) -> dict[str, Array]:
+    """Return node -> where members settle (members,) [K], as `_member_temperatures`; empty where some members settle nowhere."""
+    setting, linear = way.setting, way.linear
+    straight = setting.cancelled(linear)[:, None] * sources
+    try:
+        rest = setting.rest(sources - straight, list(linear.settled and linear.columns))
+    except SolverError:
+        return {}
+    return {n: t + linear.columns[n][-1] @ straight for n, t in rest.items()}
 
 
 def _member_temperatures(setting: Setting, linear: Linear, sources: Array, nodes: Sequence[str]) -> Drawn:

@@ -288,6 +288,20 @@ class Setting:
         kelvin = {n: traces + after[n] for n, traces in temperatures.items()}
         return Drawn(kelvin, {n: _shifted(t, ready.times, after[n]) for n, t in turnings.items()}, many)
 
+    def rest(self, sources: Array, nodes: Sequence[str]) -> dict[str, Array]:
+        """Return where nodes settle (members,) at values (sources, members) of the sources, with the inputs of the end held. [K]
+
+        Raises
+        ------
+        SolverError   When a member settles nowhere.
+        """
+        values, heat = self.values(sources), self._chain(forms=("heat",)) @ sources
+        moves = self.full.settled(self._derivative_point)[1] if self.sizes else {}
+        members = [{n: v[k] for n, v in values.items()} for k in range(sources.shape[1])]
+        settled = [self.ready.settled(self.ready.with_units(v), sensitivities=False)[0] for v in members]
+        after = {n: combined(self._added_after_run(n)[None, :], sources)[0] + (moves[n] @ heat if n in moves else 0.0) for n in nodes}
+        return {n: np.array([member[n] for member in settled]) + after[n] for n in nodes}
+
 
 def _shifted(points: MemberTurnings, times: Array, after: Array) -> MemberTurnings:
     """Return turning points moved by what is added after the run (times or 1, members). [K]"""

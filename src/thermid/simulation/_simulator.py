@@ -13,7 +13,7 @@ import numpy as np
 from thermid.base.arguments import takes_objects
 from thermid.base.codes import CodedText
 from thermid.base.dual import value_of
-from thermid.base.errors import NameNotFoundError, ScenarioError, cap, errors_at, raising, refuse_unknown
+from thermid.base.errors import NameNotFoundError, ScenarioError, cap, errors_at, quoted, raising, refuse_unknown
 from thermid.base.expression import amount, quantity, seconds, si_values
 from thermid.base.linear_algebra import Array
 from thermid.base.results import Shown
@@ -22,9 +22,8 @@ from thermid.model.elements import POSITIVE, Constant
 from thermid.model.tree import Model, streams_of
 from thermid.simulation._ensemble import Ensemble, run_members
 from thermid.simulation._many.tasks import Workers
-from thermid.simulation._network.environment import Environment
 from thermid.simulation._network.medium import gas_remarks
-from thermid.simulation._network.network import Network, compile_network, unreached
+from thermid.simulation._network.network import Network, compile_network, unreached, without_gas
 from thermid.simulation._scenarios.scenario import STEADY, Scenario, sampled_logs
 from thermid.simulation._solution import Run, Solution
 from thermid.simulation._solver.engine import Engine, settle
@@ -185,9 +184,14 @@ class Simulator(Shown):
         return out
 
     @cached_property
+    def without_gas(self) -> tuple[str, ...]:
+        """Nodes that stand for a gas that is not there in this scenario; solutions leave them out."""
+        return without_gas(self.wiring.network, self.wiring.assemble().numbers)
+
+    @cached_property
     def _remarks(self) -> tuple[str, ...]:
         """Warnings that hold for every run; see `_warnings`."""
-        return _warnings(self.wiring, self.wiring.scenario)
+        return _warnings(self.wiring, self.wiring.scenario, self.without_gas)
 
     def run(self, values: Mapping[str, float] | None = None, *, sensitivities: bool = False) -> Solution:
         """Return the solution at some values of the free names.
@@ -211,9 +215,8 @@ class Simulator(Shown):
         answer = self.engine.integrate(assembled, self.times, nodes, end, options, wanted, options.extremes)
         run = Run(self.wiring, self.engine, assembled, answer, self.times, options)
         free = self.free if wanted else ()
-        return Solution(
-            self.title, self.wiring.scenario.title, self.times, run.all_nodes(), free, "ok", answer.statistics, self._remarks, run
-        )
+        shown = tuple(n for n in run.all_nodes() if n not in self.without_gas)
+        return Solution(self.title, self.wiring.scenario.title, self.times, shown, free, "ok", answer.statistics, self._remarks, run)
 
     def ensemble(
         self,
@@ -243,18 +246,23 @@ class Simulator(Shown):
             raise ScenarioError(
                 "one parameter is drawn twice, by its path and by an alias. Remove one of them.", self.title, code="name.taken"
             )
+        names = (*self.wiring.network.nodes, *self.wiring.network.boundaries)
+        nodes = nodes if nodes is not None or not self.without_gas else [n for n in names if n not in self.without_gas]
         return run_members(self.engine, values, self.times, self.options, nodes, quantiles, threads, simd, self._remarks, executor)
 
-    def settled(self, values: Mapping[str, float] | None = None) -> tuple[dict[str, float], dict[str, Array]]:
+    def settled(self, values: Mapping[str, Any] | None = None, *, sensitivities: bool = True) -> tuple[dict[str, float], dict[str, Array]]:
         """Return node -> temperature with the inputs of the end held for good [K], and its derivatives (free,) [K per SI unit].
+
+        Without `sensitivities` these are empty.
 
         Raises
         ------
         SolverError   When nothing settles.
         """
         wiring, end = self.wiring, self.wiring.scenario.seconds
-        a = self.engine.started(wiring.assemble(self.vector(values or {}), True), True) if self.free else wiring.assemble()
-        temperatures, moves = settle(self.engine, a, end, bool(self.free))
+        wanted = sensitivities and bool(self.free)
+        a = self.engine.started(wiring.assemble(self.vector(values or {}), wanted), wanted) if self.free else wiring.assemble()
+        temperatures, moves = settle(self.engine, a, end, wanted)
         traces = Traces(wiring, a, np.array([end]), self.engine.nodes, temperatures[None, :], moves[None, :, :])
         names = (*wiring.network.nodes, *wiring.network.boundaries)
         return {n: float(traces.temperature(n)[0]) for n in names}, {n: traces.slope(n)[0] for n in names}
@@ -384,8 +392,8 @@ def ensemble(
     return ready.ensemble(draws, nodes=nodes, quantiles=quantiles, threads=threads, simd=simd, executor=executor)
 
 
-def _warnings(wiring: Wiring, scenario: Scenario) -> tuple[str, ...]:
-    """Return the warnings of all runs: missing parts, nodes without a path to a boundary, assumed samples, gas, wind and humidity."""
+def _warnings(wiring: Wiring, scenario: Scenario, empty: tuple[str, ...]) -> tuple[str, ...]:
+    """Return the warnings of all runs: missing parts, nodes without a path to a boundary, assumed samples, gas and wind."""
     numbers = wiring.assemble().numbers
     powers = {}
     for load in wiring.network.flat.loads:
@@ -394,7 +402,10 @@ def _warnings(wiring: Wiring, scenario: Scenario) -> tuple[str, ...]:
         mean = float(np.mean(signal.at(np.linspace(0.0, scenario.seconds, 101))))
         powers[load.path] = mean * (1.0 if load.path in wiring.scenario.loads else value_of(first.coefficients[0]))
     out: list[str] = [f"INCOMPLETE: {what}" for what in wiring.network.flat.names.model.missing_parts()]
-    out += [part.message() for part in unreached(wiring.network, numbers, powers)]
+    out += [part.message() for part in unreached(wiring.network, numbers, powers) if not {*part.nodes} <= {*empty}]
+    if empty:
+        has, are = ("has", "is") if len(empty) == 1 else ("have", "are")
+        out.append(CodedText(f"{quoted(empty)} {has} no gas in this scenario and {are} left out", "run.heat-stops-without-gas"))
     if wiring.start is not None and wiring.start.kind == STEADY and (held_text := wiring.held_at(wiring.start.time)):
         out.append(CodedText(f"the start is {held_text}", "run.start-held"))
     out += sampled_logs(scenario)
@@ -410,16 +421,6 @@ def _warnings(wiring: Wiring, scenario: Scenario) -> tuple[str, ...]:
     out += gas_remarks(wiring.network.media, wiring.network.flat, numbers.values)
     if streams_of(wiring.network.flat.conductors):
         out += wiring.network.streams.remarks(scenario.seconds)
-    for gas, e in scenario.environment.items():
-        if e.humidity != Environment().humidity:
-            of = "of every gas" if gas == "*" else f"of '{gas}'"
-            out.append(
-                CodedText(
-                    f"the relative humidity {of}, {100 * e.humidity:g} %, is not used: the equations contain no moisture. If it matters, "
-                    "give a schedule of coefficients for moist air, and a load for latent heat",
-                    "run.humidity-not-used",
-                )
-            )
     return tuple(out)
 
 

@@ -18,9 +18,10 @@ from thermid.base.files import NETCDF_SOURCE, FileKinds, replacing
 from thermid.base.linear_algebra import Array
 from thermid.base.memo import Memo
 from thermid.base.results import PlottedTrace, Result, Row
-from thermid.model.elements import degrees, literal
+from thermid.model.elements import Standing, degrees, literal, worst
 from thermid.physics.constants import ICE_POINT
 from thermid.physics.correlations import GapLaw, correlation
+from thermid.simulation._condensation import condensation
 from thermid.simulation._network.network import Network
 from thermid.simulation._solver.engine import Engine
 from thermid.simulation._solver.extremes import Dense, Extreme, Turnings, first_above
@@ -501,14 +502,27 @@ class Solution(Result):
         return (*self._remarks, *self._run.out_of_range(), *self._run.open_balance())
 
     @cached_property
+    def doubts(self) -> tuple[Standing, ...]:
+        """Why its temperatures are not credible, whatever its values: water condenses, whose heat it leaves out; empty where it does not.
+
+        Of the gases whose humidity the scenario states.
+        """
+        return tuple(condensation(self._run.wiring, self._run.traces.temperature, self.times))
+
+    @cached_property
+    def _kelvin(self) -> Array:
+        """Temperatures (times, nodes) of every node and boundary of the network, as its run takes them. [K]"""
+        return np.column_stack([self._run.traces.temperature(n) for n in self._run.all_nodes()])
+
+    @cached_property
     def temperatures(self) -> Array:
-        """Temperatures (times, nodes) of every node and boundary, in the order of `nodes`. [K]"""
+        """Temperatures (times, nodes) of every node and boundary but gases that are not there, in the order of `nodes`. [K]"""
         return np.column_stack([self._run.traces.temperature(n) for n in self.nodes])
 
     @cached_property
     def shares(self) -> dict[str, Array]:
         """Control of the deck -> its share (times,), by which what names it is multiplied. [-]"""
-        shares = self._run.shares(self.times, self.temperatures)
+        shares = self._run.shares(self.times, self._kelvin)
         return {name: shares[name] for name in self._run.network.controls}
 
     @cached_property
@@ -537,7 +551,7 @@ class Solution(Result):
     @property
     def time_constants(self) -> Array:
         """Time constants of the network linearised at the end of the run, longest first. [s]"""
-        return self._run.time_constants(self.temperatures[-1])
+        return self._run.time_constants(self._kelvin[-1])
 
     def heat_flow(self, conductor: str) -> Array:
         """Return the heat flow (times,) of a conductor, positive from its first end to its second. [W]
@@ -546,19 +560,19 @@ class Solution(Result):
         ------
         NameNotFoundError   With the nearest name.
         """
-        flows = self._run.flows(self.times, self.temperatures)
+        flows = self._run.flows(self.times, self._kelvin)
         path = self._run.network.flat.names.model.canonical(conductor)
         return look_up(path, flows, f"no conductor '{conductor}'.", self.title)
 
     @property
     def heat_flows(self) -> Mapping[str, Array]:
         """Conductor -> heat flow (times,). [W]"""
-        return self._run.flows(self.times, self.temperatures)
+        return self._run.flows(self.times, self._kelvin)
 
     @property
     def load_powers(self) -> Mapping[str, Array]:
         """Load -> power (times,). [W]"""
-        return self._run.powers(self.times, self.temperatures)
+        return self._run.powers(self.times, self._kelvin)
 
     def heat_balance(self) -> HeatBalance:
         """Return loads, heat into boundaries, heat stored and residual over the run; see `HeatBalance`. [J]"""
@@ -644,7 +658,7 @@ class Solution(Result):
         if any(self[n].turnings is None for n in self.nodes):
             lines.append("  highest of the stored samples; not known between them")
         lines += [f"  warning: {w}" for w in self.warnings]
-        return "\n".join(lines)
+        return worst(self.doubts).over("\n".join(lines))
 
     def _as_rows(self) -> list[Row]:
         """Return every node with its last, highest and lowest temperature."""

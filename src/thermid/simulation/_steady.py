@@ -19,6 +19,7 @@ from thermid.model.tree import Model, Names
 from thermid.physics.constants import ICE_POINT
 from thermid.simulation._block import BlockSolution, steady_block, steady_levels_of_block
 from thermid.simulation._heat_map import HeatMap
+from thermid.simulation._network.network import without_gas
 from thermid.simulation._scenarios.scenario import MEAN, PERIODIC, Scenario
 from thermid.simulation._simulator import network_for
 from thermid.simulation._solver.engine import at_rest
@@ -137,6 +138,7 @@ def steady(model: Model | Block, scenario: Scenario, time: float | str = 0.0) ->
     else:
         held, remark = f"inputs at {instant:g} s", wiring.held_at(instant)
     missing = tuple(f"INCOMPLETE: {what}" for what in model.missing_parts())
+    temperatures = {n: t for n, t in temperatures.items() if n not in without_gas(wiring.network, a.numbers)}
     return Steady(temperatures, held, (*missing, *((remark,) if remark else ())), heat=heat, names=wiring.network.flat.names)
 
 

@@ -1,5 +1,6 @@
 """The equations of a model: rows of conductors, controls, streams, and the surroundings."""
 
+from thermid.simulation._condensation import surfaces_in_gas as surfaces_in_gas
 from thermid.simulation._network.controls import control_names as control_names
 from thermid.simulation._network.environment import Environment as Environment
 from thermid.simulation._network.irradiation import MAX_IRRADIATION as MAX_IRRADIATION, Irradiation as Irradiation, Sky as Sky

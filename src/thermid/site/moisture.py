@@ -13,9 +13,9 @@ from thermid.base.errors import ScenarioError, SolverError, look_up, refuse_unkn
 from thermid.base.linear_algebra import Array, anderson_step
 from thermid.base.results import PlottedTrace, Result
 from thermid.model.elements import Constant, HeatLoad, Signal, TableSignal, check_span, parameter, signal
-from thermid.model.tree import Flat, FlatConductor, Model
+from thermid.model.tree import FlatConductor, Model
 from thermid.physics.constants import ICE_POINT
-from thermid.simulation.network import compile_network
+from thermid.simulation.network import compile_network, surfaces_in_gas
 from thermid.simulation.runs import Scenario, Solution, simulate
 from thermid.site.vapour import Followed, Volume, WaterBalance, follow
 
@@ -118,7 +118,14 @@ class Moisture(Result):
                 f"{self.dew_points[s.gas][k] - ICE_POINT:.2f} degC; condenses for {s.condensing / 60:.1f} min, "
                 f"wet for {s.wet / 60:.1f} min, up to {1e3 * s.film.max():.3g} g/m^2"
             )
-        return "\n".join(["moisture", *(f"  warning: {w}" for w in self.warnings), *lines, f"  {self.water}"])
+        traces = [self.solution[n] for n in self.solution.nodes]
+        width = max(len(t.path) for t in traces)
+        lines += [
+            f"  {self.water}",
+            "  temperatures with the heat of settling and drying water, at the values of the model; they have no bands",
+        ]
+        lines += [f"  {t.path:<{width}}  end {t.final:7.2f} degC   lowest {t.lowest:.2f}   highest {t.highest:.2f}" for t in traces]
+        return "\n".join(["moisture", *(f"  warning: {w}" for w in (*self.warnings, *self.solution.warnings)), *lines])
 
     _axes_titles = ("time [s]", "margin to the dew point [K]")
 
@@ -169,7 +176,7 @@ def moisture(
             "give the humidity by gas: gas -> relative humidity, such as {'air': 0.6}.", scenario.title, code="value.incomplete"
         )
     flat = compile_network(model, media=scenario.media()).flat
-    gases = list(dict.fromkeys(c.gas for c in _exchanging(flat)))
+    gases = list(dict.fromkeys(c.gas for c in surfaces_in_gas(flat)))
     volumes_by_path = {flat.names.find(k): v for k, v in (volumes or {}).items()}
     open_air = {flat.names.find(k): signal(v, "1", f"humidity of {k}") for k, v in humidity.items()}
     for name, given_humidity in open_air.items():
@@ -182,7 +189,7 @@ def moisture(
     others = {flat.names.find(v.to) for v in volumes_by_path.values() if v.to}
     no_surface = "no surface exchanges heat with '{}' by convection."
     refuse_unknown((*volumes_by_path, *open_air), {*gases, *others}, scenario.title, no_surface, ScenarioError)
-    parts = [c for c in _exchanging(flat) if c.gas in (*open_air, *volumes_by_path)]
+    parts = [c for c in surfaces_in_gas(flat) if c.gas in (*open_air, *volumes_by_path)]
     return _balanced(model, scenario, parts, open_air, volumes_by_path, every, progress)
 
 
@@ -202,6 +209,7 @@ def _balanced(
     ScenarioError   When they do not after `PASSES`.
     """
     wet, names = _with_latent(model, [c.path for c in parts])
+    scenario = replace(scenario, environment={gas: replace(e, humidity=None) for gas, e in scenario.environment.items()})
     heats: dict[str, Signal] = {name: Constant(0.0) for name in names.values()}
     before: Array | None = None
     dry_heats: list[Array] = []
@@ -233,11 +241,6 @@ def _remaining(moved: float, heats: Sequence[Array], residuals: Sequence[Array])
         return 0.0
     change = float(np.abs(heats[-1] - heats[-2]).max()) if len(heats) > 1 else 0.0
     return moved * float(np.abs(residuals[-1]).max()) / change if change > 0.0 else np.inf
-
-
-def _exchanging(flat: Flat) -> list[FlatConductor]:
-    """Return the surfaces that exchange heat with a gas."""
-    return [c for c in flat.conductors if c.kind in ("convection", "effective") and c.path in flat.surfaces]
 
 
 def _with_latent(model: Model, surfaces: list[str]) -> tuple[Model, dict[str, str]]:
@@ -304,7 +307,7 @@ def humid(
     ScenarioError   When no surface exchanges heat with the chamber as with a gas.
     """
     flat = compile_network(model, media=scenario.media()).flat
-    parts = [c for c in _exchanging(flat) if c.gas in gases]
+    parts = [c for c in surfaces_in_gas(flat) if c.gas in gases]
     if not parts:
         raise ScenarioError(
             f"no surface exchanges heat with {' or '.join(gases)} by convection, so no surface can condense water. Give the deck "

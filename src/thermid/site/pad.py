@@ -16,12 +16,11 @@ from thermid.base.expression import amount
 from thermid.base.linear_algebra import Array
 from thermid.base.units import TEMPERATURE
 from thermid.model.elements import Constant, Facing, MeanOf, Mixed, Signal, TableSignal, degrees, literal, signal
-from thermid.physics.air import dry_air
+from thermid.physics.air import dew_point, dry_air, vapour_pressure
 from thermid.physics.constants import STEFAN_BOLTZMANN
 from thermid.physics.correlations import forced_plate_nusselt
 from thermid.simulation.network import Environment
 from thermid.simulation.runs import Scenario
-from thermid.site._moist import dew_point, vapour_pressure
 from thermid.site.exposure import cloudless_sky, driving_rain, sky_share
 from thermid.site.site import Site
 from thermid.site.sky import open_sky
@@ -257,7 +256,7 @@ def _environment(site: Site, weather: Weather | None, seconds: float) -> Environ
         return Environment(Constant(site.pressure))
     means = {k: MeanOf(TableSignal(*weather[k]), seconds) for k in ("pressure", "humidity") if k in weather}
     wind = TableSignal(*weather["wind"]) if "wind" in weather else Constant(0.0)
-    humidity = means["humidity"].value if "humidity" in means else Environment.humidity
+    humidity = means["humidity"].value if "humidity" in means else None
     return Environment(means.get("pressure", Constant(site.pressure)), humidity, wind=wind)
 
 

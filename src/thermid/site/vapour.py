@@ -21,10 +21,7 @@ from thermid.base.expression import amount
 from thermid.base.linear_algebra import Array, Bools
 from thermid.model.elements import Signal, exposed_area
 from thermid.model.tree import FlatConductor
-from thermid.physics.constants import ATMOSPHERE, STEFAN_BOLTZMANN
-from thermid.simulation.network import VACUUM_LIMIT
-from thermid.simulation.runs import Solution
-from thermid.site._moist import (
+from thermid.physics.air import (
     VAPOUR_CONSTANT,
     dew_point,
     latent_heat,
@@ -33,6 +30,9 @@ from thermid.site._moist import (
     vapour_density,
     vapour_pressure,
 )
+from thermid.physics.constants import ATMOSPHERE, STEFAN_BOLTZMANN
+from thermid.simulation.network import VACUUM_LIMIT
+from thermid.simulation.runs import Solution
 
 MAX_MISSING_WATER_SHARE: Final = 1e-6
 """Share of the water that may be missing at the end of a run without a remark. [-]"""
@@ -180,7 +180,7 @@ def _surfaces(solution: Solution, parts: Sequence[FlatConductor]) -> _Surfaces:
     shape = (len(parts), solution.times.size)
     skin = np.array([solution[c.ends[0]].kelvin for c in parts]).reshape(shape)
     area = np.array([value_of(exposed_area(c.path, values[c.fields["area"]], c.takes, values)) for c in parts])
-    conductances = run.conductances(solution.times, solution.temperatures)
+    conductances = run.conductances(solution.times, solution._kelvin)
     speed = np.zeros(shape)
     for k, c in enumerate(parts):
         grey = values[c.emissivity] if c.kind == "effective" and c.emissivity else 0.0

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 from thermid.base.errors import quoted
 from thermid.base.units import counted
-from thermid.model.elements import StatedRange
+from thermid.model.elements import Parameter, StatedRange
 from thermid.model.identity import local_identities
 from thermid.model.tree import Entry, ParameterSet, Tree
 from thermid.values.store import Distribution, LogNormal, Normal, Source, Store
@@ -85,9 +85,15 @@ def _place(model: Tree, entry: Entry) -> str:
     return f"{owner.title}, {entry.where.rpartition(', ')[2]}"
 
 
-def without_spread(paths: Sequence[str]) -> str:
-    """Return the sentence part that names assumed values without a stated spread, of more than three the first three."""
-    return f"{counted(len(paths), 'assumed value')} without a stated spread ({quoted(paths, 3)})"
+def without_spread(paths: Sequence[str], source: str = "assumed") -> str:
+    """Return the sentence part that names values of a source without a stated spread, of more than three the first three."""
+    return f"{counted(len(paths), f'{source} value'.strip())} without a stated spread ({quoted(paths, 3)})"
+
+
+def bracketed(parameters: Mapping[str, Parameter], sources: Collection[str]) -> list[str]:
+    """Return the paths of numbers of some `sources` whose minimum and maximum bound a search alone: neither a range nor a spread."""
+    bare = {p: x for p, x in parameters.items() if x.is_literal and x.stated_range is None and x.source in sources}
+    return [p for p, x in bare.items() if None not in x.walls]
 
 
 def range_shares(store: Store, path: str) -> dict[str, float]:

@@ -131,8 +131,14 @@ def test_equal_values_of_twins_with_other_spreads_are_not_one() -> None:
 
 def test_a_fit_says_which_brackets_it_held_as_exact() -> None:
     """Only `predict` said so, and a bracket of one's own is no range."""
-    words = "counted as exact: 1 assumed value without a stated spread ('film')"
-    for film, told in ((OWN_FILM, True), (OWN_FILM | {"spread": "range"}, False), (OWN_FILM | {"spread": "5 [%]"}, False)):
+    words = "counted as exact: 1 value without a stated spread ('film')"
+    measured = OWN_FILM | {"source": "measured"}
+    for film, told in (
+        (OWN_FILM, True),
+        (measured, True),
+        (OWN_FILM | {"spread": "range"}, False),
+        (OWN_FILM | {"spread": "5 [%]"}, False),
+    ):
         deck = box(parameters={"film": film})
         assert (words in str(td.calibrate(deck, log(deck), ["joint.conductance"], scenario=BESIDE))) == told
     assert words not in str(td.calibrate(deck := box(parameters={"film": OWN_FILM}), log(deck), ["film"], scenario=BESIDE))

@@ -196,7 +196,7 @@ area = { value = '600 [cm^2]', spread = '60 [cm^2]', source = 'assumed', basis =
     skin = {**DECK["surfaces"]["skin"], "area": held["area"]}
     wrong = {**DECK, "nodes": {**DECK["nodes"], "case": {"capacitance": held["case"]}}, "surfaces": {"skin": skin}}
     found = td.inference.fleet(model_from_dict(wrong), boxes(3, 21, spreads=dict.fromkeys(FREE, 0.01))[0], FREE)
-    assert any(r.startswith("counted as exact: 1 assumed value without a stated spread ('case.capacitance')") for r in found.remarks)
+    assert any(r.startswith("counted as exact: 1 value without a stated spread ('case.capacitance')") for r in found.remarks)
     assert np.sqrt(found.shared[1, 1]) == pytest.approx(0.1, rel=0.2)
     v, bare = found.values["skin.effective_htc"], interval_of_mean(found.population, np.eye(2)[1])
     assert np.log(v.high / v.low) == pytest.approx(np.hypot(bare.high - bare.low, 3.92 * np.sqrt(found.shared[1, 1])), rel=1e-2)

@@ -108,6 +108,8 @@ def test_what_is_left_out_does_not_depend_on_the_route() -> None:
     assert [x.what for x in named.left_out] == [words[0], words[2]]
     every = td.predict(known, BENCH, spread={"air": "0.1 [K]", "scale.heat": "5 [%]", "initial.plate": "0.1 [K]", "skin.area": "range"})
     assert [x.what for x in every.left_out] == words[:1]
+    weighed = td.predict(td.design.Knowledge(plate({"htc": HTC, "area": assumed | {"source": "measured"}})), BENCH).left_out
+    assert [x.listed for x in weighed if x.what == "1 measured value without a stated spread ('skin.area')"] == [True]
 
 
 def test_values_of_one_record_are_listed_and_no_headline() -> None:

@@ -205,3 +205,14 @@ def test_a_fitted_value_that_the_scenario_schedules_is_not_among_those_that_vary
         td.predict(fit, _asked(3.0).with_(schedule={HTC: "20 [W/(m^2 K)]"}), times=TIMES[::8])["case"].celsius[-1]
         < free["case"].celsius[-1]
     )
+
+
+@pytest.mark.parametrize("draws", [0, 100])
+def test_without_power_all_settles_at_its_room_whatever_is_unsure(fit: td.Calibration, draws: int) -> None:
+    """Departures are heat that flows: where none does at rest, the end of a run that has not settled says nothing of it."""
+    passive = _asked(0.0).with_(start="-10 [degC]", duration="1 [h]")
+    told = td.predict(fit, passive, draws=draws)
+    assert told.final["case"].error > 0.1
+    rest = told.settled["case"]
+    of_elements = rest.error**2 * (1.0 - rest.shares["what no element explains"])  # which stands at the sensor, heat or not
+    assert (rest.celsius, of_elements) == (pytest.approx(34.0, abs=3e-3), pytest.approx(0.0, abs=1e-9))

@@ -10,7 +10,14 @@ from scipy.integrate import solve_ivp
 
 import thermid as td
 from by_code import raises_code
-from thermid.site._moist import dew_point, latent_heat, mass_transfer_coefficient, saturation_pressure, vapour_density, vapour_pressure
+from thermid.physics.air import (
+    dew_point,
+    latent_heat,
+    mass_transfer_coefficient,
+    saturation_pressure,
+    vapour_density,
+    vapour_pressure,
+)
 
 BOX = td.model_from_dict(
     {

@@ -30,6 +30,7 @@ from thermid.app.cli.options import (
     answer,
     fitted_model,
     judged_model,
+    leave,
     limit_ends,
     moments,
     pairs,
@@ -43,7 +44,7 @@ from thermid.base.extensions import extension, file_kinds, json_schema
 from thermid.base.files import FileKinds
 from thermid.base.toml_files import read_toml
 from thermid.model.deck import load_model
-from thermid.model.elements import literal
+from thermid.model.elements import literal, worst
 from thermid.physics.constants import ICE_POINT
 from thermid.simulation import runs as transient
 from thermid.simulation.runs import margin_lines, margins, output_times, steady
@@ -136,7 +137,9 @@ def simulate(
     lines.append("  time constants: " + ", ".join(f"{c:.6g} s" for c in solution.time_constants))
     balance = solution.heat_balance()
     lines.append(f"  heat: loads {balance.loads:.6g} J, to boundaries {balance.boundaries:.6g} J, stored {balance.stored:.6g} J")
-    answer(standing, as_json, solution.to_dict(final, times), "\n".join(lines))
+    whole = worst([standing, *solution.doubts])
+    say(as_json, {**solution.to_dict(final, times), "standing": whole.to_dict()}, standing.over("\n".join(lines)))
+    leave(whole)
 
 
 def steady_state(

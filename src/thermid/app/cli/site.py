@@ -14,15 +14,16 @@ from thermid.app.cli.options import (
     Duration,
     Json,
     KeepValues,
+    Moments,
     Start,
     ValuesPath,
     answer,
     judged_model,
+    moments,
     pairs,
     scenario_of,
     with_unit,
 )
-from thermid.base.toml_files import read_toml
 from thermid.model.elements import literal
 from thermid.physics.constants import ICE_POINT
 from thermid.site.moisture import Moisture, moisture as moist_run
@@ -36,6 +37,7 @@ def moisture(
     start: Start = None,
     duration: Duration = None,
     every: Annotated[str, typer.Option("--every", help="Time between outputs.")] = "1 [min]",
+    at: Moments = [],  # noqa: B006
     values: ValuesPath = None,
     keep_values: KeepValues = False,
     accept: Accept = None,
@@ -43,20 +45,20 @@ def moisture(
 ) -> None:
     """Print the margin to the dew point of every surface.
 
-    Minutes of condensation, water on the surface, and when it is dry again are printed too.
+    Minutes of condensation, water on the surface, when it is dry again, and temperatures with the heat of condensation are printed too.
     """
     model, standing = judged_model(deck, values, keep_values, accept=accept)
     conditions = scenario_of(scenario, boundary, [], start, duration)
-    written = read_toml(scenario)[0].get("environment", {}) if scenario is not None else {}
-    humidities: dict[str, Any] = {
-        gas: conditions.environment[gas].humidity for gas, table in written.items() if gas != "*" and "humidity" in table
-    }
+    times = moments(at, conditions.seconds)
+    humidities: dict[str, Any] = {gas: e.humidity for gas, e in conditions.environment.items() if gas != "*" and e.humidity is not None}
     humidities |= {gas: literal(with_unit(text, "1"), "1", "--humidity") for gas, text in pairs(humidity, "--humidity").items()}
     run = moist_run(model, conditions, humidities, every=with_unit(every, "s"))
-    answer(standing, as_json, _object(run), run)
+    traces = [run.solution[n] for n in run.solution.nodes]
+    rows = [f"  at {t:g} s: " + ", ".join(f"{x.path} {float(x.at(t)):.2f}" for x in traces) + " degC" for t in times]
+    answer(standing, as_json, _object(run, times), "\n".join([str(run), *rows]))
 
 
-def _object(run: Moisture) -> dict[str, Any]:
+def _object(run: Moisture, times: list[float]) -> dict[str, Any]:
     """Return the object of ``thermid moisture --json``."""
     surfaces = {}
     for name, s in run.surfaces.items():
@@ -76,6 +78,7 @@ def _object(run: Moisture) -> dict[str, Any]:
     return {
         "title": solution.title,
         "scenario": solution.scenario,
+        "nodes": solution.to_dict(None, times)["nodes"],
         "surfaces": surfaces,
         "water": {
             "vapour_kg": water.vapour,

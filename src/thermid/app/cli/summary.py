@@ -68,7 +68,7 @@ class CampaignProgress(Progress):
         self._stages[stage] = None
         self._until = time.monotonic() + seconds
         if seconds >= WORTH_SAYING:
-            self.say(f"{stage}: {words}, about {spoken(seconds)}. The interrupt key ends it with the best values so far.")
+            self.say(f"{stage}: {words}")
 
     def time_left(self) -> str:
         """Return the time left in words: of what is being done, where that was priced, beside that of the whole."""

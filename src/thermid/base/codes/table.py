@@ -740,11 +740,6 @@ CODES: Final[Mapping[str, CodeMeaning]] = {
         "Without gas no heat flows along these paths, or these streams stop.",
         "Nothing; give an emissivity where radiation is meant.",
     ),
-    "run.humidity-not-used": CodeMeaning(
-        "remark",
-        "A relative humidity is given, and the equations hold no moisture.",
-        "Give a schedule of coefficients for moist air.",
-    ),
     "run.input-missing": CodeMeaning(
         "error",
         "A run lacks its start, the temperature of a boundary, or an input up to its end.",

@@ -110,12 +110,12 @@ def course_of(wiring: Wiring, engine: Engine, x: Array | None, options: Options,
     }
     shining = replace(a.numbers, conductors=tuple(row for row in a.numbers.conductors if row.form == "radiation"))
     radiated = wiring.conductor_flows(shining, temperatures, held, shares)
-    whole = times if rest is None else np.append(times, end + AFTER)
+    whole = times if rest is None else np.array([*times[:-1], end - BEFORE_REST, end])
     return ElementCourse(whole, temperatures, flows, follows, stores, powers, radiated, a.numbers.values, rest is not None)
 
 
-AFTER = 1e-3
-"""When a course that ends where it settles is there, after the end of the run. [s]"""
+BEFORE_REST = 1e-3
+"""How long before the end a course that ends where it settles leaves its run: with the inputs of the end it rests. [s]"""
 
 
 def _power_of(load: FlatLoad, wiring: Wiring, values: Mapping[str, Any]) -> Any:

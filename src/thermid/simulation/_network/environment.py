@@ -25,7 +25,8 @@ class Environment:
     Parameters
     ----------
     pressure : Signal       A text with unit, a table or a signal. [Pa]
-    humidity : float        Relative, 0 to 1; no law uses it and it is kept for the record; `moisture` is given its own. [-]
+    humidity : float or None  Relative, 0 to 1; None where nobody states it. No law uses it, but a run in which water condenses is not
+                            credible (`Solution.doubts`). [-]
     gravity : float, str    A number or a text with unit, as the wind and the time constant. [m/s^2]
     gas : str               air, N2, He, Ar, CO2 or H2.
     wind : Signal           Speed along surfaces with a correlation; given as the pressure is. [m/s]
@@ -35,7 +36,7 @@ class Environment:
     """
 
     pressure: Any = ONE_ATMOSPHERE
-    humidity: float = 0.5
+    humidity: float | None = None
     gravity: float = STANDARD_GRAVITY
     gas: str = "air"
     wind: Any = CALM
@@ -50,12 +51,12 @@ class Environment:
         object.__setattr__(self, "wind", wind)
         for name, slot in (("humidity", "1"), ("gravity", "m/s^2"), ("time_constant", "s")):
             value: Any = getattr(self, name)
-            if isinstance(value, str) or not isinstance(value, Real):
+            if not (isinstance(value, Real) or (name == "humidity" and value is None)):
                 object.__setattr__(self, name, literal(value, slot, f"environment, {name}"))
         for name in ("gas", "vented"):
             if not isinstance(getattr(self, name), str):
                 raise ScenarioError(f"it takes a name, not {getattr(self, name)!r}.", f"environment, {name}", code="value.wrong-kind")
-        if not 0.0 <= self.humidity <= 1.0:
+        if self.humidity is not None and not 0.0 <= self.humidity <= 1.0:
             raise ScenarioError(f"the relative humidity is {self.humidity:g}. Give 0 to 1.", code="value.outside-range")
         if self.lowest() < 0.0:
             raise ScenarioError("the pressure is below zero. Give 0 or more.", code="value.outside-range")

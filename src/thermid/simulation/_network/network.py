@@ -579,6 +579,17 @@ def unreached(network: Network, numbers: Numbers, powers: Mapping[str, float]) -
     return tuple(out)
 
 
+def without_gas(network: Network, numbers: Numbers) -> tuple[str, ...]:
+    """Return the inner nodes that stand for a gas that is not there in the whole run: they have no temperature.
+
+    Nodes into which a load puts power, and those that something but gas joins to others, keep theirs.
+    """
+    kept = {load.node for load in network.flat.loads}
+    kept |= {end for row in numbers.conductors if value_of(row.coefficients[0]) not in (0.0, TRACE) for end in row.ends}
+    gases = network.flat.gas_nodes - kept
+    return tuple(n for n in network.nodes if n in gases and network.media.empty(n))
+
+
 def _spread(start: Iterable[str], joined: Mapping[str, set[str]]) -> set[str]:
     """Return every node that can be reached from `start` along `joined`, node -> neighbours; `start` is among them."""
     reached, edge = set(start), list(start)

@@ -75,3 +75,22 @@ def test_latent_heat_closes_the_balance(deck: Path) -> None:
     assert balance.relative < 1e-6
     assert balance.loads == pytest.approx(found["skin"].heat, rel=1e-4)  # water that settles is the only load
     assert found["skin"].heat == pytest.approx(2.5e6 * 0.08 * float(found["skin"].film[-1]), rel=0.15)  # frost gives more than dew
+
+
+def test_a_run_without_the_heat_of_condensation_is_not_credible(call: Call, deck: Path) -> None:
+    """A humid gas above its dew point everywhere changes nothing; where water settles, the first line says so and names the command."""
+    said = call("simulate", deck, "--scenario", deck.parent / "transfer.toml")
+    assert said.code == 1
+    assert said.out.startswith("NOT CREDIBLE: water condenses on 'skin', and this run leaves out its heat")
+    assert "`thermid moisture`" in said.out.splitlines()[0]
+    course = td.load_scenario(deck.parent / "transfer.toml")
+    prediction = td.predict(td.design.Knowledge(td.load_model(deck)), course)
+    assert (prediction.standing.state, str(prediction).startswith("NOT CREDIBLE: water condenses")) == ("not credible", True)
+    dry = td.simulate(td.load_model(deck), course.with_(start="25 [degC]"))
+    assert (dry.doubts, dry.warnings) == ((), ())
+    wet = call("moisture", deck, "--scenario", deck.parent / "transfer.toml", "--at", "20 [min]", "--json").object
+    run = td.site.moisture(td.load_model(deck), course, {"air": 0.6})
+    assert wet["nodes"]["case"]["at_C"] == [pytest.approx(float(run.solution["case"].at(1200.0)))]
+    assert wet["nodes"]["case"]["at_C"][0] > float(td.simulate(td.load_model(deck), course)["case"].at(1200.0)) + 3.0
+    assert wet["warnings"] == []
+    assert "temperatures with the heat of settling and drying water" in str(run)

@@ -493,3 +493,33 @@ def test_no_surface_radiates_more_than_a_black_one(surface: dict[str, object]) -
     }
     with pytest.raises(td.ThermidError, match=r"'skin.emissivity' is .* Give 0 to 1"):
         td.steady(td.model_from_dict(deck), td.Scenario(boundaries={"air": "20 [degC]"}))
+
+
+def test_a_gas_that_is_not_there_is_no_result() -> None:
+    """A box with air in it, in air and in vacuum: its air has a temperature in air only."""
+    htc = {"htc": "3 [W/(m^2 K)]"}
+    box = td.model_from_dict(
+        {
+            "title": "box",
+            "needs": ["room"],
+            "nodes": {"inside": {"capacitance": "12 [J/K]"}, "wall": {"capacitance": "900 [J/K]"}, "part": {"capacitance": "90 [J/K]"}},
+            "surfaces": {
+                "in": {"of": "wall", "to": "inside", "area": "0.4 [m^2]", "emissivity": 0, **htc},
+                "out": {"of": "wall", "to": "room", "area": "0.4 [m^2]", "emissivity": 0.8, **htc},
+                "skin": {"of": "part", "to": "inside", "sees": "wall", "area": "0.1 [m^2]", "emissivity": 0.8, **htc},
+            },
+            "loads": {"heat": {"into": "part", "power": "2 [W]"}},
+        }
+    )
+    bench = td.Scenario("bench", boundaries={"room": "20 [degC]"}, start="20 [degC]", duration="1 [h]")
+    empty = bench.vacuum()
+    assert "inside" in td.simulate(box, bench).nodes
+    assert "inside" in td.steady(box, bench)
+    run = td.simulate(box, empty)
+    assert run.nodes == ("wall", "part", "room")
+    assert [w for w in run.warnings if "inside" in w] == ["'inside' has no gas in this scenario and is left out"]
+    assert run.temperatures.shape[1] == 3
+    assert abs(run.heat_balance().relative) < 1e-6
+    assert [*td.steady(box, empty)] == ["room", "wall", "part"]
+    assert "inside" not in td.predict(td.design.Knowledge(box), empty)
+    assert td.ensemble(box, empty, {"room": td.celsius(np.array([20.0, 21.0]))}).nodes == run.nodes

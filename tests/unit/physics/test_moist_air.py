@@ -8,10 +8,11 @@ import numpy as np
 import pytest
 
 from thermid.base.linear_algebra import Array
-from thermid.physics.air import Gas, air_conductivity, air_specific_heat, air_viscosity
-from thermid.physics.constants import ATMOSPHERE, ICE_POINT
-from thermid.physics.plates import vertical_plate_htc
-from thermid.site._moist import (
+from thermid.physics.air import (
+    Gas,
+    air_conductivity,
+    air_specific_heat,
+    air_viscosity,
     dew_point,
     latent_heat,
     mass_transfer_coefficient,
@@ -20,6 +21,8 @@ from thermid.site._moist import (
     vapour_diffusivity,
     vapour_pressure,
 )
+from thermid.physics.constants import ATMOSPHERE, ICE_POINT
+from thermid.physics.plates import vertical_plate_htc
 
 AIR_MASS, WATER_MASS = 28.96492, 18.015268  # g/mol
 
