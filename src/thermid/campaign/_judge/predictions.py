@@ -75,9 +75,10 @@ class CampaignPrediction(Result):
 
     @property
     def margins(self) -> tuple[BandMargin, ...]:
-        """Every node with its band and limits, smallest margin first."""
+        """Every node with its band and limits, smallest margin first; a temperature that the scenario gives is none of the model's."""
         out = []
-        for node, band in self.prediction.bands.items():
+        bands = {n: b for n, b in self.prediction.bands.items() if b.error.any() or n in self.limits} or self.prediction.bands
+        for node, band in bands.items():
             low, high = band.interval()
             ends = (float(low.min()) + ICE_POINT, float(high.max()) + ICE_POINT)
             middle = (float(band.kelvin.min()), float(band.kelvin.max()))

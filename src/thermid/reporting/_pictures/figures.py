@@ -17,7 +17,7 @@ from thermid.fit.calibration import SensorTrace
 from thermid.physics.constants import ICE_POINT
 from thermid.prediction.bands import Prediction
 from thermid.reporting._blocks.content import NARROW, Graphic, LegendEntry, Plot
-from thermid.reporting._pictures.chart import DASHES, SERIES, Area, Panel, Stroke, chart, nice_ticks, number_text, time_unit
+from thermid.reporting._pictures.chart import END_LABEL, SERIES, Area, Panel, Stroke, chart, nice_ticks, number_text, series_look, time_unit
 from thermid.simulation.runs import Solution
 
 CHART_WIDTH, CHART_HEIGHT = 300.0, 232.0
@@ -48,9 +48,14 @@ def matrix(cells: Mapping[tuple[str, str], tuple[float, bool | None]]) -> Graphi
     rows, columns = rows[:MAX_ROWS_OF_PICTURE], columns[:MOST_COLUMNS]
     x_left = min(130.0, 12.0 + 6.6 * max(len(r) for r in rows))
     steep = any(6.6 * len(c) > (CHART_WIDTH - x_left) / len(columns) - 4.0 for c in columns)
-    cell = max(36.0, (CHART_WIDTH - x_left - (28.0 if steep else 0.0)) / len(columns))
-    head = min(86.0, 12.0 + 4.9 * max(len(c) for c in columns)) if steep else 22.0
-    width, height = x_left + cell * len(columns) + (28.0 if steep else 0.0), head + CELL * len(rows) + 6.0
+    cell = max(
+        36.0 if all(met is not False for _, met in cells.values()) else 48.0,
+        (CHART_WIDTH - x_left - (28.0 if steep else 0.0)) / len(columns),
+    )
+    reach = [5.4 * len(cut(c, 16)) + 8.0 for c in columns]  # of a name that stands at 45 degrees: as far up as to the right
+    head = max(reach) + 8.0 if steep else 22.0
+    ends = max(cell * (k + 0.5) + r for k, r in enumerate(reach)) if steep else 0.0
+    width, height = x_left + max(cell * len(columns), ends), head + CELL * len(rows) + 6.0
     out = []
     for k, name in enumerate(columns):
         x = x_left + cell * (k + 0.5)
@@ -221,7 +226,7 @@ def _whole(parts: Iterator[str] | Sequence[str], label: str, width: float, heigh
     """Return parts of SVG as one graphic of a size [px], with what a screen reader says of it."""
     return Graphic(
         f'<svg class="plot" role="img" aria-label="{escape(label)}." viewBox="0 0 {width:.0f} {height:.0f}" '
-        f'style="font-size:12px;fill:var(--f-soft,{SOFT})">{"".join(parts)}</svg>',
+        f'style="font-size:12px;max-width:{1.5 * width:.0f}px;fill:var(--f-soft,{SOFT})">{"".join(parts)}</svg>',
         (),
     )
 
@@ -478,13 +483,12 @@ def prediction(solution: Solution, key: str, label: str) -> Graphic:
     length, unit = time_unit(float(solution.times[-1] - solution.times[0]))
     lines, entries = [], []
     for k, node in enumerate(solution.nodes):
-        n = k % len(SERIES)
-        dash = " ".join(f"{d:g}" for d in DASHES[(n + k // len(SERIES)) % len(DASHES)])
+        colour, dash = series_look(k)
         celsius = solution.temperatures[:, k] - ICE_POINT
         name = f"{node} {celsius[-1]:.1f} °C"
-        lines.append(Stroke(name, solution.times / length, celsius, (f"--s{n}", SERIES[n]), 1.6, dash))
-        entries.append(LegendEntry(name, f"--s{n}", dash))
-    markup = chart([Panel("temperature", "°C", lines)], key=key, label=label, x_name=("time", unit), size=(760, 330))
+        lines.append(Stroke(name, solution.times / length, celsius, colour, 1.6, dash))
+        entries.append(LegendEntry(name, colour[0], dash))
+    markup = chart([Panel("temperature", "°C", lines)], key=key, label=label, x_name=("time", unit), size=(760, 330), named=True)
     return Graphic(markup, tuple(entries))
 
 
@@ -493,13 +497,14 @@ def predicted_bands(prediction: Prediction, key: str, label: str, limits: Sequen
     length, unit = time_unit(float(prediction.times[-1] - prediction.times[0]))
     lines, areas, entries = [], [], []
     for k, (node, band) in enumerate(prediction.bands.items()):
-        colour, dash = (f"--s{k % len(SERIES)}", SERIES[k % len(SERIES)]), " ".join(f"{d:g}" for d in DASHES[k % len(DASHES)])
+        colour, dash = series_look(k)
         low, high = band.interval()
         areas.append(Area(f"{node}, 95 %", band.times / length, low, high, colour))
         lines.append(Stroke(node, band.times / length, band.celsius, colour, 1.6, dash))
         entries.append(LegendEntry(f"{node} {low[-1]:.1f} to {high[-1]:.1f} °C at the end", colour[0], dash))
     panel = Panel("temperature", "°C", lines, areas, sorted({t - ICE_POINT for t in limits}))
-    return Graphic(chart([panel], key=key, label=label, x_name=("time", unit), size=(760, 240)), tuple(entries))
+    tall = max(240.0, 60.0 + 1.1 * END_LABEL * len(lines))
+    return Graphic(chart([panel], key=key, label=label, x_name=("time", unit), size=(760, tall), named=True), tuple(entries))
 
 
 def coverage(shares: Mapping[str, Mapping[float, float]], key: str, label: str) -> Graphic:
@@ -518,9 +523,8 @@ def coverage(shares: Mapping[str, Mapping[float, float]], key: str, label: str) 
     x = 100.0 * levels
     lines, areas = [Stroke("as promised", x, x, ("--f-ink", INK), 1.1, "6 2.5")], []
     if len(shares) <= len(SERIES):
-        looks = [(f"--s{n}", SERIES[n]) for n in range(len(shares))]
-        dashes = [" ".join(f"{d:g}" for d in DASHES[n]) for n in range(len(shares))]
-        lines += [Stroke(n, x, y, look, 1.8, dash) for n, y, look, dash in zip(shares, observed, looks, dashes, strict=True)]
+        looks = map(series_look, range(len(shares)))
+        lines += [Stroke(n, x, y, look, 1.8, dash) for n, y, (look, dash) in zip(shares, observed, looks, strict=True)]
     else:
         areas = [Area("lowest to highest", x, observed.min(axis=0), observed.max(axis=0))]
         lines.append(Stroke(f"mean of {len(shares)} records", x, observed.mean(axis=0), LOOKS["simulated"], 1.8))

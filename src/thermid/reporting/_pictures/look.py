@@ -42,7 +42,7 @@ from thermid.measure.readers import (
     zone_shared,
 )
 from thermid.measure.records import SENSOR_FAULT_CODES, Channel, even_step, gap_from, thinned_step, usual_step
-from thermid.reporting._pictures.chart import DASHES, SERIES, Panel, Stroke, chart, time_unit
+from thermid.reporting._pictures.chart import Panel, Stroke, chart, series_look, time_unit
 
 ACCURACY: Final = 'add accuracy = "0.5 [K]" to each thermometer, half of the +-1 K of its data sheet; no log shows it'
 SUPPLY: Final = "P_supply"
@@ -334,17 +334,17 @@ class Look(Result):
             lines = []
             for c in (c for c in self.columns if c.guess in guesses and c.good.any()):
                 k = len(legend)
-                colour, dash = SERIES[k % len(SERIES)], " ".join(f"{v:g}" for v in DASHES[k // len(SERIES) % len(DASHES)])
+                colour, dash = series_look(k)
                 lines.append(
                     Stroke(
                         c.name,
                         x[c.good],
                         from_si(in_si(c.values, c.unit), {"°C": "degC"}.get(shown, shown))[c.good],
-                        (f"--s{k % len(SERIES)}", colour),
+                        colour,
                         dash=dash,
                     )
                 )
-                legend.append((c.name, colour, dash))
+                legend.append((c.name, colour[1], dash))
             if lines:
                 panels.append(Panel(name, shown, lines, share=2.0 if name == "temperature" else 1.0))
         if not panels:
