@@ -30,7 +30,7 @@ ROWS: Final = 20
 NAMES: Final = 4
 """Names of a mapping that one line gives; of more, their count."""
 HOUR: Final = 3600.0
-COLOURS: Final = 10
+CYCLE_COLOURS: Final = 10
 """Colours of a plot, those of matplotlib; more channels repeat them in other styles of line and other marks."""
 LINE_STYLES: Final = ("-", "--", ":", "-.")
 MARKERS: Final = (".", "x", "+", "^")
@@ -176,10 +176,10 @@ class Result(Shown):
         lines = {t.channel or t.name for t in traces if not t.measured}
         for t in traces:
             x, channel = t.x / HOUR if hours else t.x, t.channel or t.name
-            again, k = divmod(channels.index(channel), COLOURS)
-            look: dict[str, Any] = {"marker": MARKERS[again % len(MARKERS)], "linestyle": "none"}
+            turn, k = divmod(channels.index(channel), CYCLE_COLOURS)
+            look: dict[str, Any] = {"marker": MARKERS[turn % len(MARKERS)], "linestyle": "none"}
             if not t.measured:
-                look = {"linestyle": LINE_STYLES[again % len(LINE_STYLES)]}
+                look = {"linestyle": LINE_STYLES[turn % len(LINE_STYLES)]}
             (line,) = axes.plot(x, t.y, color=f"C{k}", markersize=2, **look)
             line.set_label("_readings" if t.measured and channel in lines else channel)
             if t.low is not None and t.high is not None:
@@ -188,8 +188,8 @@ class Result(Shown):
         axes.set_ylabel(self._axes_titles[1])
         if len(channels) <= ROWS:
             pairs = len(channels) < len(traces)
-            beside: dict[str, Any] = {"loc": "upper left", "bbox_to_anchor": (1.0, 1.0)} if len(channels) > NAMES else {"loc": "best"}
-            axes.legend(fontsize="small", title="dots: readings, lines: model" if pairs else None, **beside)
+            place: dict[str, Any] = {"loc": "upper left", "bbox_to_anchor": (1.0, 1.0)} if len(channels) > NAMES else {"loc": "best"}
+            axes.legend(fontsize="small", title="dots: readings, lines: model" if pairs else None, **place)
         return axes
 
     def to_frame(self) -> pandas.DataFrame:

@@ -71,8 +71,8 @@ class SmallestMargin:
 
     def __str__(self) -> str:
         """Return it as words."""
-        left = f"{self.left:.1f} K left" if self.left >= 0 else f"{-self.left:.1f} K {'short' if self.counted else 'beyond its limit'}"
-        return f"{self.point} in {self.test} at {self.time / 3600:.2f} h, {left}{self.counted}"
+        words = f"{self.left:.1f} K left" if self.left >= 0 else f"{-self.left:.1f} K {'short' if self.counted else 'beyond its limit'}"
+        return f"{self.point} in {self.test} at {self.time / 3600:.2f} h, {words}{self.counted}"
 
 
 @dataclass(frozen=True, eq=False)
@@ -154,7 +154,7 @@ class Qualification(Result):
     @cached_property
     def worst(self) -> SmallestMargin | None:
         """The smallest of what is asked: of margins with all that they add up, and of the bare distances to limits; None without any."""
-        left = [
+        every = [
             SmallestMargin(
                 c.point, t.test.name, c.highest_time if c.limits[1] - c.highest <= c.lowest - c.limits[0] else c.lowest_time, c.room
             )
@@ -162,11 +162,11 @@ class Qualification(Result):
             for c in t.checks
         ]
         for m in self.margins:
-            added = m.policy.acceptance.value + m.policy.qualification.value
-            left.append(
-                SmallestMargin(m.point, m.run, m.time, m.margin, f", {m.side}, with ± {m.printed:.1f} K of the model and {added:g} K")
+            policy = m.policy.acceptance.value + m.policy.qualification.value
+            every.append(
+                SmallestMargin(m.point, m.run, m.time, m.margin, f", {m.side}, with ± {m.printed:.1f} K of the model and {policy:g} K")
             )
-        return min((x for x in left if np.isfinite(x.left)), key=lambda x: x.left, default=None)
+        return min((x for x in every if np.isfinite(x.left)), key=lambda x: x.left, default=None)
 
     def to_dict(self) -> dict[str, Any]:
         """Return verdicts, limits, margins and assumptions as plain numbers, temperatures in Celsius where a key ends in ``_C``."""

@@ -566,9 +566,9 @@ def _labels(drawing: _Drawing, plan: MapPlaces) -> Iterator[str]:
             continue
         wide = _room(words, MIN_LETTER_SIZE) + 14.0  # a line that ends at the figure would read as its minus
         spots = list(_along(points, wide))
-        around = np.ptp(spots, axis=0) + np.array([wide, 16.0])
-        near = (np.abs(dots - np.mean(spots, axis=0)) <= around).all(axis=1) & (owners != place_of_pair[pair])
-        under = (np.abs(np.array(spots)[:, None] - dots[near]) < (0.5 * wide, 8.0)).all(axis=2).sum(axis=1)
+        reach_of_line = np.ptp(spots, axis=0) + np.array([wide, 16.0])
+        close_by = (np.abs(dots - np.mean(spots, axis=0)) <= reach_of_line).all(axis=1) & (owners != place_of_pair[pair])
+        under = (np.abs(np.array(spots)[:, None] - dots[close_by]) < (0.5 * wide, 8.0)).all(axis=2).sum(axis=1)
         for x, y in (spots[k] for k in np.argsort(under, kind="stable")):  # where least of other lines lies under it
             box = (x - 0.5 * wide, y - 8.0, x + 0.5 * wide, y + 7.0)
             inside = box[0] >= 0.0 and box[2] <= plan.width and box[1] >= 0.0

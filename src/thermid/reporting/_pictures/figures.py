@@ -48,10 +48,8 @@ def matrix(cells: Mapping[tuple[str, str], tuple[float, bool | None]]) -> Graphi
     rows, columns = rows[:MAX_ROWS_OF_PICTURE], columns[:MOST_COLUMNS]
     x_left = min(130.0, 12.0 + 6.6 * max(len(r) for r in rows))
     steep = any(6.6 * len(c) > (CHART_WIDTH - x_left) / len(columns) - 4.0 for c in columns)
-    cell = max(
-        36.0 if all(met is not False for _, met in cells.values()) else 48.0,
-        (CHART_WIDTH - x_left - (28.0 if steep else 0.0)) / len(columns),
-    )
+    smallest = 36.0 if all(met is not False for _, met in cells.values()) else 48.0
+    cell = max(smallest, (CHART_WIDTH - x_left - (28.0 if steep else 0.0)) / len(columns))
     reach = [5.4 * len(cut(c, 16)) + 8.0 for c in columns]  # of a name that stands at 45 degrees: as far up as to the right
     head = max(reach) + 8.0 if steep else 22.0
     ends = max(cell * (k + 0.5) + r for k, r in enumerate(reach)) if steep else 0.0

@@ -292,12 +292,12 @@ def changes(q: Qualification) -> Table:
                 ]
             )
             unreasoned += not why
-    said = (
+    caption = (
         f"The plan gives no reason for {'any' if unreasoned == len(rows) else unreasoned} of these {len(rows)} changes."
         if unreasoned
         else ""
     )
-    return Table.of_rows(columns, rows, said).without_usual({"reason": DASH})
+    return Table.of_rows(columns, rows, caption).without_usual({"reason": DASH})
 
 
 def deviations(c: Correlation) -> Table:
