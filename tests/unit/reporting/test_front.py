@@ -185,6 +185,9 @@ def test_a_reference_to_what_is_not_there_is_left_out() -> None:
     out = numbered(text)
     assert out.count("Fig.\u00a02") == 1
     assert out.endswith('<a href="#a">Fig.\u00a01</a>')
+    fold = f"<details><summary>all</summary><details><summary>some</summary>{figures}</details>{figures}</details>"
+    summaries = re.findall(r"<summary>([a-z]+) <span class=.soft.>Fig.\u00a0([^<]+)<", numbered(figures + fold))
+    assert summaries == [("all", "3 to 6"), ("some", "3 to 4")]
 
 
 def test_a_long_table_is_a_file_too_and_its_page_says_where(tmp_path: Path) -> None:

@@ -343,7 +343,6 @@ def compared(
     key: str,
     label: str,
     *,
-    below: str = "residual",
     wide: float = 0.0,
     drive: RecordDrive | None = None,
     limit: float | None = None,
@@ -357,7 +356,6 @@ def compared(
     measured, predicted : array (samples,)  [K]
     key : str                               Prefix of the figure's identifiers, different for every figure of a page.
     label : str                             What a screen reader says.
-    below : str                             What the lower axis is called.
     wide : float                            Half-width of the band of the sensor's error around the readings; none without it. [K]
     drive : RecordDrive                           Ambient temperatures and power over the same record; none drawn without it.
     limit : float                           Limit of every single difference; drawn where it is within `LIMIT_IN_VIEW`. [K]
@@ -382,7 +380,7 @@ def compared(
         differences += [Stroke("limit, residual", ends, np.full(2, s * limit), ("--f-ink", INK), 1.3, "6 2.5") for s in (1.0, -1.0)]
         entries.append(LegendEntry("limit, residual", "--f-ink", "6 2.5", width=1.3))
     named = size[0] > NARROW  # in a narrow figure units alone find room beside the axes
-    panels = [Panel("temperature" * named, "°C", lines, bands, share=2.4), Panel(below * named, "K", differences, low, (0.0,))]
+    panels = [Panel("temperature" * named, "°C", lines, bands, share=2.4), Panel("residual" * named, "K", differences, low, (0.0,))]
     panels += [Panel("power" * named, "W", [replace(line, x=line.x / length) for line in power], share=0.7, zero=True)] if power else []
     tall = size[1] + (POWER_PANEL if power else 0.0)
     markup = chart(panels, key=key, label=label, x_name=("time", unit), size=(size[0], tall))

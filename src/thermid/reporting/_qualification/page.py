@@ -400,9 +400,7 @@ def all_overlays(c: Correlation, key: str, synthetic: bool) -> Figures:
     drawn = [
         (
             o,
-            compared(
-                o.times, o.measured, o.simulated, f"{key}-{k}", f"{o.sensor} in {o.case}", below="difference", wide=tables.half_width(o)
-            ),
+            compared(o.times, o.measured, o.simulated, f"{key}-{k}", f"{o.sensor} in {o.case}", wide=tables.half_width(o)),
         )
         for k, o in enumerate(c.overlays)
     ]
