@@ -10,6 +10,7 @@ import pytest
 
 import thermid as td
 from thermid.base.errors import ScenarioError
+from thermid.base.results import PlottedTrace, Result
 
 DECK = {
     "title": "plate",
@@ -134,6 +135,29 @@ def test_texts_of_what_is_given_are_short() -> None:
         assert len(repr(given)) <= 400, type(given).__name__
         assert "array(" not in repr(given)
     assert repr(BENCH) == "<Scenario: title='bench', boundaries={air}, start='20 [degC]', duration=600, as_printed=False>"
+
+
+def test_readings_and_model_of_a_channel_share_a_colour_and_no_two_channels_look_alike(fit: Any) -> None:
+    pytest.importorskip("matplotlib").use("agg")
+
+    class Several(Result):
+        def _as_traces(self) -> list[PlottedTrace]:
+            x = np.arange(3.0)
+            return [
+                PlottedTrace(f"T{k} {way}", x, x + k, measured=way == "measured", channel=f"T{k}")
+                for k in range(14)
+                for way in ("measured", "simulated")
+            ]
+
+    axes = Several().plot()
+    lines = axes.get_lines()
+    assert all(points.get_color() == line.get_color() for points, line in zip(lines[::2], lines[1::2], strict=True))
+    for of_channels in (lines[::2], lines[1::2]):
+        assert len({(line.get_color(), line.get_linestyle(), line.get_marker()) for line in of_channels}) == 14
+    axes.figure.canvas.draw()
+    legend = axes.get_legend()
+    assert [t.get_text() for t in legend.get_texts()] == [f"T{k}" for k in range(14)]
+    assert legend.get_window_extent().x0 >= axes.get_window_extent().x1  # beside the data, not over them
 
 
 def test_a_fit_has_a_plot(fit: Any) -> None:

@@ -30,6 +30,10 @@ ROWS: Final = 20
 NAMES: Final = 4
 """Names of a mapping that one line gives; of more, their count."""
 HOUR: Final = 3600.0
+CYCLE_COLOURS: Final = 10
+"""Colours of a plot, those of matplotlib; more channels repeat them in other styles of line and other marks."""
+LINE_STYLES: Final = ("-", "--", ":", "-.")
+MARKERS: Final = (".", "x", "+", "^")
 
 Row = Mapping[str, object]
 
@@ -60,6 +64,7 @@ class PlottedTrace:
     x, y : array (points,)      As `Result._axes_titles` says; times in s.
     low, high : array or None   Its band.
     measured : bool             Whether it is drawn as points.
+    channel : str               What it shares its colour with, such as readings with their simulation; its name without one.
     """
 
     name: str
@@ -68,6 +73,7 @@ class PlottedTrace:
     low: Array | None = None
     high: Array | None = None
     measured: bool = False
+    channel: str = ""
 
 
 class Shown:
@@ -166,16 +172,24 @@ class Result(Shown):
             axes.set_xlabel(number)
             return axes
         hours = self._axes_titles[0] == "time [s]" and max(float(t.x[-1]) for t in traces if len(t.x)) > 2.0 * HOUR
+        channels = list(dict.fromkeys(t.channel or t.name for t in traces))
+        lines = {t.channel or t.name for t in traces if not t.measured}
         for t in traces:
-            x = t.x / HOUR if hours else t.x
-            (line,) = axes.plot(x, t.y, ".", markersize=2) if t.measured else axes.plot(x, t.y)
-            line.set_label(t.name)
+            x, channel = t.x / HOUR if hours else t.x, t.channel or t.name
+            turn, k = divmod(channels.index(channel), CYCLE_COLOURS)
+            look: dict[str, Any] = {"marker": MARKERS[turn % len(MARKERS)], "linestyle": "none"}
+            if not t.measured:
+                look = {"linestyle": LINE_STYLES[turn % len(LINE_STYLES)]}
+            (line,) = axes.plot(x, t.y, color=f"C{k}", markersize=2, **look)
+            line.set_label("_readings" if t.measured and channel in lines else channel)
             if t.low is not None and t.high is not None:
                 axes.fill_between(x, t.low, t.high, alpha=0.25, color=line.get_color(), linewidth=0)
         axes.set_xlabel("time [h]" if hours else self._axes_titles[0])
         axes.set_ylabel(self._axes_titles[1])
-        if len(traces) <= ROWS:
-            axes.legend(loc="best", fontsize="small")
+        if len(channels) <= ROWS:
+            pairs = len(channels) < len(traces)
+            place: dict[str, Any] = {"loc": "upper left", "bbox_to_anchor": (1.0, 1.0)} if len(channels) > NAMES else {"loc": "best"}
+            axes.legend(fontsize="small", title="dots: readings, lines: model" if pairs else None, **place)
         return axes
 
     def to_frame(self) -> pandas.DataFrame:

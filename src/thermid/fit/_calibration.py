@@ -29,7 +29,7 @@ from thermid.model.tree import Model
 from thermid.physics.constants import ICE_POINT
 from thermid.values.fitted import FittedValue, FittedValues, load_values, save_store
 from thermid.values.ranges import bracketed, range_shares, without_spread
-from thermid.values.store import INPUT, State, Store
+from thermid.values.store import AS_FITTED, EXPECTED, INPUT, State, Store
 
 LOUD = "NOT CREDIBLE: "
 
@@ -183,7 +183,8 @@ class Calibration(Result):
     ----------
     stage : str                 Name of the stage, or of the model.
     given_model : Model         The model as it was given, without the fitted values; `model` has them.
-    values : FittedValues       Parameters and sensors' constant errors, with their joint covariance.
+    values : FittedValues       Parameters and sensors' constant errors, with their joint covariance, as fitted: they draw the curves.
+                                Indexing, `to_frame` and `covariance` give `estimates`, the ones to quote.
     local : tuple of Local      What was fitted per record.
     blocks : sequence of Block  Measured and predicted readings, per record and sensor; predicted when they are first looked at.
     correlations : dict         (path, path) -> correlation, those above 0.1.
@@ -345,10 +346,18 @@ class Calibration(Result):
         return blame_of(self.experiments) if self.unexplained or not self.expected or contradicted(self.estimates) else LAW
 
     @cached_property
-    def estimates(self) -> Mapping[str, FittedValue]:
-        """Path -> value and error to quote: as expected by the model of error where the readings ask for it, else as fitted."""
+    def estimates(self) -> FittedValues:
+        """Values and errors to quote, with covariance: as the model of error expects them where the readings ask for it, else as fitted.
+
+        What only a fitted value errs by, `EXPECTED` and `AS_FITTED`, is no part of that covariance.
+        """
         at = self.expected
-        return {p: replace(v, value=at[p][0], error=at[p][1], uncut=0.0) if p in at else v for p, v in self.values.items()}
+        if not at:
+            return self.values
+        items = {p: replace(v, value=at[p][0], error=at[p][1], uncut=0.0) if p in at else v for p, v in self.values.items()}
+        rows = self.store.rows(items)[:, [EXPECTED not in s.name and AS_FITTED not in s.name for s in self.store.sources]]
+        covariance = np.where(np.isfinite(self.values.covariance), rows @ rows.T, self.values.covariance)
+        return replace(self.values, items_=items, covariance=covariance, sense="to quote")
 
     @property
     def inputs(self) -> InputTable:
@@ -391,8 +400,13 @@ class Calibration(Result):
         return float(np.median([s[sensor].rmse for s in self.statistics.values() if sensor in s]))
 
     def __getitem__(self, path: str) -> FittedValue:
-        """Return one fitted value."""
-        return self.values[path]
+        """Return one value as it is to be quoted, see `estimates`; `values` has it as fitted.
+
+        Raises
+        ------
+        NameNotFoundError   With the nearest path.
+        """
+        return self.estimates[path]
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write all that is known of the model's values, at every depth, with errors and origins, to a file of its own."""
@@ -457,18 +471,19 @@ class Calibration(Result):
 
     @property
     def covariance(self) -> dict[str, dict[str, float]]:
-        """Path -> path -> covariance of the fitted values, in the units of their errors. [SI]"""
-        items = self.values.items_
+        """Path -> path -> covariance of the values to quote, in the units of their errors. [SI]"""
+        items = self.estimates.items_
         slopes = [v.value if v.log else 1.0 for v in items.values()]
-        table = self.values.covariance * np.outer(slopes, slopes)
+        table = self.estimates.covariance * np.outer(slopes, slopes)
         positions = [(k, p) for k, p in enumerate(items) if items[p].kind == "parameter"]
         return {p: {q: float(table[k, m]) for m, q in positions} for k, p in positions}
 
     def _as_rows(self) -> list[Row]:
-        """Return the fitted values with their standard errors, in their units."""
+        """Return the values to quote with their standard errors, in their units, and as fitted where that differs."""
         return [
             {"path": v.path, "value": v.in_unit, "error": v.shown(v.error), "unit": v.unit, "start": v.converted(v.start), "kind": v.kind}
-            for v in self.values.values()
+            | ({"fitted": self.values[v.path].in_unit, "fitted error": v.shown(self.values[v.path].error)} if self.expected else {})
+            for v in self.estimates.values()
         ]
 
     def _as_traces(self) -> Sequence[PlottedTrace]:
@@ -476,8 +491,8 @@ class Calibration(Result):
         out = []
         for b in self.blocks:
             name = f"{b.sensor}, {b.record}" if len(self.records) > 1 else b.sensor
-            out.append(PlottedTrace(f"{name} measured", b.times, b.measured - ICE_POINT, measured=True))
-            out.append(PlottedTrace(f"{name} simulated", b.times, b.predicted - ICE_POINT))
+            out.append(PlottedTrace(f"{name} measured", b.times, b.measured - ICE_POINT, measured=True, channel=name))
+            out.append(PlottedTrace(f"{name} simulated", b.times, b.predicted - ICE_POINT, channel=name))
         return out
 
     def _ipython_key_completions_(self) -> list[str]:

@@ -144,7 +144,7 @@ def posterior(
     names = [density.problem.unknowns[k] for k in density.at]
     chain, lag = _long_enough(sampler, start, steps, [u.name for u in names], fit.stage, progress or (lambda done, needed: None))
     draws = {u.name: np.array([u.to_value(x) for x in chain[:, n]]) for n, u in enumerate(names)}
-    fitted_values = {u.name: (fit[u.name].value, fit[u.name].error) for u in names}
+    fitted_values = {u.name: (fit.values[u.name].value, fit.values[u.name].error) for u in names}
     independent, taken = chain.shape[0] / max(lag, 1.0), float(np.mean(sampler.acceptance_fraction))
     return Posterior(fit.stage, draws, independent, taken, density.count, fitted_values, density.remarks())
 
@@ -335,7 +335,7 @@ class _Density:
     def errors(self, fit: Calibration) -> Array:
         """Return the standard errors of the parameters, in the fitted form."""
         unknowns = [self.problem.unknowns[k] for k in self.at]
-        return np.array([fit[u.name].error / u.slope(float(self.rest[k])) for k, u in zip(self.at, unknowns, strict=True)])
+        return np.array([fit.values[u.name].error / u.slope(float(self.rest[k])) for k, u in zip(self.at, unknowns, strict=True)])
 
     def inside(self, point: Array) -> bool:
         """Return whether a point lies in the box."""

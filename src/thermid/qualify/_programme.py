@@ -50,6 +50,30 @@ class Assumption:
     fitted_around: bool
 
 
+@dataclass(frozen=True)
+class SmallestMargin:
+    """The smallest margin of a programme.
+
+    Parameters
+    ----------
+    point, test : str   Reference point, and where.
+    time : float        [s]
+    left : float        What is left; negative beyond the limit. [K]
+    counted : str       What was added up before, in words; empty for the bare distance of the prediction from its limit.
+    """
+
+    point: str
+    test: str
+    time: float
+    left: float
+    counted: str = ""
+
+    def __str__(self) -> str:
+        """Return it as words."""
+        words = f"{self.left:.1f} K left" if self.left >= 0 else f"{-self.left:.1f} K {'short' if self.counted else 'beyond its limit'}"
+        return f"{self.point} in {self.test} at {self.time / 3600:.2f} h, {words}{self.counted}"
+
+
 @dataclass(frozen=True, eq=False)
 class Qualification(Result):
     """A plan with all its tests predicted and judged.
@@ -127,15 +151,21 @@ class Qualification(Result):
         return f"demonstration: {', '.join(parts)}" if parts else ""
 
     @cached_property
-    def worst(self) -> tuple[str, str, float, float] | None:
-        """(reference point, test, time [s], margin [K]) of the smallest margin to a limit, negative beyond it; None without one."""
-        rooms = [
-            (c.point, t.test.name, c.highest_time if c.limits[1] - c.highest <= c.lowest - c.limits[0] else c.lowest_time, c.room)
+    def worst(self) -> SmallestMargin | None:
+        """The smallest of what is asked: of margins with all that they add up, and of the bare distances to limits; None without any."""
+        every = [
+            SmallestMargin(
+                c.point, t.test.name, c.highest_time if c.limits[1] - c.highest <= c.lowest - c.limits[0] else c.lowest_time, c.room
+            )
             for t in self.trials
             for c in t.checks
-            if np.isfinite(c.room)
         ]
-        return min(rooms, key=lambda f: f[3], default=None)
+        for m in self.margins:
+            policy = m.policy.acceptance.value + m.policy.qualification.value
+            every.append(
+                SmallestMargin(m.point, m.run, m.time, m.margin, f", {m.side}, with ± {m.printed:.1f} K of the model and {policy:g} K")
+            )
+        return min((x for x in every if np.isfinite(x.left)), key=lambda x: x.left, default=None)
 
     def to_dict(self) -> dict[str, Any]:
         """Return verdicts, limits, margins and assumptions as plain numbers, temperatures in Celsius where a key ends in ``_C``."""
@@ -151,7 +181,7 @@ class Qualification(Result):
             "demonstration": self.demonstration,
             "remarks": list(self.knowledge.remarks),
             "plan": {"state": self.lock.state, "sha256": self.lock.sha256, "locked": self.lock.date, "changed": list(self.lock.changed)},
-            "worst": None if worst is None else {"point": worst[0], "test": worst[1], "time_s": worst[2], "room_K": worst[3]},
+            "worst": None if worst is None else {"point": worst.point, "test": worst.test, "time_s": worst.time, "left_K": worst.left},
             "tests": [t.to_dict() for t in self.trials],
             "margins": [_margin_as_dict(m) for m in self.margins],
             "assumptions": [{"path": a.path, "effect_K": a.effect, "point": a.point, "test": a.run} for a in self.assumptions],
@@ -174,10 +204,7 @@ class Qualification(Result):
         lines += [f"  values: {remark}" for remark in self.knowledge.remarks]
         for t in self.trials:
             lines += [f"  {line}" for line in str(t).splitlines()]
-        if self.worst is not None:
-            point, test, time, room = self.worst
-            margin = f"{room:.1f} K left" if room >= 0 else f"{-room:.1f} K beyond its limit"
-            lines.append(f"  worst: {point} in {test} at {time / 3600:.2f} h, {margin}")
+        lines += [f"  smallest margin: {self.worst}"] if self.worst is not None else []
         lines += [f"  margin: {m}" for m in self.margins]
         lines += [f"  not included in {who}: {what}" for what, who in self._left_out().items()]
         lines += [f"  open: {o}" for o in self.open]

@@ -118,6 +118,7 @@ class FittedValues(Result, Mapping[str, FittedValue]):
     covariance : array              Of the fitted forms, in the order of `items_`.
     provenance : dict               Records with checksums, version, date.
     store : Store or None           What they are a view of, where it is at hand.
+    sense : str                     'as fitted', which draws the curves, or 'to quote', where the readings refute the structure.
     """
 
     stage: str
@@ -125,10 +126,11 @@ class FittedValues(Result, Mapping[str, FittedValue]):
     covariance: Array
     provenance: Mapping[str, Any] = field(default_factory=dict)
     store: Store | None = field(default=None, repr=False)
+    sense: str = "as fitted"
 
     def _summary(self) -> str:
-        """Return the stage and how many values it fitted."""
-        return f"{self.stage}: {counted(len(self.items_), 'value')}"
+        """Return the stage, how many values it fitted and in what sense."""
+        return f"{self.stage}: {counted(len(self.items_), 'value')} {self.sense}"
 
     def _as_rows(self) -> list[Row]:
         """Return every value with its error, in its unit."""

@@ -14,7 +14,7 @@ from thermid.fit._calibration import LAW, blame_of
 from thermid.inference.criticism import Mistakes
 from thermid.model.elements import TableSignal
 from thermid.reporting._pages.tables import parameters
-from thermid.reporting._pages.views import answer
+from thermid.reporting._pages.views import answer, calibration_object
 
 TRUE, HEAT = 900.0, "case.specific_heat"
 
@@ -51,7 +51,7 @@ def fit() -> td.Calibration:
 
 
 def test_values_to_quote_are_those_that_the_model_of_error_expects(fit: td.Calibration) -> None:
-    fitted, best = fit[HEAT], fit.estimates[HEAT]
+    fitted, best = fit.values[HEAT], fit[HEAT]
     assert (best.value, best.error) == fit.expected[HEAT]
     assert abs(best.value - TRUE) < 2.0 * best.error < abs(fitted.value - TRUE)
     assert fit.estimates["skin.htc"].relative > 0.1  # what is fixed and known to 10 % counts
@@ -63,6 +63,15 @@ def test_values_to_quote_are_those_that_the_model_of_error_expects(fit: td.Calib
     row = parameters(fit).rows[0]
     assert row[2].tip == repr(best.value)  # type: ignore[union-attr]
     assert sum("Quote the values" in w for w in fit.warnings) == 1
+    said = calibration_object(fit)
+    assert (said["values"][HEAT], said["errors_total"][HEAT]) == (best.value, best.error)
+    assert said["fitted"][HEAT] == {"value": fitted.value, "error": fitted.error}
+    (of_frame,) = [r for r in fit.to_frame().to_dict("records") if r["path"] == HEAT]
+    assert (of_frame["value"], of_frame["error"], of_frame["fitted"]) == (best.value, best.error, fitted.value)
+    for path, row_of in fit.covariance.items():
+        assert row_of[path] == pytest.approx(fit[path].error ** 2, rel=1e-6)
+    assert "as fitted" in repr(fit.values)
+    assert "to quote" in repr(fit.estimates)
     plain = replace(fit, expected={})
     assert dict(plain.estimates) == dict(fit.values)
     assert "   fitted " not in str(plain)

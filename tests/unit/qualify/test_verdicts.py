@@ -52,6 +52,11 @@ def test_a_whole_log_that_meets_everything_passes(tmp_path: Path) -> None:
     hot, whole = tried(tmp_path)
     assert (hot.passed, hot.open) == (True, ())
     assert whole.passed is True
+    asked = min(m.margin for m in whole.margins)
+    assert asked < min(c.room for t in whole.trials for c in t.checks)
+    assert whole.worst is not None
+    assert whole.worst.left == asked  # the headline counts what is asked, not the bare distance
+    assert str(whole.worst) in str(whole)
 
 
 @pytest.mark.parametrize(

@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from thermid.reporting._pictures.figures import DASHES, SERIES, STYLES
+from thermid.reporting._pictures.chart import DASHES, SERIES
+from thermid.reporting._pictures.figures import STYLES
 
 # Machado, Oliveira, Fernandes, A physiologically-based model for simulation of color vision deficiency, IEEE TVCG 15 (2009), severity 1
 SIGHT = {

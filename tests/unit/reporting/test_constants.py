@@ -5,7 +5,7 @@ from itertools import pairwise
 from thermid.reporting._blocks.content import _power
 from thermid.reporting._diagrams.map import _way
 from thermid.reporting._pages.tables import _some
-from thermid.reporting._pictures.figures import DASHES, SERIES
+from thermid.reporting._pictures.chart import DASHES, SERIES
 
 
 def test_lines_are_told_apart_by_their_dashes_without_colour() -> None:

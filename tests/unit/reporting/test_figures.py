@@ -10,7 +10,7 @@ import pytest
 import thermid as td
 from thermid.fit.calibration import SensorTrace
 from thermid.reporting._pictures import chart, figures
-from thermid.reporting._pictures.chart import Panel, Stroke, thinned
+from thermid.reporting._pictures.chart import DASHES, SERIES, Panel, Stroke, series_look, thinned
 from thermid.reporting._pictures.figures import Dots, choose, coverage, overview, prediction, time_unit, trace
 from unit.reporting.conftest import points_in
 
@@ -146,7 +146,26 @@ def test_a_line_is_read_back_from_its_path_to_a_hundredth_of_a_per_cent() -> Non
 
 
 def test_no_two_lines_of_a_figure_differ_by_colour_alone() -> None:
-    assert len(set(figures.DASHES)) == len(figures.DASHES) == len(figures.SERIES) == len(figures.SHAPES) == len(figures.MARKS)
+    assert len(set(DASHES)) == len(DASHES) == len(SERIES) == len(figures.SHAPES) == len(figures.MARKS)
+    looks = [series_look(k) for k in range(64)]
+    assert len(set(looks)) == 64
+    for colours in (looks[:8], looks[8:16]):
+        assert len({colour for colour, _ in colours}) == len({dash for _, dash in colours}) == 8
+
+
+def test_lines_have_their_names_at_their_ends_and_none_on_another() -> None:
+    x = np.linspace(0.0, 1.0, 5)
+    lines = [Stroke(f"node {k}", x, 20.0 + 0.01 * k * x, *series_look(k)[:1]) for k in range(14)]
+    size = {"key": "k", "label": "l", "x_name": ("time", "h"), "size": (760.0, 260.0)}
+    drawn = chart.chart([Panel("temperature", "°C", lines)], named=True, **size)
+    names = re.findall(r'<text class="ends" x="([\d.]+)" y="([\d.]+)"[^>]*>(node \d+)<', drawn)
+    heights = sorted(float(y) for _, y, _ in names)
+    assert {name for *_, name in names} == {line.label for line in lines}
+    assert min(np.diff(heights)) > 11.9
+    assert 0.0 < heights[0] and heights[-1] < 260.0 - 34.0  # noqa: PT018
+    assert all(float(at) + 6.4 * len(name) <= 760.0 for at, _, name in names)
+    crowd = [Panel("temperature", "°C", [*lines, *lines])]
+    assert 'class="ends"' not in chart.chart(crowd, named=True, **size)
 
 
 def test_a_figure_says_in_words_what_is_seen() -> None:

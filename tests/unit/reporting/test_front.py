@@ -185,6 +185,9 @@ def test_a_reference_to_what_is_not_there_is_left_out() -> None:
     out = numbered(text)
     assert out.count("Fig.\u00a02") == 1
     assert out.endswith('<a href="#a">Fig.\u00a01</a>')
+    fold = f"<details><summary>all</summary><details><summary>some</summary>{figures}</details>{figures}</details>"
+    summaries = re.findall(r"<summary>([a-z]+) <span class=.soft.>Fig.\u00a0([^<]+)<", numbered(figures + fold))
+    assert summaries == [("all", "3 to 6"), ("some", "3 to 4")]
 
 
 def test_a_long_table_is_a_file_too_and_its_page_says_where(tmp_path: Path) -> None:
@@ -285,5 +288,11 @@ def test_scatter_and_histogram_say_how_many_readings_lie_within_2_3_and_5_kelvin
     words = "25 % within 2 K, 50 % within 3 K, 75 % within 5 K"
     assert words in figures.scatter(measured, predicted).markup
     assert words in figures.against_measured(measured, predicted, "Predicted")[1].caption
-    assert len(set(re.findall(r"stroke-dasharray:([^\"]+)", figures.scatter(measured, predicted).markup))) == 3
+    drawn = figures.scatter(measured, predicted).markup
+    assert len(set(re.findall(r"stroke-dasharray:([^\"]+)", drawn))) == 3
+    heights = sorted({float(y) for y in re.findall(r'<path d="M[\d.]+ ([\d.]+)L[\d.]+ \1"', drawn)})
+    assert len(heights) == 7
+    assert min(np.diff(heights)) > 8.0  # px: lines that merge tell nothing
+    nearly = figures.against_measured([np.full(1000, 300.0)], [np.append(np.full(999, 300.0), 303.68)], "simulated")
+    assert "99.9 % within 3 K (1 of 1,000 beyond), 100 % within 5 K" in nearly[1].caption
     assert "4 readings" in figures.histogram([measured[0] - predicted[0]]).markup

@@ -205,3 +205,15 @@ def test_numbers_read_well() -> None:
 def test_a_crooked_table_is_refused() -> None:
     with pytest.raises(ValueError, match="as many cells"):
         Table.of_rows([Head("a"), Head("b")], [["1"]])
+
+
+def test_an_estimate_outside_its_bounds_is_among_what_is_not_known(campaign: Campaign) -> None:
+    name, fit = next(iter(campaign.stages.items()))
+    path, v = next(iter(fit.values.parameters.items()))
+    bounded = replace(
+        fit, values=replace(fit.values, items_={**fit.values.items_, path: replace(v, bounds=(0.5 * v.value, 2.0 * v.value))})
+    )
+    for factor, count in ((1.5, 0), (3.0, 1)):
+        moved = replace(bounded, expected={path: (factor * v.value, v.error)})
+        unknown = [r.text for r in tables.glance(replace(campaign, stages={**campaign.stages, name: moved}), {}).unknown]
+        assert sum(t.startswith(f"{path} is expected at ") and "outside its bounds" in t for t in unknown) == count

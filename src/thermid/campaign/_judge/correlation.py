@@ -20,8 +20,10 @@ from thermid.base.sourced import VERDICTS, weigh
 from thermid.campaign._judge.criteria import CRITERIA, Check, Criteria, Deviation, Residuals, judge, rmse
 from thermid.fit.calibration import Calibration
 from thermid.measure.records import Record, gap_from, usual_step
+from thermid.measure.steadiness import RULES
 from thermid.model.elements import UNJUDGED, Standing
 from thermid.model.tree import Model
+from thermid.physics.constants import ICE_POINT
 from thermid.simulation.runs import Scenario, simulate
 from thermid.values.store import model_standing
 
@@ -100,6 +102,8 @@ def difference(old: Model, new: Model, scenario: Scenario, *, nodes: Sequence[st
     return Difference(old.identity(), new.identity(), scenario.title, apart_by_node, gone, added)
 
 
+DRIFT = RULES["1 K/h"]
+"""What a stretch that is named steady is held to."""
 Window = tuple[float, float]
 ENDS = 2.0
 """Usual steps by which readings may begin after a settled stretch does, or end before it. [-]"""
@@ -283,8 +287,31 @@ class Correlation(Result):
         """Set of criteria -> whether it is met."""
         return {name: self.passed(name) for name in dict.fromkeys(g.criteria for g in self.gates)}
 
+    @property
+    def remarks(self) -> tuple[str, ...]:
+        """A remark for every settled stretch in which a sensor drifts faster than `DRIFT`, beyond its scatter; the fastest is named."""
+        out = []
+        for case, window in ((c, w) for c, stretches in self.windows.items() for w in stretches):
+            drifts = {}
+            for o in (o for o in self.overlays if o.case == case and o.sensor not in self.exclusions.reasons):
+                inside = _inside(o, window)
+                if inside.sum() > 2:
+                    (rate, last), spread = np.polyfit(o.times[inside] - window[1], o.measured[inside] - ICE_POINT, 1, cov="unscaled")
+                    scatter = o.measured[inside] - ICE_POINT - np.polyval((rate, last), o.times[inside] - window[1])
+                    if abs(rate) - 2.0 * float(np.std(scatter) * np.sqrt(spread[0, 0])) > DRIFT.rate:
+                        drifts[o.sensor] = (float(rate), float(last))
+            if drifts:
+                sensor, (rate, last) = max(drifts.items(), key=lambda item: abs(item[1][0]))
+                ends = f"{last + rate * (window[0] - window[1]):.1f} to {last:.1f} degC, {3600 * rate:+.2g} K/h"
+                more = f", and {len(drifts) - 1} more drift" if len(drifts) > 1 else ""
+                out.append(
+                    f"{case}, {window[0] / 3600:.4g} .. {window[1] / 3600:.4g} h is not steady: '{sensor}' goes from {ends}{more}. "
+                    f"Steady is {DRIFT}. Name a stretch at whose end the unit has settled, or judge it as transient."
+                )
+        return tuple(out)
+
     def to_dict(self) -> dict[str, Any]:
-        """Return verdicts, gates and deviations as plain numbers."""
+        """Return verdicts, gates, deviations and remarks as plain numbers and texts."""
         keys = {"criteria": "criteria", "kind": "kind", "case": "case", "name": "criterion", "mark": "mark", "passed": "passed"}
         keys |= {"worst": "sensor", "outside": "outside", "found_K": "found", "limit_K": "limit"}
         gates = [{key: getattr(g, name) for key, name in keys.items()} for g in self.gates]
@@ -293,11 +320,12 @@ class Correlation(Result):
             {k: getattr(d, k) for k in ("sensor", "case", "kind", "samples", "excluded")} | {f"{k}_K": d[k] for k in sizes}
             for d in self.deviations
         ]
-        return {"standing": self.standing.to_dict(), "verdicts": self.verdicts, "gates": gates, "sensors": sensors}
+        judged = {"verdicts": self.verdicts, "gates": gates, "sensors": sensors, "remarks": list(self.remarks)}
+        return {"standing": self.standing.to_dict(), **judged}
 
     def __str__(self) -> str:
         """Return deviations and verdicts as text."""
-        lines = [self.title, *(f"  {d}" for d in self.deviations)]
+        lines = [self.title, *(f"  {d}" for d in self.deviations), *(f"  remark: {r}" for r in self.remarks)]
         for name, passed in self.verdicts.items():
             lines.append(f"  {name}: {VERDICTS[passed]}")
             lines += [f"    {g}" for g in self.gates if g.criteria == name]

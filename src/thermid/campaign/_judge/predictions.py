@@ -75,9 +75,10 @@ class CampaignPrediction(Result):
 
     @property
     def margins(self) -> tuple[BandMargin, ...]:
-        """Every node with its band and limits, smallest margin first."""
+        """Every node with its band and limits, smallest margin first; a temperature that the scenario gives is none of the model's."""
         out = []
-        for node, band in self.prediction.bands.items():
+        bands = {n: b for n, b in self.prediction.bands.items() if b.error.any() or n in self.limits} or self.prediction.bands
+        for node, band in bands.items():
             (lowest, low), (highest, high) = (band.extreme(sign) for sign in (-1.0, 1.0))
             out.append(BandMargin(node, (low, high), (lowest, highest), self.limits.get(node, (-np.inf, np.inf))))
         return tuple(sorted(out, key=lambda m: m.margin))

@@ -665,7 +665,7 @@ def _widened(fit: Calibration, moved: Mapping[str, float], covariance: Array, un
         quote = f"The values that are printed first allow its elements to depart from their laws, but {unexplained}: find the cause first."
     quote += " They are the priors of stages above. The fitted values, which -v prints beside them, draw the curves, with wider errors."
     fit = replace(fit, expected=expected, unexplained=unexplained)
-    at_fit, at_estimates = (far_from_sheet(fit.given_model, replace(fit.values, items_=i)) for i in (fit.values.items_, fit.estimates))
+    at_fit, at_estimates = (far_from_sheet(fit.given_model, v) for v in (fit.values, fit.estimates))
     doubted = {w.split(" is ")[0] for w in at_fit} - {w.split(" is ")[0] for w in at_estimates}
     return replace(fit, warnings=(*(w for w in fit.warnings if w.split(" is ")[0] not in doubted), f"{FIRST}{why}. {quote}"))
 

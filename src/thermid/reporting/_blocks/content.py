@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from thermid.base.sourced import MARKS
@@ -90,6 +90,12 @@ class Table(PageBlock):
         if any(len(row) != len(columns) for row in lines):
             raise ValueError("a row needs as many cells as there are columns")
         return cls(tuple(columns), lines, caption, title)
+
+    def without_usual(self, usual: Mapping[str, str]) -> Table:
+        """Return the table less those columns in which every cell says what is usual, by title of the column."""
+        kept = [k for k, c in enumerate(self.columns) if c.title not in usual or {row[k].text for row in self.rows} - {usual[c.title]}]
+        rows = tuple(tuple(row[k] for k in kept) for row in self.rows)
+        return replace(self, columns=tuple(self.columns[k] for k in kept), rows=rows)
 
 
 def pretty(text: str) -> str:

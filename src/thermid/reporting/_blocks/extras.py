@@ -16,6 +16,7 @@ import subprocess
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
+from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
@@ -37,6 +38,7 @@ SHOWN: Final = {"summary": 5, "agency": 12, "all": 10**9}
 """Rows of a long table on the page itself."""
 
 _COUNTED: Final = re.compile(r'<figure(?: id="([^"]*)")?[^>]*>|<table(?: id="([^"]*)")?[^>]*>|(<i class="no"></i>)')
+_FOLDED: Final = re.compile(r'<details[^>]*>|</details>|</summary>|<b class="no">Fig\.\u00a0(\d+)</b>')
 _REFERENCE: Final = re.compile(r'<a class="ref" href="#([^"]*)"></a>')
 
 
@@ -62,8 +64,29 @@ def numbered(page: str) -> str:
             places[place] = text
         return f'<b class="no">{text}</b> '
 
-    page = _COUNTED.sub(count, page)
+    page = _with_folded_numbers(_COUNTED.sub(count, page))
     return _REFERENCE.sub(lambda m: f'<a href="#{m[1]}">{places[m[1]]}</a>' if m[1] in places else "", page)
+
+
+def _with_folded_numbers(page: str) -> str:
+    """Return a page on which what folds out says the numbers of its figures, so that the numbers around it do not seem to jump."""
+    open_folds: list[tuple[int, list[str]]] = []
+    notes: dict[int, str] = {}
+    for m in _FOLDED.finditer(page):
+        if m[1]:
+            for _, numbers in open_folds:
+                numbers.append(m[1])
+        elif m[0] == "</summary>" and open_folds:
+            open_folds[-1] = (m.start(), open_folds[-1][1])
+        elif m[0] == "</details>":
+            at, numbers = open_folds.pop()
+            if numbers:
+                ends = numbers[0] if len(numbers) == 1 else f"{numbers[0]} to {numbers[-1]}"
+                notes[at] = f' <span class="soft">Fig.\u00a0{ends}</span>'
+        elif m[0].startswith("<details"):
+            open_folds.append((m.end(), []))
+    parts = [page[a:b] + notes.get(b, "") for a, b in pairwise([0, *sorted(notes), len(page)])]
+    return "".join(parts)
 
 
 def check_audience(audience: str) -> str:

@@ -549,10 +549,14 @@ def _labels(drawing: _Drawing, plan: MapPlaces) -> Iterator[str]:
     """Yield the heat of lines, the largest first, or without heat their conductance, where it lies on no card, arrow or other label."""
     taken = [(c.x, c.y, c.x + c.width, c.y + c.height) for c in plan.cards]
     most = _max_heat(drawing, plan)
+    ways = [np.concatenate([np.linspace(p, q, 33) for p, q in pairwise(points)]) for points in plan.lines.values()]
+    dots, owners = np.concatenate([np.zeros((0, 2)), *ways]), np.repeat(np.arange(len(ways)), [len(w) for w in ways])
+    place_of_pair = {pair: k for k, pair in enumerate(plan.lines)}
     for pair in sorted(plan.lines, key=lambda p: -abs(drawing.heat.get(p, 0.0))):
         points, heat = plan.lines[pair], drawing.heat.get(pair)
         if heat is None:
-            words = " + ".join(text for c in drawing.joined[pair] if (text := drawing.values.get(c.path, "")))
+            texts = [t for c in drawing.joined[pair] if (t := drawing.values.get(c.path, ""))]
+            words = " + ".join([t for t in texts if not t.startswith(("0 ", "≈0 "))] or texts[:1])
         elif abs(heat) > FAINT * most:
             words = quantity(abs(heat), "W", 2)
             x, y = points[-1 if heat >= 0.0 else 0]
@@ -560,21 +564,25 @@ def _labels(drawing: _Drawing, plan: MapPlaces) -> Iterator[str]:
             taken.append((x - reach, y - reach, x + reach, y + reach))
         else:
             continue
-        wide = _room(words, MIN_LETTER_SIZE) + 8.0
-        for x, y in _along(points, wide):
+        wide = _room(words, MIN_LETTER_SIZE) + 14.0  # a line that ends at the figure would read as its minus
+        spots = list(_along(points, wide))
+        reach_of_line = np.ptp(spots, axis=0) + np.array([wide, 16.0])
+        close_by = (np.abs(dots - np.mean(spots, axis=0)) <= reach_of_line).all(axis=1) & (owners != place_of_pair[pair])
+        under = (np.abs(np.array(spots)[:, None] - dots[close_by]) < (0.5 * wide, 8.0)).all(axis=2).sum(axis=1)
+        for x, y in (spots[k] for k in np.argsort(under, kind="stable")):  # where least of other lines lies under it
             box = (x - 0.5 * wide, y - 8.0, x + 0.5 * wide, y + 7.0)
             inside = box[0] >= 0.0 and box[2] <= plan.width and box[1] >= 0.0
             if words and inside and all(box[2] <= t[0] or t[2] <= box[0] or box[3] <= t[1] or t[3] <= box[1] for t in taken):
                 taken.append(box)
                 place = f'x="{x:.1f}" y="{y + 3.5:.1f}" text-anchor="middle" font-size="{MIN_LETTER_SIZE:g}"'
-                size = f'x="{box[0] + 2.0:.1f}" y="{box[1] + 1.0:.1f}" width="{wide - 4.0:.1f}" height="13" rx="3"'
+                size = f'x="{box[0] + 1.0:.1f}" y="{box[1] + 1.0:.1f}" width="{wide - 2.0:.1f}" height="13" rx="3"'
                 yield f'<rect class="paper" {size}/><text {place} class="label">{escape(words)}</text>'
                 break
 
 
 def _along(points: Sequence[Point], wide: float) -> Iterator[Point]:
     """Yield places for a label [px] along a line, from its middle outwards, then beside the middle of a line that is too short."""
-    fine = np.concatenate([np.linspace(p, q, 9) for p, q in pairwise(points)])
+    fine = np.concatenate([np.linspace(p, q, 17) for p, q in pairwise(points)])
     middle = len(fine) // 2
     for k in sorted(range(len(fine)), key=lambda k: abs(k - middle)):
         yield float(fine[k, 0]), float(fine[k, 1])

@@ -257,5 +257,5 @@ def _charts(campaign: Campaign) -> Iterator[Plot]:
         blocks, words = (list(last.blocks), f"fitted records of {last.stage}") if last is not None else ([], "")
     if blocks:
         yield from figures.against_measured(
-            [b.measured for b in blocks], [b.measured - b.residuals for b in blocks], "Predicted", f", {words}"
+            [b.measured for b in blocks], [b.measured - b.residuals for b in blocks], "predicted", f", {words}"
         )

@@ -603,6 +603,9 @@ def _unknown(campaign: Campaign) -> Iterator[tuple[str, str]]:
                 yield f"{value.path}: the logs do not determine it.", c.stage
             elif at_bound(value):
                 yield f"{value.path} ended at its {at_bound(value)} bound, where its standard error is cut.", c.stage
+            elif not value.bounds[0] <= (quoted := c[value.path]).value <= value.bounds[1]:
+                outside = f"{significant(quoted.in_unit, quoted.shown(quoted.error))} {pretty(value.unit)}, outside its bounds"
+                yield f"{value.path} is expected at {outside} ({bounds_text(value)}): these or the structure are wrong.", c.stage
         widths = []  # half of the 95 % interval over the value, as it would be without bounds
         for value in (v for v in map(c.estimates.__getitem__, c.values.parameters) if v.value and math.isfinite(v.error)):
             low, high = interval(replace(value, error=max(value.error, value.uncut)))

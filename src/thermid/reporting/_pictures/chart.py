@@ -23,8 +23,17 @@ SERIES = ("#0072b2", "#cd6100", "#4c9c69", "#964d6a", "#5c4700", "#7295ab", "#59
 DASHES: tuple[tuple[float, ...], ...] = ((), *((dash, 2.0) for dash in (7.0, 1.0, 4.0, 16.0, 2.0, 11.0, 28.0)))
 """As many as colours, so that no two lines differ by colour alone; neighbours differ most. [px]"""
 
+
+def series_look(k: int) -> tuple[tuple[str, str], str]:
+    """Return colour and dash pattern of the k-th line: neighbours differ in both, and so do lines of one colour among 64."""
+    n = k % len(SERIES)
+    return (f"--s{n}", SERIES[n]), " ".join(f"{d:g}" for d in DASHES[(n + k // len(SERIES)) % len(DASHES)])
+
+
 PANEL_GRID_STEPS = 10_000
 """Steps of the grid of a panel, each way."""
+END_LABEL, END_LETTERS = 12.0, 24
+"""Height [px] and letters, at most, of a name beside the end of its line."""
 POINTS_PER_LINE, MAX_POINTS_OF_FIGURE = 400, 24_000
 """Points of a line, and of a figure."""
 
@@ -129,7 +138,7 @@ def number_text(value: float, step: float) -> str:
     return f"{value:z.{decimals}f}".replace("-", "\u2212")
 
 
-def chart(panels: Sequence[Panel], *, key: str, label: str, x_name: tuple[str, str], size: tuple[float, float]) -> str:
+def chart(panels: Sequence[Panel], *, key: str, label: str, x_name: tuple[str, str], size: tuple[float, float], named: bool = False) -> str:
     """Return panels one above the other over one x axis as an inline SVG.
 
     Parameters
@@ -139,9 +148,12 @@ def chart(panels: Sequence[Panel], *, key: str, label: str, x_name: tuple[str, s
     label : str                 What a screen reader says before what is seen.
     x_name : (str, str)         What x is, and its unit.
     size : (width, height)      [px]
+    named : bool                Whether lines have their names at their ends, where there is room for all.
     """
     width, height = size
     edge, right, top, bottom, gap = 54.0, 8.0, 8.0, 38.0, 12.0
+    named = named and all(END_LABEL * len(p.lines) < height - top - bottom for p in panels)
+    right += 6.4 * max(len(line.label[:END_LETTERS]) for p in panels for line in p.lines) + 14.0 if named else 0.0
     every = [line.x for p in panels for line in p.lines]
     ends = min(float(x.min()) for x in every), max(float(x.max()) for x in every)
     limit = min(POINTS_PER_LINE, MAX_POINTS_OF_FIGURE // max(len(every), 1))
@@ -151,7 +163,7 @@ def chart(panels: Sequence[Panel], *, key: str, label: str, x_name: tuple[str, s
     for k, panel in enumerate(panels):
         tall = whole * panel.share / sum(p.share for p in panels)
         box = (edge, top, width - edge - right, tall)
-        out.append(_panel(panel, box, _widened(*ends, 0.01), f"{key}-{k}", limit, k == len(panels) - 1, samples))
+        out.append(_panel(panel, box, _widened(*ends, 0.01), f"{key}-{k}", limit, k == len(panels) - 1, samples, named))
         top += tall + gap
     words = escape(f"{label}. {in_words(panels, x_name, ends)}")
     end = f'<text x="{edge + (width - edge - right) / 2:.0f}" y="{height - 5:.0f}" text-anchor="middle">{escape(", ".join(x_name))}</text>'
@@ -203,6 +215,7 @@ def _panel(
     limit: int,
     last: bool,
     samples: Mapping[int, NDArray[np.int64]],
+    named: bool = False,
 ) -> str:
     """Return a panel as SVG: frame, grid, ticks, lines and bands within its box. [px]"""
     x_left, top, width, height = box
@@ -237,6 +250,7 @@ def _panel(
         + "".join(shapes)
         + f'</g></g><path d="M{x_left:g} {top:.1f}v{height:.1f}h{width:g}" style="fill:none;stroke:var(--f-soft,#556172);stroke-width:.8"/>'
         + "".join(_leaving(p, box, x_ends))
+        + ("".join(_end_names(p, box, (low, high))) if named else "")
         + "</g>"
     )
 
@@ -306,6 +320,23 @@ def _area(area: Area, scale: _Scale, limit: int) -> str:
     variable, colour = area.colour
     style = f"fill:var({variable},{colour});fill-opacity:.24"
     return f'<path class="area" data-n="{escape(area.label)}" d="{path}z" style="{style}"/>'
+
+
+def _end_names(p: Panel, box: tuple[float, float, float, float], y_ends: tuple[float, float]) -> Iterator[str]:
+    """Yield the name of every line beside its end, names moved apart until none lies on another, each with a rule to its line."""
+    x, bottom = box[0] + box[2], box[1] + box[3]
+    at = {k: bottom - box[3] * (float(line.y[-1]) - y_ends[0]) / (y_ends[1] - y_ends[0]) for k, line in enumerate(p.lines)}
+    order = sorted(at, key=at.__getitem__)
+    places: list[float] = []
+    for k in order:
+        places.append(max(at[k], places[-1] + END_LABEL if places else box[1] + 4.0))
+    for n in reversed(range(len(places))):
+        places[n] = min(places[n], bottom - END_LABEL * (len(places) - 1 - n))
+    for k, y in zip(order, places, strict=True):
+        (variable, colour), label = p.lines[k].colour, p.lines[k].label
+        name = label if len(label) <= END_LETTERS else f"{label[: END_LETTERS - 1]}…"
+        yield f'<path class="ends" d="M{x:.1f} {at[k]:.1f}L{x + 10:.1f} {y:.1f}" style="fill:none;stroke:var({variable},{colour})"/>'
+        yield f'<text class="ends" x="{x + 12:.1f}" y="{y + 3.5:.1f}" style="fill:var({variable},{colour})">{escape(name)}</text>'
 
 
 def _leaving(p: Panel, box: tuple[float, float, float, float], x_ends: tuple[float, float]) -> Iterator[str]:

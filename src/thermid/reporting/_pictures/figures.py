@@ -17,12 +17,12 @@ from thermid.fit.calibration import SensorTrace
 from thermid.physics.constants import ICE_POINT
 from thermid.prediction.bands import Prediction
 from thermid.reporting._blocks.content import NARROW, Graphic, LegendEntry, Plot
-from thermid.reporting._pictures.chart import DASHES, SERIES, Area, Panel, Stroke, chart, nice_ticks, number_text, time_unit
+from thermid.reporting._pictures.chart import END_LABEL, SERIES, Area, Panel, Stroke, chart, nice_ticks, number_text, series_look, time_unit
 from thermid.simulation.runs import Solution
 
 CHART_WIDTH, CHART_HEIGHT = 300.0, 232.0
 """Size of a chart. [px]"""
-BOX: Final = (46.0, 8.0, CHART_WIDTH - 56.0, CHART_HEIGHT - 52.0)
+BOX: Final = (52.0, 8.0, CHART_WIDTH - 62.0, CHART_HEIGHT - 52.0)
 """Left, top, width and height of its axes. [px]"""
 BANDS: Final = ((2.0, ""), (3.0, "6 2.5"), (5.0, "1.5 2.5"))
 """Distance from equality [K] and dashes of its lines."""
@@ -48,9 +48,12 @@ def matrix(cells: Mapping[tuple[str, str], tuple[float, bool | None]]) -> Graphi
     rows, columns = rows[:MAX_ROWS_OF_PICTURE], columns[:MOST_COLUMNS]
     x_left = min(130.0, 12.0 + 6.6 * max(len(r) for r in rows))
     steep = any(6.6 * len(c) > (CHART_WIDTH - x_left) / len(columns) - 4.0 for c in columns)
-    cell = max(36.0, (CHART_WIDTH - x_left - (28.0 if steep else 0.0)) / len(columns))
-    head = min(86.0, 12.0 + 4.9 * max(len(c) for c in columns)) if steep else 22.0
-    width, height = x_left + cell * len(columns) + (28.0 if steep else 0.0), head + CELL * len(rows) + 6.0
+    smallest = 36.0 if all(met is not False for _, met in cells.values()) else 48.0
+    cell = max(smallest, (CHART_WIDTH - x_left - (28.0 if steep else 0.0)) / len(columns))
+    reach = [5.4 * len(cut(c, 16)) + 8.0 for c in columns]  # of a name that stands at 45 degrees: as far up as to the right
+    head = max(reach) + 8.0 if steep else 22.0
+    ends = max(cell * (k + 0.5) + r for k, r in enumerate(reach)) if steep else 0.0
+    width, height = x_left + max(cell * len(columns), ends), head + CELL * len(rows) + 6.0
     out = []
     for k, name in enumerate(columns):
         x = x_left + cell * (k + 0.5)
@@ -99,31 +102,34 @@ def shade(ratio: float) -> str:
 
 
 def scatter(measured: Sequence[Array], predicted: Sequence[Array]) -> Graphic:
-    """Return predicted over measured temperatures of all traces, with lines 2, 3 and 5 K from equality.
+    """Return measured less predicted over measured temperatures of all traces, with lines 2, 3 and 5 K from equality.
+
+    Predicted over measured would put these lines on the diagonal, where a range of 100 K leaves a few pixels between them.
 
     Parameters
     ----------
     measured, predicted : sequences of arrays (samples,)    One of each for every trace. [K]
     """
-    x, y = (np.concatenate(v) - ICE_POINT for v in (measured, predicted))
-    low, high = _ends(np.concatenate([x, y]), 6.0)
+    x = np.concatenate(measured) - ICE_POINT
+    y = x + ICE_POINT - np.concatenate(predicted)
+    (left, right), far = _ends(x, 6.0), max(1.05 * float(np.abs(y).max()), 5.5)
     box = BOX
 
     def at(v: float, w: float) -> tuple[float, float]:
-        """Return where a pair of temperatures stands in the box. [px]"""
-        return box[0] + box[2] * (v - low) / (high - low), box[1] + box[3] * (high - w) / (high - low)
+        """Return where a temperature and a difference stand in the box. [px]"""
+        return box[0] + box[2] * (v - left) / (right - left), box[1] + box[3] * 0.5 * (1.0 - w / far)
 
-    out = [_scatter_axes(box, (low, high), (low, high), ("measured, °C", "predicted, °C"))]
+    out = [_scatter_axes(box, (left, right), (-far, far), ("measured, °C", "measured less predicted, K"))]
     for shift, dash in [(0.0, ""), *((sign * k, dash) for k, dash in BANDS for sign in (1.0, -1.0))]:
-        a, b = max(low, low - shift), min(high, high - shift)
-        (x1, y1), (x2, y2) = at(a, a + shift), at(b, b + shift)
+        (x1, y1), (x2, y2) = at(left, shift), at(right, shift)
         look = f"stroke-width:{1.3 if shift == 0 else 0.9};stroke-dasharray:{dash or 'none'}"
         out.append(f'<path d="M{x1:.1f} {y1:.1f}L{x2:.1f} {y2:.1f}" style="fill:none;stroke:var(--f-soft,{SOFT});{look}"/>')
-    step = max(1, x.size // MAX_SCATTER_DOTS)
-    dots = "".join(f"M{at(v, w)[0]:.1f} {at(v, w)[1]:.1f}h.01" for v, w in zip(x[::step].tolist(), y[::step].tolist(), strict=True))
+    chosen = np.arange(x.size)[:: max(1, x.size // MAX_SCATTER_DOTS)]
+    chosen = np.union1d(chosen, np.argsort(-np.abs(y))[: MAX_SCATTER_DOTS // 10])  # what is far off is never left out
+    dots = "".join(f"M{at(v, w)[0]:.1f} {at(v, w)[1]:.1f}h.01" for v, w in zip(x[chosen].tolist(), y[chosen].tolist(), strict=True))
     look = f"fill:none;stroke:var(--f-simulated,{SIMULATED});stroke-width:3.4;stroke-linecap:round;stroke-opacity:.55"
     out.append(f'<path d="{dots}" style="{look}"/>')
-    return _whole(out, f"Predicted against measured, {x.size} readings: {_shares_within(y - x)}", CHART_WIDTH, CHART_HEIGHT)
+    return _whole(out, f"Measured less predicted, {x.size} readings: {_shares_within(y)}", CHART_WIDTH, CHART_HEIGHT)
 
 
 def histogram(residuals: Sequence[Array]) -> Graphic:
@@ -152,7 +158,7 @@ def histogram(residuals: Sequence[Array]) -> Graphic:
 
 
 def against_measured(measured: Sequence[Array], predicted: Sequence[Array], word: str, of: str = "") -> tuple[Plot, Plot]:
-    """Return predicted against measured temperatures, and the residuals counted.
+    """Return how far predicted temperatures are from the measured ones over these, and the residuals counted.
 
     Parameters
     ----------
@@ -163,7 +169,7 @@ def against_measured(measured: Sequence[Array], predicted: Sequence[Array], word
     residuals = [m - p for m, p in zip(measured, predicted, strict=True)]
     r = np.concatenate(residuals)
     spread = f"mean {r.mean():+.2f} K, standard deviation {r.std():.2f} K; {_shares_within(r)}"
-    caption = f"{word} against measured{of}; lines at ± 2 K, ± 3 K (dashed) and ± 5 K (dotted)."
+    caption = f"Measured less {word}, over measured{of}; lines at ± 2 K, ± 3 K (dashed) and ± 5 K (dotted)."
     return (
         Plot(scatter(measured, predicted), caption, "", "fig-scatter"),
         Plot(histogram(residuals), f"Residuals{of}: {spread}.", "", "fig-histogram"),
@@ -171,8 +177,15 @@ def against_measured(measured: Sequence[Array], predicted: Sequence[Array], word
 
 
 def _shares_within(residuals: Array) -> str:
-    """Return which shares of residuals (samples,) lie within 2, 3 and 5 K."""
-    return ", ".join(f"{100 * float(np.mean(np.abs(residuals) <= k)):.0f} % within {k:g} K" for k, _ in BANDS)
+    """Return which shares of residuals (samples,) lie within 2, 3 and 5 K; all but a few are never 100 %, and these are counted."""
+    out = []
+    for k, _ in BANDS:
+        beyond, text = int((np.abs(residuals) > k).sum()), ""
+        share = 100.0 * (1.0 - beyond / residuals.size)
+        if beyond and share >= 99.5:
+            share, text = min(share, 99.9), f" ({beyond:,} of {residuals.size:,} beyond)"
+        out.append(f"{share:.{1 if text else 0}f} % within {k:g} K{text}")
+    return ", ".join(out)
 
 
 def _ends(values: Array, least: float) -> tuple[float, float]:
@@ -211,7 +224,7 @@ def _whole(parts: Iterator[str] | Sequence[str], label: str, width: float, heigh
     """Return parts of SVG as one graphic of a size [px], with what a screen reader says of it."""
     return Graphic(
         f'<svg class="plot" role="img" aria-label="{escape(label)}." viewBox="0 0 {width:.0f} {height:.0f}" '
-        f'style="font-size:12px;fill:var(--f-soft,{SOFT})">{"".join(parts)}</svg>',
+        f'style="font-size:12px;max-width:{1.5 * width:.0f}px;fill:var(--f-soft,{SOFT})">{"".join(parts)}</svg>',
         (),
     )
 
@@ -330,7 +343,6 @@ def compared(
     key: str,
     label: str,
     *,
-    below: str = "residual",
     wide: float = 0.0,
     drive: RecordDrive | None = None,
     limit: float | None = None,
@@ -344,7 +356,6 @@ def compared(
     measured, predicted : array (samples,)  [K]
     key : str                               Prefix of the figure's identifiers, different for every figure of a page.
     label : str                             What a screen reader says.
-    below : str                             What the lower axis is called.
     wide : float                            Half-width of the band of the sensor's error around the readings; none without it. [K]
     drive : RecordDrive                           Ambient temperatures and power over the same record; none drawn without it.
     limit : float                           Limit of every single difference; drawn where it is within `LIMIT_IN_VIEW`. [K]
@@ -369,7 +380,7 @@ def compared(
         differences += [Stroke("limit, residual", ends, np.full(2, s * limit), ("--f-ink", INK), 1.3, "6 2.5") for s in (1.0, -1.0)]
         entries.append(LegendEntry("limit, residual", "--f-ink", "6 2.5", width=1.3))
     named = size[0] > NARROW  # in a narrow figure units alone find room beside the axes
-    panels = [Panel("temperature" * named, "°C", lines, bands, share=2.4), Panel(below * named, "K", differences, low, (0.0,))]
+    panels = [Panel("temperature" * named, "°C", lines, bands, share=2.4), Panel("residual" * named, "K", differences, low, (0.0,))]
     panels += [Panel("power" * named, "W", [replace(line, x=line.x / length) for line in power], share=0.7, zero=True)] if power else []
     tall = size[1] + (POWER_PANEL if power else 0.0)
     markup = chart(panels, key=key, label=label, x_name=("time", unit), size=(size[0], tall))
@@ -468,13 +479,12 @@ def prediction(solution: Solution, key: str, label: str) -> Graphic:
     length, unit = time_unit(float(solution.times[-1] - solution.times[0]))
     lines, entries = [], []
     for k, node in enumerate(solution.nodes):
-        n = k % len(SERIES)
-        dash = " ".join(f"{d:g}" for d in DASHES[(n + k // len(SERIES)) % len(DASHES)])
+        colour, dash = series_look(k)
         celsius = solution.temperatures[:, k] - ICE_POINT
         name = f"{node} {celsius[-1]:.1f} °C"
-        lines.append(Stroke(name, solution.times / length, celsius, (f"--s{n}", SERIES[n]), 1.6, dash))
-        entries.append(LegendEntry(name, f"--s{n}", dash))
-    markup = chart([Panel("temperature", "°C", lines)], key=key, label=label, x_name=("time", unit), size=(760, 330))
+        lines.append(Stroke(name, solution.times / length, celsius, colour, 1.6, dash))
+        entries.append(LegendEntry(name, colour[0], dash))
+    markup = chart([Panel("temperature", "°C", lines)], key=key, label=label, x_name=("time", unit), size=(760, 330), named=True)
     return Graphic(markup, tuple(entries))
 
 
@@ -483,13 +493,14 @@ def predicted_bands(prediction: Prediction, key: str, label: str, limits: Sequen
     length, unit = time_unit(float(prediction.times[-1] - prediction.times[0]))
     lines, areas, entries = [], [], []
     for k, (node, band) in enumerate(prediction.bands.items()):
-        colour, dash = (f"--s{k % len(SERIES)}", SERIES[k % len(SERIES)]), " ".join(f"{d:g}" for d in DASHES[k % len(DASHES)])
+        colour, dash = series_look(k)
         low, high = band.interval()
         areas.append(Area(f"{node}, 95 %", band.times / length, low, high, colour))
         lines.append(Stroke(node, band.times / length, band.celsius, colour, 1.6, dash))
         entries.append(LegendEntry(f"{node} {low[-1]:.1f} to {high[-1]:.1f} °C at the end", colour[0], dash))
     panel = Panel("temperature", "°C", lines, areas, sorted({t - ICE_POINT for t in limits}))
-    return Graphic(chart([panel], key=key, label=label, x_name=("time", unit), size=(760, 240)), tuple(entries))
+    tall = max(240.0, 60.0 + 1.1 * END_LABEL * len(lines))
+    return Graphic(chart([panel], key=key, label=label, x_name=("time", unit), size=(760, tall), named=True), tuple(entries))
 
 
 def coverage(shares: Mapping[str, Mapping[float, float]], key: str, label: str) -> Graphic:
@@ -508,9 +519,8 @@ def coverage(shares: Mapping[str, Mapping[float, float]], key: str, label: str) 
     x = 100.0 * levels
     lines, areas = [Stroke("as promised", x, x, ("--f-ink", INK), 1.1, "6 2.5")], []
     if len(shares) <= len(SERIES):
-        looks = [(f"--s{n}", SERIES[n]) for n in range(len(shares))]
-        dashes = [" ".join(f"{d:g}" for d in DASHES[n]) for n in range(len(shares))]
-        lines += [Stroke(n, x, y, look, 1.8, dash) for n, y, look, dash in zip(shares, observed, looks, dashes, strict=True)]
+        looks = map(series_look, range(len(shares)))
+        lines += [Stroke(n, x, y, look, 1.8, dash) for n, y, (look, dash) in zip(shares, observed, looks, strict=True)]
     else:
         areas = [Area("lowest to highest", x, observed.min(axis=0), observed.max(axis=0))]
         lines.append(Stroke(f"mean of {len(shares)} records", x, observed.mean(axis=0), LOOKS["simulated"], 1.8))

@@ -9,7 +9,7 @@ from typing import Final
 from thermid.base.errors import ThermidError
 from thermid.base.units import from_si, in_si
 from thermid.measure.looks import Look
-from thermid.reporting._pictures.chart import DASHES, SERIES, Panel, Stroke, chart, time_unit
+from thermid.reporting._pictures.chart import Panel, Stroke, chart, series_look, time_unit
 
 _PANELS: Final = (("temperature", "°C", ("temperature", "boundary")), ("power", "W", ("power",)), ("duty", "%", ("duty",)))
 
@@ -30,18 +30,17 @@ def log_drawing(look: Look) -> str:
     for name, shown, guesses in _PANELS:
         lines = []
         for c in (c for c in look.columns if c.guess in guesses and c.good.any()):
-            k = len(legend)
-            colour, dash = SERIES[k % len(SERIES)], " ".join(f"{v:g}" for v in DASHES[k // len(SERIES) % len(DASHES)])
+            colour, dash = series_look(len(legend))
             lines.append(
                 Stroke(
                     c.name,
                     x[c.good],
                     from_si(in_si(c.values, c.unit), {"°C": "degC"}.get(shown, shown))[c.good],
-                    (f"--s{k % len(SERIES)}", colour),
+                    colour,
                     dash=dash,
                 )
             )
-            legend.append((c.name, colour, dash))
+            legend.append((c.name, colour[1], dash))
         if lines:
             panels.append(Panel(name, shown, lines, share=2.0 if name == "temperature" else 1.0))
     if not panels:

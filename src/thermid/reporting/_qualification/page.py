@@ -70,9 +70,7 @@ def qualification_report(q: Qualification, *, to: str | os.PathLike[str]) -> Pat
     failed, open_ = outcomes.count(False), outcomes.count(None)
     summary = f"{counted(len(q.trials), 'test')}, {counted(len(q.margins), 'margin')}" + (f"; {open_} not decided" if open_ else "")
     summary += f"; {len(q.waived)} waived" if q.waived else ""
-    if worst is not None:
-        margin = f"{worst[3]:.1f} K left" if worst[3] >= 0 else f"{-worst[3]:.1f} K beyond its limit"
-        summary += f"; smallest margin: {worst[0]} in {worst[1]} at {hours(worst[2])}, {margin}"
+    summary += f"; smallest margin: {worst}" if worst is not None else ""
     document = content.document.model_dump()
     names = {"number": "document", "prepared": "prepared by", "checked": "checked by", "approved": "approved by"}
     facts = Facts(tuple((names.get(k, k), v or DASH) for k, v in document.items()))
@@ -139,7 +137,8 @@ def correlation_report(c: Correlation, *, to: str | os.PathLike[str], synthetic:
         failed=verdicts.count(False),
         judged=len(verdicts),
         summary=f"{counted(len(c.gates), 'gate')}, {len(c.failed)} not met",
-        outcome=[Figures(figures.against_measured(measured, simulated, "Simulated"))] if c.overlays else [],
+        outcome=[Figures(figures.against_measured(measured, simulated, "simulated"))] * bool(c.overlays)
+        + [Notes(c.remarks, "Remarks")] * bool(c.remarks),
         sections=blocks,
     )
 
@@ -401,9 +400,7 @@ def all_overlays(c: Correlation, key: str, synthetic: bool) -> Figures:
     drawn = [
         (
             o,
-            compared(
-                o.times, o.measured, o.simulated, f"{key}-{k}", f"{o.sensor} in {o.case}", below="difference", wide=tables.half_width(o)
-            ),
+            compared(o.times, o.measured, o.simulated, f"{key}-{k}", f"{o.sensor} in {o.case}", wide=tables.half_width(o)),
         )
         for k, o in enumerate(c.overlays)
     ]

@@ -40,7 +40,7 @@ def tests(q: Qualification) -> Table:
         Head("correlation"),
         Head("smallest margin"),
         Head("at", True),
-        Head("room, K", True),
+        Head("left, K", True, "from the prediction to the limit, without uncertainty and margins"),
         Head("state"),
         Head("lasts", True),
         Head("course", wrapped=True),
@@ -72,7 +72,7 @@ def tests(q: Qualification) -> Table:
                 course,
             ]
         )
-    return Table.of_rows(columns, rows)
+    return Table.of_rows(columns, rows, title="Tests")
 
 
 def sensors(q: Qualification) -> Table:
@@ -267,7 +267,7 @@ def flows(t: Trial) -> Table:
 
 
 def changes(q: Qualification) -> Table:
-    """Return what was fitted: before, after, error, bound, reason."""
+    """Return what was fitted: before, after, error, bound, and the reason where the plan gives any."""
     columns = [
         Head("parameter"),
         Head("before", True),
@@ -277,7 +277,7 @@ def changes(q: Qualification) -> Table:
         Head("bounds", True),
         Head("reason", wrapped=True),
     ]
-    reasons, rows = q.plan.content.model.reasons, []
+    reasons, rows, unreasoned = q.plan.content.model.reasons, [], 0
     for several in q.knowledge.values:
         for path, v in several.parameters.items():
             why = next((text for pattern, text in reasons.items() if fnmatch.fnmatchcase(path, pattern)), "")
@@ -288,10 +288,16 @@ def changes(q: Qualification) -> Table:
                     number(v.shown(v.error), 2),
                     pretty(v.unit),
                     bounds_text(v),
-                    Cell(why) if why else Cell("no reason given", "", "warn"),
+                    Cell(why) if why else Cell(DASH, "no reason given", "warn"),
                 ]
             )
-    return Table.of_rows(columns, rows)
+            unreasoned += not why
+    caption = (
+        f"The plan gives no reason for {'any' if unreasoned == len(rows) else unreasoned} of these {len(rows)} changes."
+        if unreasoned
+        else ""
+    )
+    return Table.of_rows(columns, rows, caption).without_usual({"reason": DASH})
 
 
 def deviations(c: Correlation) -> Table:
@@ -333,7 +339,7 @@ def deviations(c: Correlation) -> Table:
             for d in c.deviations
         ],
         "Measured minus simulated; ± sensor: 95 % of its constant error.",
-    )
+    ).without_usual({"weight": "1", "left out": DASH})
 
 
 def gates(c: Correlation, failed_only: bool = False) -> Table:
@@ -399,7 +405,7 @@ def checks(q: Qualification) -> Table:
         Head("lowest, °C", True),
         Head("highest, °C", True),
         Head("limits, °C", True),
-        Head("room, K", True),
+        Head("left, K", True),
         Head("first passed", True),
         Head("beyond for", True),
         Head("mark"),

@@ -155,3 +155,16 @@ def test_two_logs_must_share_columns_and_times() -> None:
     short = td.Record.from_arrays("simulated", TIMES[:50], {"T1": TIMES[:50] * 0 + 300.0}, unit="K")
     with raises_code("record.not-overlapping", RecordError):
         correlate((one, short), steady=SETTLED)
+
+
+def test_a_stretch_named_steady_in_which_a_sensor_drifts_is_remarked_on_with_the_drift() -> None:
+    noise = np.random.default_rng(7).normal(0.0, 0.3, TIMES.size)
+    for rate, drifts in ((3.2, True), (0.3, False)):
+        readings = 348.45 + rate * (TIMES - 3600.0) / 3600.0
+        found = correlate([Overlay("hot", n, "", TIMES, readings + x, readings) for n, x in (("T1", 0.0), ("T2", noise))], steady=SETTLED)
+        if drifts:
+            (remark,) = found.remarks
+            assert "'T1' goes from 75.3 to 78.5 degC, +3.2 K/h, and 1 more drift" in remark or "'T2' goes" in remark
+            assert f"remark: {remark}" in str(found)
+        assert found.to_dict()["remarks"] == list(found.remarks)
+        assert bool(found.remarks) == drifts
