@@ -97,9 +97,14 @@ class FittedStructure:
         return [c.judge(values) for c in self.changes]
 
     @property
+    def impossible(self) -> str:
+        """What changes found that hardware does not have, in words; empty where every value is possible."""
+        return "; ".join(f"{c.name}: {words}" for c, (words, possible) in zip(self.changes, self.judged(), strict=True) if not possible)
+
+    @property
     def possible(self) -> bool:
         """Whether every change has a value that hardware has."""
-        return all(possible for _, possible in self.judged())
+        return not self.impossible
 
     def errors(self, free: Sequence[str] | None = None) -> dict[str, float]:
         """Return name -> standard error of what was fitted, of its logarithm where it is one; with `free`, all other parameters fixed."""
@@ -281,7 +286,8 @@ class StructureSearch:
                 lines.append(f"    {telling_test(self.proposed, one)}")
         tried = {s.name: s for s in sorted(self.structures[1:], key=self.likelihood)}  # of one name the likeliest stands
         best = sorted(tried.values(), key=lambda s: -self.likelihood(s))
-        shown = [f"    {s.name}: {self.likelihood(s):+.3g}{'' if s.possible else ', not physically possible'}" for s in best[:8]]
+        reasons = [f", not physically possible: {s.impossible}" if s.impossible else "" for s in best[:8]]
+        shown = [f"    {s.name}: {self.likelihood(s):+.3g}{why}" for s, why in zip(best, reasons, strict=False)]
         lines += ["  refitted, logarithm of the Bayes factor over the first structure:", *shown] if shown else []
         lines.append(f"  {self.scored} changes scored, {len(self.structures) - 1} refitted in {self.evaluations} evaluations")
         if not self.complete:
