@@ -739,7 +739,7 @@ def _weighed(change: MissingElement, roles: Roles, facts: StatedFacts) -> Missin
         text, possible = change.judge(fitted)
         values = {path: fitted[path].value for path in fitted if path.rpartition(".")[2] in ("capacitance", "conductance")}
         wrong = [c for c in weights(change.request.model, values, roles, facts.masses) if c.verdict != "possible"]
-        return "; ".join([text, *(f"{c.name} is {c.verdict}" for c in wrong)]), possible and not wrong
+        return "; ".join([text, *(f"{c.path} is {c.verdict}" for c in wrong)]), possible and not wrong
 
     if not facts.masses:
         return change
