@@ -299,8 +299,8 @@ def may_write_project(folder: Path, title: str) -> dict[str, tuple[str, FileKind
     OutputError   When a file is there that thermid did not write.
     OSError       When the folder is a file, or a file is a folder or read-only.
     """
-    kinds = {f"{k}.toml": (k, TEMPLATE.titled(k)) for k in ("scenario", "campaign")}
-    kinds[f"{title}.toml"] = ("deck", FileKinds.DECK.titled(title))
+    kinds = {f"{title}.toml": ("deck", FileKinds.DECK.titled(title))}  # in the order in which they are written
+    kinds |= {f"{k}.toml": (k, TEMPLATE.titled(k)) for k in ("scenario", "campaign")}
     for name, (_, kind) in kinds.items() if folder.exists() and [*folder.iterdir()] else ():
         may_write(folder / name, kind)
     may_write_schemas(folder, (grammar for grammar, _ in kinds.values()))
