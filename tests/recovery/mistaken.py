@@ -66,7 +66,7 @@ class Plant:
 def plant(rng: np.random.Generator, parts: int = 0, hidden: bool = False, heaters: int = 0) -> Plant:
     """Return a random plant whose log shows its heater on, off and on again at another power."""
     count = parts or int(rng.integers(2, 5))
-    nodes = ["core", "frame", "lid", "foot"][:count]
+    nodes = ["core", "frame", "lid", "foot", "rail", "cover"][:count]
     truth = {n: float(np.exp(rng.uniform(np.log(80.0), np.log(900.0)))) for n in nodes}
     truth |= {f"{a}_{b}": float(np.exp(rng.uniform(np.log(0.15), np.log(1.5)))) for a, b in pairwise(nodes)}
     truth |= {f"{n}_skin": float(rng.uniform(5.0, 14.0)) for n in nodes if n != "core" or count == 2}
@@ -257,6 +257,17 @@ def _columns(v: int, rng: np.random.Generator, folder: Path) -> Planted:
     p = plant(rng, parts=(3, 2, 3)[v], heaters=(1, 1, 2)[v])
     a, b = (("T_frame", "T_core"), ("T_frame", "T_AIR"), ("P_drive", "P_heater"))[v]
     return Planted("exchanged", f"{a}, {b}", write(p, folder, _exchanged(a, b)))
+
+
+def swapped(k: int, seed: int, folder: Path, exchange: bool = True) -> Planted:
+    """Write the k-th bench of three to six masses with two temperatures exchanged, or none; its powers stand on another clock."""
+    rng = np.random.default_rng([seed, 77, k])
+    p = plant(rng, parts=3 + k % 4, heaters=2)
+    p.apart = True
+    a, b = (f"T_{n}" for n in rng.choice(p.nodes, 2, replace=False))
+    path = write(p, folder, _exchanged(a, b) if exchange else None)
+    path.write_text(path.read_text().replace('offset = "0 [s]"', 'offset = ["-60 [s]", "60 [s]"]'))
+    return Planted("exchanged", f"{a}, {b}", path)
 
 
 def _units(v: int, rng: np.random.Generator, folder: Path) -> Planted:

@@ -10,7 +10,7 @@ from unittest.mock import patch
 import pytest
 
 import thermid as td
-from recovery.mistaken import Planted, clean, planted
+from recovery.mistaken import Planted, clean, planted, swapped
 from thermid.base.errors import ThermidError
 from thermid.campaign import _stages
 from thermid.inference.criticism import Mistakes, find_mistakes
@@ -67,3 +67,17 @@ def test_every_planted_mistake_is_named_first(tmp_path: Path) -> None:
 def test_at_most_3_of_100_clean_campaigns_name_a_mistake(tmp_path: Path) -> None:
     said = [named(clean(k, SEED, tmp_path / str(k))) for k in range(100)]
     assert sum(s != ("", "") for s in said) <= 3, said
+
+
+def test_exchanged_temperatures_are_named_where_the_clock_of_a_joined_log_is_left_to_the_fit(tmp_path: Path) -> None:
+    case = swapped(0, SEED, tmp_path)
+    assert judged(case, named(case.path)) == "named"
+
+
+@pytest.mark.campaign
+def test_of_20_exchanges_18_are_named_first_and_of_20_clean_benches_at_most_1(tmp_path: Path) -> None:
+    cases = [swapped(k, SEED, tmp_path / str(k)) for k in range(20)]
+    said = [judged(case, named(case.path)) for case in cases]
+    assert said.count("named") >= 18, said
+    clear = [named(swapped(k, SEED, tmp_path / f"clean{k}", exchange=False).path) for k in range(20)]
+    assert sum(s != ("", "") for s in clear) <= 1, clear

@@ -22,6 +22,7 @@ from thermid.fit._minimisation import (
     KeptFit as KeptFit,
     covariances as covariances,
     descend as descend,
+    ended as ended,
     minimise as minimise,
 )
 from thermid.fit._problem.experiment import (

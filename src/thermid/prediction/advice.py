@@ -220,6 +220,8 @@ class Advice(Result):
     def __str__(self) -> str:
         """Return a table: what to do, what error it leaves, how long it takes."""
         aim = f", wanted +- {self._shown(self.goal)}" if np.isfinite(self.goal) else ""
+        is_met = self.now <= self.goal  # never without a goal
+        aim += ". The goal is met already; no further test is needed for it" if is_met else ""
         lines = [f"Next test for {self.target}: now +- {self._shown(self.now)}{aim}"]
         width = max(len(o.name) for o in self.options)
         for o in self.options:
@@ -228,7 +230,7 @@ class Advice(Result):
                 continue
             gain = f"{short(self.now / o.error)} times better" if self.now > 1.02 * o.error else "no better"
             took = duration_text(3600 * o.hours) if np.isfinite(o.hours) else ""
-            what = "goal after" if np.isfinite(self.goal) else "most of it after"
+            what = "goal after" if np.isfinite(self.goal) and not is_met else "most of it after"
             long = duration_text(3600 * o.longest)
             when = f"{what} {took} of {long}" if took else f"goal not within {long}"
             lines.append(f"  {o.name:<{width}}  +- {self._shown(o.error):<10} {gain:<20} {when}")
@@ -635,7 +637,7 @@ def _option(before: Before, action: Action, sensors: Sequence[Sensor], every: st
     full[: gradient.size] = gradient
     errors = np.array([_error(m, full) for m in matrices])
     now = _error(np.diag(before.information), gradient)
-    wanted = goal if np.isfinite(goal) else now - SHARE_OF_GAIN * (now - errors[-1]) if np.isfinite(now) else errors[-1] / SHARE_OF_GAIN
+    wanted = goal if now > goal else now - SHARE_OF_GAIN * (now - errors[-1]) if np.isfinite(now) else errors[-1] / SHARE_OF_GAIN
     met = np.flatnonzero(errors <= wanted * (1 + 1e-9))
     hours = float(durations[met[0]]) / 3600.0 if met.size else np.inf
     table = np.column_stack([durations / 3600.0, errors])

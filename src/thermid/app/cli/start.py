@@ -91,8 +91,8 @@ def init(
     roles = _ask_for_roles(logs[0], roles, time, bool(temperature), bool(power)) if sys.stdin.isatty() and not as_json else roles
     roles, facts = _stated_facts(roles, accuracy, mass or [], material or [], path or [], deck)
     read = [roles.read_further_log(log, pairs(same or [], "--same") if k else {}, time).drop_strays() for k, log in enumerate(logs)]
-    masked = [remark for _, lines in read for remark in lines]
-    fitted, holdout = parted([record for record, _ in read])
+    fitted, holdout, silent = parted([record for record, _ in read])
+    masked = [*(remark for _, lines in read for remark in lines), *silent]
     with searching("searching for a structure") as progress:
         proposal = propose(roles, [r.thin() for r in fitted], evaluations, facts=facts, progress=progress)
     project = write_project(to, proposal, fitted, holdout, source, title, masked)

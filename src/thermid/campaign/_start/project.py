@@ -272,15 +272,23 @@ class Written:
         return "\n".join([*lines, f"next: thermid check {campaign}; thermid report {campaign} --to {self.folder / 'report.html'}"])
 
 
-def parted(records: Sequence[Record]) -> tuple[list[Record], Record]:
-    """Return what is fitted and what judges: of several logs the last one judges, of a single one its last three tenths."""
+def parted(records: Sequence[Record]) -> tuple[list[Record], Record, list[str]]:
+    """Return what is fitted and what judges: of several logs the last one judges, of a single one its last three tenths.
+
+    A channel without a reading in a part of a single log is left out there; the third says so, in words.
+    """
     if len(records) > 1:
-        return list(records[:-1]), replace(records[-1], name=HOLDOUT_NAME)
+        return list(records[:-1]), replace(records[-1], name=HOLDOUT_NAME), []
     (one,) = records
-    edge = float(one.times[0]) + FITTED * one.duration
-    last = float(one.times[one.times <= edge][-1])
-    first = float(one.times[one.times > edge][0])
-    return [replace(one.trim("start", last), name="fit")], replace(one.trim(first, "end").shift_start(), name=HOLDOUT_NAME)
+    early = one.times <= float(one.times[0]) + FITTED * one.duration
+    fitted, holdout = (replace(one, channels={n: c for n, c in one.channels.items() if c.valid[part].any()}) for part in (early, ~early))
+    fitted = replace(fitted.trim("start", float(one.times[early][-1])), name="fit")
+    holdout = replace(holdout.trim(float(one.times[~early][0]), "end").shift_start(), name=HOLDOUT_NAME)
+    parts = {"fitted part": fitted, "hold-out record": holdout}
+    remarks = [
+        f"{n} has no reading in the {part} and is left out there" for part, r in parts.items() for n in one.channels if n not in r.channels
+    ]
+    return [fitted], holdout, remarks
 
 
 def may_write_project(folder: Path, title: str) -> dict[str, tuple[str, FileKind]]:
@@ -291,8 +299,8 @@ def may_write_project(folder: Path, title: str) -> dict[str, tuple[str, FileKind
     OutputError   When a file is there that thermid did not write.
     OSError       When the folder is a file, or a file is a folder or read-only.
     """
-    kinds = {f"{k}.toml": (k, TEMPLATE.titled(k)) for k in ("scenario", "campaign")}
-    kinds[f"{title}.toml"] = ("deck", FileKinds.DECK.titled(title))
+    kinds = {f"{title}.toml": ("deck", FileKinds.DECK.titled(title))}  # in the order in which they are written
+    kinds |= {f"{k}.toml": (k, TEMPLATE.titled(k)) for k in ("scenario", "campaign")}
     for name, (_, kind) in kinds.items() if folder.exists() and [*folder.iterdir()] else ():
         may_write(folder / name, kind)
     may_write_schemas(folder, (grammar for grammar, _ in kinds.values()))
@@ -448,7 +456,7 @@ def _campaign(
     local, priors = _local(request.local), {path: {"mean": mean, "sd": sd} for path, (mean, sd) in request.priors.items()}
     stage: dict[str, Any] = {"name": "first fit", "model": deck, "records": [r.name for r in fitted], "free": list(request.free)}
     stage |= {k: v for k, v in (("scenario", _stage_scenario(proposal, request)), ("priors", priors), ("local", local)) if v}
-    criteria = {"sensors": {c: {"rmse": f"{_limit(proposal, fitted, c):.2g} [K]"} for c in seats}}
+    criteria = {"sensors": {c: {"rmse": f"{_limit(proposal, fitted, c):.2g} [K]"} for c in seats if c in holdout.channels}}
     unseen = {**{k: v for k, v in local.items() if not k.startswith("initial.")}, **_hidden_starts(request, fitted, seats)}
     verdict = {
         "name": "hold-out",

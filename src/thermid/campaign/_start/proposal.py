@@ -738,7 +738,8 @@ def _weighed(change: MissingElement, roles: Roles, facts: StatedFacts) -> Missin
         """Return what a change says of a fit, and whether it is possible: no part is heavier or lighter than it can be."""
         text, possible = change.judge(fitted)
         values = {path: fitted[path].value for path in fitted if path.rpartition(".")[2] in ("capacitance", "conductance")}
-        return text, possible and all(c.verdict == "possible" for c in weights(change.request.model, values, roles, facts.masses))
+        wrong = [c for c in weights(change.request.model, values, roles, facts.masses) if c.verdict != "possible"]
+        return "; ".join([text, *(f"{c.path} is {c.verdict}" for c in wrong)]), possible and not wrong
 
     if not facts.masses:
         return change

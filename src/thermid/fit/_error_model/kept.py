@@ -698,6 +698,7 @@ def _with_sources_of_structure(fit: Calibration, covariance: Array, moved: Mappi
     lower = _triangular(responses @ responses.T)
     inverse = np.linalg.inv(lower)
     ratios, ways = np.linalg.eigh(inverse @ covariance[np.ix_(at, at)] @ inverse.T)
+    ratios = np.maximum(ratios, 0.0)  # rounding leaves a variance of nothing below it
     directions = lower @ ways
     more, less = (directions * np.sqrt(np.maximum(x, 0.0)) for x in (ratios - 1.0, 1.0 - ratios))
     expected, beyond = np.diag(covariance)[at] + moves**2, np.sum(less**2, axis=1)

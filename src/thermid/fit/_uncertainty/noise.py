@@ -782,10 +782,11 @@ def weighed(pieces: Sequence[Binned], priors: Array, pulls: Array, level: float 
     return Weighed(weights, information * back - priors, scores / scale - pulls)
 
 
-def evidences(pieces: Sequence[Binned], priors: Array, pulls: Array) -> tuple[Array, Array, Array]:
+def evidences(pieces: Sequence[Binned], priors: Array, pulls: Array) -> tuple[Array, Array, Array, Array]:
     """Return the log-likelihood of traces, but for a constant of their readings alone, with all unknowns integrated out (several, noises).
 
-    Beside it stand how far each unknown would move, and its standard error (several, noises, unknowns). White noise of each trace is as
+    Beside it stand how far each unknown would move, and its standard error (several, noises, unknowns), and what of the log-likelihood is
+    promised by that way (several, noises). White noise of each trace is as
     stated, or as large as it is inside its stretches; what wanders has one ratio to it and one time in all traces, those of each noise on
     a grid. Models of the same readings are compared with the same unknowns first, those of `priors` zero flat, and more behind them.
 
@@ -811,16 +812,18 @@ def evidences(pieces: Sequence[Binned], priors: Array, pulls: Array) -> tuple[Ar
         information[..., t.acting[:, None], t.acting] += np.swapaxes(taken, 2, 3) @ t.slopes[:, None]
         scores[..., t.acting] += (np.swapaxes(taken, 2, 3) @ t.residuals[:, None, :, None])[..., 0]
         alone += 0.5 * (np.log(t.shrunk).sum(axis=2) - np.sum(t.shrunk * t.residuals[:, None] ** 2, axis=2))
-    logs, moves, errors = [], [], []
+    logs, moves, errors, gains = [], [], [], []
     for prior_of_member, pull in zip(prior_information, pulls * scale, strict=True):
         # integral of a normal likelihood over normal unknowns: |P|^(1/2) |A|^(-1/2) exp(b'A^-1 b / 2)
         covariances_of = np.linalg.inv(information + prior_of_member)
         move = (covariances_of @ (scores + pull)[..., None])[..., 0]
-        whole = 0.5 * np.sum((scores + pull) * move, axis=-1) + 0.5 * np.linalg.slogdet(covariances_of)[1]
+        gain = 0.5 * np.sum((scores + pull) * move, axis=-1)
+        gains.append(gain.ravel())
+        whole = gain + 0.5 * np.linalg.slogdet(covariances_of)[1]
         logs.append((alone + whole).ravel() + 0.5 * float(np.linalg.slogdet(prior_of_member)[1]))
         moves.append((scale * move).reshape(-1, count))
         errors.append((scale * np.sqrt(np.diagonal(covariances_of, axis1=-2, axis2=-1))).reshape(-1, count))
-    return np.array(logs), np.array(moves), np.array(errors)
+    return np.array(logs), np.array(moves), np.array(errors), np.array(gains)
 
 
 def _scales(pieces: Sequence[Binned], priors: Array) -> Array:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 import math
 import re
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -14,7 +14,7 @@ import numpy as np
 from thermid.base.dual import value_of
 from thermid.base.errors import quoted
 from thermid.base.linear_algebra import Array
-from thermid.fit.calibration import MEASURED, Calibration, Experiment, LocalSpec, Problem, Request, clock_suffix, first_reading
+from thermid.fit.calibration import MEASURED, Calibration, Experiment, LocalSpec, Problem, Request, SensorTrace, clock_suffix, first_reading
 from thermid.fit.power import PowerCourse
 from thermid.inference._explain.causes import SIZES, SizedValue
 from thermid.inference._explain.thresholds import (
@@ -103,7 +103,7 @@ def faults_of(model: Model, sensors: Mapping[str, str]) -> tuple[Model, tuple[Fa
     held = {n: float(value_of(c)) for n, c in numbers.capacitances.items() if c is not None and value_of(c) > 0}
     pairs = [p for p in itertools.combinations([*held, *network.boundaries], 2) if not set(p) <= set(network.boundaries)]
     strength = {n: g for n, g in _strengths(network.numbers().conductors).items() if g > 0.0}
-    joined = _joined(network, {*held, *network.boundaries})
+    joined = _neighbours(network, {*held, *network.boundaries})
     links, out = {}, []
     for k, (a, b) in enumerate(pairs):
         name = f"{ADDED}{k}"
@@ -123,7 +123,7 @@ def faults_of(model: Model, sensors: Mapping[str, str]) -> tuple[Model, tuple[Fa
     return replace(grown, conductors={**grown.conductors, **links}), tuple(out)
 
 
-def _joined(network: Network, ends: set[str]) -> set[frozenset[str]]:
+def _neighbours(network: Network, ends: set[str]) -> set[frozenset[str]]:
     """Return the pairs of masses and boundaries that heat passes between directly or through nodes without mass."""
     near: dict[str, set[str]] = {}
     for row in network.numbers().conductors:
@@ -228,21 +228,25 @@ class _Place:
     ----------
     node : str              Its path.
     channels : tuple        Sensors that read it; empty where the sensor is a node of its own.
+    lags : bool             Whether its sensor lags already, as a node of the deck or by the record.
     capacity : float        Heat capacity. [J/K]
     loss : float            Sum of the constant conductances that end at it. [W/K]
     boundary : str          A boundary beside it; empty for none.
     area : float            Area of its surfaces; zero where none is stated. [m^2]
     rise : float            Range of its predicted temperature. [K]
+    misfit : float          Root mean square of its residuals, in units of the noise. [-]
     load, power : str, float    The first load that enters it, and its power by the deck. [W]
     """
 
     node: str
     channels: tuple[str, ...]
+    lags: bool
     capacity: float
     loss: float
     boundary: str
     area: float
     rise: float
+    misfit: float
     load: str
     power: float
 
@@ -267,19 +271,20 @@ class Fitted:
     experiments : tuple     Its records, bound to the model.
     values : dict           Path -> value of what was fitted. [SI]
     rises : dict            Node -> range of its predicted temperature. [K]
+    misfits : dict          Node -> root mean square of its residuals, in units of the noise. [-]
     """
 
     request: Request
     experiments: tuple[Experiment, ...]
     values: Mapping[str, float]
     rises: Mapping[str, float]
+    misfits: Mapping[str, float]
 
     @classmethod
     def of_calibration(cls, fit: Calibration, request: Request) -> Fitted:
         """Return that of a calibration."""
         values = {p: float(v.value) for p, v in fit.values.assignments.items()}
-        rises = {b.node: float(b.predicted.max() - b.predicted.min()) for b in fit.blocks}
-        return cls(replace(request, model=laid_open(request.model)), fit.experiments, values, rises)
+        return cls(replace(request, model=laid_open(request.model)), fit.experiments, values, *_of_traces(fit.blocks))
 
     @classmethod
     def of_problem(cls, request: Request, problem: Problem, fitted: Array) -> Fitted:
@@ -290,12 +295,12 @@ class Fitted:
             for path in (u.name, *u.also)
             if u.kind == "parameter"
         }
-        rises = {b.node: float(b.predicted.max() - b.predicted.min()) for b in problem.blocks(fitted)}
-        return cls(replace(request, model=laid_open(request.model)), problem.experiments, values, rises)
+        return cls(replace(request, model=laid_open(request.model)), problem.experiments, values, *_of_traces(problem.blocks(fitted)))
 
     def changes(self) -> Iterator[MissingElement]:
         """Changes of structure of a whole network: those at one place, between two, over all places alike, and of the commands' timing."""
-        places = _places(self)
+        every_place = _places(self)
+        places = _missed_most(every_place)
         for place in places:
             yield from _at_a_place(self, place)
             if place.boundary:
@@ -305,15 +310,14 @@ class Fitted:
                     yield _moved_source(self.request, place, shell, f"{shell.name} that takes the heat of '{place.load}'")
                 yield _one_way(self.request, place, place.boundary, f"'{place.boundary}'")
             yield from _settling(self, place)
-        network = self.experiments[0].network
-        joined = _joined(network, {p.node for p in places})
+        joined = _joined(self)
         for a, b in itertools.combinations(places, 2):
             if frozenset((a.node, b.node)) in joined:
                 yield _one_way(self.request, a, b.node, f"'{b.node}'")
-        yield from _missing_contacts(self, places)
-        for place in _places(self, hidden=True):
+        yield from _missing_contacts(self, every_place)
+        for place in _places(self, hidden=True)[:MAX_PLACES]:
             yield _second_mass(self.request, place, "hidden_mass")
-        yield from _of_hidden(self, places)
+        yield from _of_hidden(self, every_place)
         yield from _same_everywhere(self, places)
         if len(places) > 1:
             shared = _common_mass(self.request, places)
@@ -324,11 +328,21 @@ class Fitted:
         yield from _delays(self.request)
 
 
+def _of_traces(traces: Iterable[SensorTrace]) -> tuple[dict[str, float], dict[str, float]]:
+    """Return node -> range of its predicted temperature [K], and the largest root mean square of its residuals in noises [-]."""
+    rises: dict[str, float] = {}
+    misfits: dict[str, float] = {}
+    for t in traces:
+        rises[t.node] = float(np.ptp(t.predicted))
+        misfits[t.node] = max(misfits.get(t.node, 0.0), float(np.sqrt(np.mean(t.weighted**2))))
+    return rises, misfits
+
+
 def missing_elements(fit: Calibration, request: Request) -> Iterator[MissingElement]:
     """Elements that may be missing at one node with a sensor, or behind it, and contacts of any two nodes, or a node and a boundary."""
     structure = Fitted.of_calibration(fit, request)
     places = _places(structure)
-    for place in places:
+    for place in _missed_most(places):
         yield from _at_a_place(structure, place)
     yield from _missing_contacts(structure, places)
     yield from _of_hidden(structure, places)
@@ -337,8 +351,8 @@ def missing_elements(fit: Calibration, request: Request) -> Iterator[MissingElem
 
 def hidden_defects(structure: Fitted) -> Iterator[MissingElement]:
     """What a deck may not know of and residuals betray: sensors that lag, a mass behind an observed part, a leak past another part."""
-    places = _places(structure)
-    lags = [_lag(structure.request, p) for p in places if p.channels]
+    places = _missed_most(_places(structure))
+    lags = [_lag(structure.request, p) for p in places if p.channels and not p.lags]
     if lags:
         whole = lags[0]
         for lag in lags[1:]:
@@ -353,7 +367,7 @@ def _missing_contacts(structure: Fitted, places: Sequence[_Place], of_parts: boo
     """Yield contacts of parts with boundaries, and with each other for `of_parts`, between which the deck lets no heat pass."""
     boundaries = structure.experiments[0].network.boundaries
     losses = {p.node: p.loss or 1.0 for p in places}
-    joined = _joined(structure.experiments[0].network, {*losses, *boundaries})
+    joined = _joined(structure)
     for a, b in [*(itertools.combinations(losses, 2) if of_parts else ()), *itertools.product(losses, boundaries)]:
         if frozenset((a, b)) not in joined:
             yield _contact(structure.request, a, b, START_SHARE * min(losses[a], losses.get(b, np.inf)))
@@ -362,7 +376,7 @@ def _missing_contacts(structure: Fitted, places: Sequence[_Place], of_parts: boo
 def plain_lacks(structure: Fitted) -> Iterator[MissingElement]:
     """Yield what honest decks lack most often: a lag, a mass, a leak, or another law of surfaces and powers, at one place or at all."""
     yield from hidden_defects(structure)
-    places = _places(structure)
+    places = _missed_most(_places(structure))
     for place in (p for p in places if p.boundary):
         yield _steeper_convection(structure.request, place)
         yield _radiation(structure.request, place)
@@ -372,7 +386,7 @@ def plain_lacks(structure: Fitted) -> Iterator[MissingElement]:
 def _at_a_place(structure: Fitted, place: _Place) -> Iterator[MissingElement]:
     """Yield the elements that may be missing at one node: lag, masses, laws of its surface, a power that grows."""
     request = structure.request
-    if place.channels:
+    if place.channels and not place.lags:
         yield _lag(request, place)
     yield _second_mass(request, place, "hidden_mass")
     if place.load in request.model.loads:
@@ -390,7 +404,7 @@ def _same_everywhere(structure: Fitted, places: Sequence[_Place]) -> Iterator[Mi
     """Yield one change at all places together: parts of one kind have sensors, surfaces and powers of one kind."""
     request = structure.request
     kinds: tuple[tuple[str, Callable[[Request, _Place], MissingElement], list[_Place]], ...] = (
-        ("a lag of every sensor", _lag, [p for p in places if p.channels]),
+        ("a lag of every sensor", _lag, [p for p in places if p.channels and not p.lags]),
         ("radiation of every part", _radiation, [p for p in places if p.boundary]),
         ("coefficients that grow with the difference (dT^(1/4)) at every part", _steeper_convection, [p for p in places if p.boundary]),
         (
@@ -409,13 +423,13 @@ def _same_everywhere(structure: Fitted, places: Sequence[_Place]) -> Iterator[Mi
 
 def _places(structure: Fitted, hidden: bool = False) -> list[_Place]:
     """Return observed masses, and those behind a sensor that is a node of its own in place of it; or the masses that nobody observes."""
-    experiments, flat = structure.experiments, structure.experiments[0].network.flat
-    network = experiments[0].network
-    numbers = network.numbers({p: v for p, v in structure.values.items() if p in flat.parameters.table})
-    held = {n: float(value_of(c)) for n, c in numbers.capacitances.items() if c is not None and value_of(c) > 0}
+    network = structure.experiments[0].network
+    flat, (held, numbers) = network.flat, _held(structure)
     channels: dict[str, list[str]] = {}
-    for e in experiments:
+    tips: dict[str, str] = {}  # sensors that lag by the record, and where they sit
+    for e in structure.experiments:
         for o in e.observations:
+            tips |= {o.node: o.seat} if o.node != o.seat else {}
             sensors_of_node = channels.setdefault(o.seat, [])
             sensors_of_node += [o.sensor] if o.sensor not in sensors_of_node else []
     near: dict[str, list[str]] = {}
@@ -428,7 +442,7 @@ def _places(structure: Fitted, hidden: bool = False) -> list[_Place]:
     strength = _strengths(numbers.conductors)
     out: dict[str, _Place] = {}
     for node in (n for n in (held if hidden else channels) if n in held):
-        if hidden and (node in channels or any(c in channels and len(near.get(c, [])) == 1 for c in near.get(node, []))):
+        if hidden and (node in channels or node in tips or any(c in channels and len(near.get(c, [])) == 1 for c in near.get(node, []))):
             continue
         beside = near.get(node, [])
         tip = len(beside) == 1 and node not in loads and held[node] < MAX_TIP_SHARE * held.get(beside[0], 0.0)
@@ -440,21 +454,40 @@ def _places(structure: Fitted, hidden: bool = False) -> list[_Place]:
         area = sum(float(value_of(numbers.values[c.fields["area"]])) for c in skins if seat in c.ends)
         # a sensor that is a node of its own lags already
         own_channels, load = () if tip else tuple(channels.get(node, ())), loads.get(seat, "")
-        rise = max(structure.rises.get(node, 1.0), 1e-3)
-        out[seat] = _Place(seat, own_channels, held[seat], strength.get(seat, 0.0), boundary, area, rise, load, watts.get(load, 0.0))
-    return list(out.values())[:MAX_PLACES]
+        rise, misfit = max(structure.rises.get(node, 1.0), 1e-3), structure.misfits.get(node, 0.0)
+        lags, loss = tip or seat in tips.values(), strength.get(seat, 0.0)
+        out[seat] = _Place(seat, own_channels, lags, held[seat], loss, boundary, area, rise, misfit, load, watts.get(load, 0.0))
+    return list(out.values())
+
+
+def _missed_most(places: Sequence[_Place]) -> list[_Place]:
+    """Return the places with the largest residuals, in order: as many as there is time for changes that need runs of their own."""
+    worst = sorted(places, key=lambda p: -p.misfit)[:MAX_PLACES]
+    return [p for p in places if p in worst]
+
+
+def _joined(structure: Fitted) -> set[frozenset[str]]:
+    """Return the pairs of masses and boundaries between which heat passes, through no other mass."""
+    network = structure.experiments[0].network
+    return _neighbours(network, {*_held(structure)[0], *network.boundaries})
+
+
+def _held(structure: Fitted) -> tuple[dict[str, float], Any]:
+    """Return node -> heat capacity of those that store heat [J/K], and the numbers of the network, at the fitted values."""
+    network = structure.experiments[0].network
+    numbers = network.numbers({p: v for p, v in structure.values.items() if p in network.flat.parameters.table})
+    return {n: float(value_of(c)) for n, c in numbers.capacitances.items() if c is not None and value_of(c) > 0}, numbers
 
 
 def _of_hidden(structure: Fitted, places: Sequence[_Place]) -> Iterator[MissingElement]:
-    """Yield contacts of masses that no sensor observes, and of sensors that are nodes, with the parts and with the surroundings."""
-    network = structure.experiments[0].network
-    numbers = network.numbers({p: v for p, v in structure.values.items() if p in network.flat.parameters.table})
-    strength = _strengths(numbers.conductors)
-    observed = {p.node for p in places}
-    hidden = [n for n, c in numbers.capacitances.items() if c is not None and value_of(c) > 0 and n not in observed]
-    joined = {frozenset(row.ends[:2]) for row in numbers.conductors}
-    ends = [*(p.node for p in places), *network.boundaries, *hidden]
-    for k, node in enumerate(hidden[:MAX_PLACES]):
+    """Yield contacts of masses that no sensor observes with the parts and with the surroundings; a sensor touches its part alone."""
+    held, numbers = _held(structure)
+    strength, joined = _strengths(numbers.conductors), _joined(structure)
+    sensors = {n for e in structure.experiments for o in e.observations for n in (o.seat, o.node)}
+    observed = [p.node for p in places]
+    hidden = [n for n in held if n not in sensors and n not in observed]
+    ends = [*observed, *structure.experiments[0].network.boundaries, *hidden]
+    for k, node in enumerate(hidden):
         for other in (e for e in ends if e != node and e not in hidden[:k] and frozenset((node, e)) not in joined):
             yield _contact(structure.request, node, other, START_SHARE * (strength.get(node) or 1.0))
 

@@ -171,6 +171,11 @@ class Candidate:
     fit: Calibration | None = None
     refused: str = ""
 
+    @property
+    def proved(self) -> bool:
+        """Whether the evidence is very strong with each width of the prior: what one width alone says hangs on a guess."""
+        return min(self.evidence, *self.widths) > VERY_STRONG
+
     def to_dict(self) -> dict[str, Any]:
         """Return its figures, in SI; `tried` is whether it could be laid over the model."""
         keys = ("name", "found", "possible", "evidence", "refused")
@@ -180,7 +185,7 @@ class Candidate:
         """The candidate in words."""
         if self.refused:
             return f"{self.name}: could not be tried with these readings: {self.refused}"
-        how = "very strong" if self.evidence > VERY_STRONG else "some" if self.evidence > WORTH_A_WORD else "no"
+        how = "very strong" if self.proved else "some" if self.evidence > WORTH_A_WORD else "no"
         text = (
             f"{self.name}: {how} evidence (twice the logarithm of the Bayes factor {self.evidence:+.3g}; {self.widths[0]:+.3g} with half "
             f"and {self.widths[1]:+.3g} with twice the prior's width)"
@@ -209,7 +214,7 @@ class Criticism(Result):
     @property
     def suggested(self) -> Candidate | None:
         """The best supported element whose value is possible, with very strong evidence; None where there is none."""
-        return next((c for c in self.candidates if c.found and c.possible and c.evidence > VERY_STRONG), None)
+        return next((c for c in self.candidates if c.found and c.possible and c.proved), None)
 
     def to_dict(self) -> dict[str, Any]:
         """Return traces and candidates, in SI; `suggested` is the name of the best supported one, or nothing."""
@@ -235,7 +240,7 @@ class Criticism(Result):
             lines += [f"    no evidence for {'; '.join(idle)}"] if idle else []
             best = self.suggested
             if best is not None:
-                others = [c for c in self.candidates if c is not best and c.found and c.possible and c.evidence > VERY_STRONG]
+                others = [c for c in self.candidates if c is not best and c.found and c.possible and c.proved]
                 rivals = [c.name for c in others if best.evidence - c.evidence < 2.0 * TIE]
                 also = f" These readings cannot separate it from {' or '.join(rivals)}." if rivals else ""
                 lines.append(f"  Suggested: {best.name}: {best.found}.{also}")
@@ -402,11 +407,14 @@ def _tried(fit: Calibration, request: Request, executor: Workers, progress: Call
             else:
                 tried_structures.append((score.change.name, outcome))
     noise = noise_of([base.weighing, *(one.weighing for _, one in tried_structures if one is not None)])
+    base = base.in_noise(noise)
+    before = base.rmse
     out: list[tuple[Candidate, FittedStructure | None]] = []
     for name, one in tried_structures:
         if one is None:
             out.append((Candidate(name, "", True, 0.0, (0.0, 0.0), (before, before)), None))
             continue
+        one = one.in_noise(noise)
         words, possible = one.judged()[0]
         halved, _, doubled = 2.0 * (one.weighing.logs - base.weighing.logs)[:, noise]
         averaged = 2.0 * float(one.weighing.averaged[noise] - base.weighing.averaged[noise])
@@ -414,7 +422,7 @@ def _tried(fit: Calibration, request: Request, executor: Workers, progress: Call
     out.sort(key=lambda row: -row[0].evidence)
     out += [(Candidate(name, "", False, -np.inf, (-np.inf, -np.inf), (before, before), refused=why), None) for name, why in refused]
     for n, (candidate, one) in enumerate(out):
-        if one is not None and candidate.possible and candidate.evidence > VERY_STRONG:
+        if one is not None and candidate.possible and candidate.proved:
             try:
                 progress(f"full fit with {candidate.name}", 0.8)
                 refitted = refit(one.full_request)

@@ -16,7 +16,15 @@ from thermid.fit.power import ONE_TURN, SHAPES, PowerCourse, watts, with_load
 from thermid.inference._explain.candidates import MissingElement, first_step, laid_open
 from thermid.inference._explain.causes import SIZES, SizedValue
 from thermid.inference._explain.rough_fit import MAX_DESCENT_STEPS, MAX_RANKING_STEPS, RoughEnd, RoughFit
-from thermid.inference._explain.thresholds import MAX_HEATED_NODES, MAX_TRIED_LOADS, MAX_WINDOW_SEARCHES, PULSES, TELLING_DIFFERENCE
+from thermid.inference._explain.thresholds import (
+    MAX_HEATED_NODES,
+    MAX_TRIED_LOADS,
+    MAX_WINDOW_SEARCHES,
+    PULSES,
+    START_UP_PRECISION,
+    START_UP_TIMES,
+    TELLING_DIFFERENCE,
+)
 from thermid.measure.amounts import duration_text, short
 from thermid.model.elements import HeatLoad, TableSignal, parameter
 from thermid.model.tree import FlatConductor
@@ -352,9 +360,8 @@ def unlogged_powers(request: Request) -> Iterator[MissingElement]:
     steps = [(node, first_step(fit.problem.experiments, path)) for path, node in loads.items()]
     begins = {node: step[0] if step is not None else 0.0 for node, step in reversed(steps)}
     nodes = list(dict.fromkeys(loads.values())) or list(dict.fromkeys(t.node for t in fit.traces))
-    started = [best for node in nodes[:MAX_TRIED_LOADS] if (best := _start_up(request, fit, base, node, begins.get(node, 0.0))) is not None]
-    if started:
-        yield min(started, key=lambda attempt: attempt[0])[1]
+    if (started := _start_up(request, fit, base, {node: begins.get(node, 0.0) for node in nodes[:MAX_TRIED_LOADS]})) is not None:
+        yield started
     # what begins with the record is a start-up
     stretches = [h for h in heats_of(request, fit, base, ()) if h.kind == "load" and not h.load and h.window[0] > 0.0]
     ends = [(end.cost, h) for h in stretches if (end := _end_or_none(h.rough(fit), fit.named(base))) is not None]
@@ -373,20 +380,26 @@ def _end_or_none(rough: RoughFit, values_before: Mapping[str, float]) -> RoughEn
         return None
 
 
-def _start_up(request: Request, fit: RoughFit, base: RoughEnd, node: str, begin: float) -> tuple[float, MissingElement] | None:
-    """Return the best start-up transient at a node, from when its power comes on [s], with its cost; None where none can be run."""
-    span = min(float(np.ptp(r.times)) for r in request.records) - begin
+def _start_up(request: Request, fit: RoughFit, base: RoughEnd, begins: Mapping[str, float]) -> MissingElement | None:
+    """Return the best start-up transient at one of some nodes, from when its power comes on [s]; None where none can be run."""
 
     def cost(course: PowerCourse) -> float:
         """Return the cost of the rough fit with a course of heat; infinite where it fails."""
         end = _end_or_none(RoughFit.of_request(course.within(request), fit), fit.named(base))
         return np.inf if end is None else end.cost
 
-    times = np.geomspace(0.015, 0.4, 10) * span
-    tried = [PowerCourse("start_up", node, s, float(t), begin=begin) for s, t in product(SHAPES, times)]
+    spans = {node: min(float(np.ptp(r.times)) for r in request.records) - begin for node, begin in begins.items()}
+    parts = np.geomspace(0.015, 0.4, START_UP_TIMES)
+    tried = [
+        PowerCourse("start_up", node, shape, float(part) * spans[node], begin=begin)
+        for node, begin in begins.items()
+        for shape, part in product(SHAPES, parts)
+    ]
+    if not tried:
+        return None
     best = min((cost(c), k, c) for k, c in enumerate(tried))
-    width = 0.5 * float(np.log(times[1] / times[0]))
-    while width > 0.01:
+    width = 0.5 * float(np.log(parts[1] / parts[0]))
+    while width > START_UP_PRECISION:
         others = [replace(best[2], time=best[2].time * float(np.exp(d))) for d in (-width, width)]
         best = min(best, *((cost(c), k, c) for k, c in enumerate(others)), key=lambda attempt: attempt[0])
         width *= 0.6
@@ -399,10 +412,10 @@ def _start_up(request: Request, fit: RoughFit, base: RoughEnd, node: str, begin:
         power = values["start_up.power"].value
         return course.words(power), power > 0.0
 
-    after = f" and begin = '{short(begin, 6)} [s]'" if begin > 0.0 else ""
-    remark = f"; to include it write [stages.courses.start_up] with into = '{node}'{after}"
-    title, sizes = f"a start-up transient of the power at '{node}'{remark}", {"start_up.power": SIZES["course"].at(_largest(fit))}
-    return least, MissingElement(title, course.within(request), judge, course.within, sizes=sizes, additive=True, chosen=1)
+    after = f" and begin = '{short(course.begin, 6)} [s]'" if course.begin > 0.0 else ""
+    remark = f"; to include it write [stages.courses.start_up] with into = '{course.into}'{after}"
+    title, sizes = f"a start-up transient of the power at '{course.into}'{remark}", {"start_up.power": SIZES["course"].at(_largest(fit))}
+    return MissingElement(title, course.within(request), judge, course.within, sizes=sizes, additive=True, chosen=1)
 
 
 def _stretch(request: Request, heat: Heat) -> MissingElement:

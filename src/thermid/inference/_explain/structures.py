@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Container, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from operator import itemgetter
 from typing import Any
@@ -22,7 +22,7 @@ from thermid.base.dual import value_of
 from thermid.base.errors import IdentificationError, ThermidError
 from thermid.base.linear_algebra import Array, one_thread
 from thermid.base.units import from_si, unit
-from thermid.fit.calibration import MOST_EVALUATIONS, Fit, Prior, Problem, Request, Unknown, build_problem, minimise, starting_point
+from thermid.fit.calibration import MOST_EVALUATIONS, Fit, Prior, Problem, Request, Unknown, build_problem, ended, minimise, starting_point
 from thermid.inference._explain.candidates import Fitted, MissingElement
 from thermid.inference._explain.causes import SizedValue
 from thermid.inference._explain.thresholds import (
@@ -33,6 +33,8 @@ from thermid.inference._explain.thresholds import (
     EVALUATIONS,
     EVALUATIONS_OF_A_REFIT,
     FREE_STEP,
+    IDLE_SHARE,
+    MAX_LAID_TOGETHER,
     MAX_SEPARATING_READINGS,
     PROMISED_STEP,
     REFITS_OF_A_ROUND,
@@ -40,7 +42,7 @@ from thermid.inference._explain.thresholds import (
     TIE,
     WIDE_ERRORS,
 )
-from thermid.inference._explain.weighing import CauseScore, noise_of, weighed_at
+from thermid.inference._explain.weighing import CauseScore, noise_of, weighed_at, weighed_in_noise
 from thermid.measure.amounts import duration_text, short
 from thermid.model.elements import Constant, TableSignal, exact
 from thermid.simulation.runs import Scenario, Workers, in_tasks, simulate
@@ -95,9 +97,14 @@ class FittedStructure:
         return [c.judge(values) for c in self.changes]
 
     @property
+    def impossible(self) -> str:
+        """What changes found that hardware does not have, in words; empty where every value is possible."""
+        return "; ".join(f"{c.name}: {words}" for c, (words, possible) in zip(self.changes, self.judged(), strict=True) if not possible)
+
+    @property
     def possible(self) -> bool:
         """Whether every change has a value that hardware has."""
-        return all(possible for _, possible in self.judged())
+        return not self.impossible
 
     def errors(self, free: Sequence[str] | None = None) -> dict[str, float]:
         """Return name -> standard error of every unknown in its fitted form, the logarithm where it has one.
@@ -120,6 +127,17 @@ class FittedStructure:
         squares = [s.count * s.mean_square for _, _, s in self.end.sums]
         return float(np.sqrt(sum(squares) / max(sum(s.count for _, _, s in self.end.sums), 1.0)))
 
+    def in_noise(self, noise: int) -> FittedStructure:
+        """Return the structure at the values that are likeliest in one noise, a column of the score; see `weighed_in_noise`."""
+        sizes, chosen = _added(self.changes)
+        loss, scale = self.request.loss, self.request.loss_scale
+        try:
+            score, at = weighed_in_noise(self.problem, np.asarray(self.end.fitted), sizes, noise, loss, scale)
+            end = ended(self.problem, at, loss, scale)
+        except (ThermidError, np.linalg.LinAlgError):
+            return self
+        return replace(self, end=end, weighing=score.less(chosen))
+
     def promises(self, changes: Iterable[MissingElement], refused: list[tuple[str, str]]) -> list[PromisedChange]:
         """Return what one evaluation promises of each change from its best start, the most first; `refused` takes what cannot be built.
 
@@ -128,8 +146,10 @@ class FittedStructure:
         reduced = max(self.end.chi_square / max(self.problem.freedom, 1.0), 1e-12)
         values_before = self.fitted
         before = _promised(self.problem, self.end.fitted, values_before, False)[0]
-        out = []
-        for change in changes:
+        every_change = list(changes)
+        out = [PromisedChange(c, start, gain / reduced) for c, start, gain in _promised_together(self, every_change)]
+        done = [p.change for p in out]
+        for change in (c for c in every_change if c not in done):
             try:
                 problem = build_problem(change.request)
             except ThermidError as error:
@@ -270,7 +290,8 @@ class StructureSearch:
                 lines.append(f"    {telling_test(self.proposed, one)}")
         tried = {s.name: s for s in sorted(self.structures[1:], key=self.likelihood)}  # of one name the likeliest stands
         best = sorted(tried.values(), key=lambda s: -self.likelihood(s))
-        shown = [f"    {s.name}: {self.likelihood(s):+.3g}{'' if s.possible else ', not physically possible'}" for s in best[:8]]
+        reasons = [f", not physically possible: {s.impossible}" if s.impossible else "" for s in best[:8]]
+        shown = [f"    {s.name}: {self.likelihood(s):+.3g}{why}" for s, why in zip(best, reasons, strict=False)]
         lines += ["  refitted, logarithm of the Bayes factor over the first structure:", *shown] if shown else []
         lines.append(f"  {self.scored} changes scored, {len(self.structures) - 1} refitted in {self.evaluations} evaluations")
         if not self.complete:
@@ -514,11 +535,23 @@ def _promised(problem: Problem, at: Array, values_before: Mapping[str, float], a
     values_before : dict  Unknowns of the fit before.
     additive : bool     Whether the others are small values whose effect is proportional to them; none of them may turn negative.
     """
+    rows, matrix = _linearised(problem, at)
+    new = np.array([additive and u.name not in values_before for u in problem.unknowns], dtype=bool)
+    return _stepped(problem.unknowns, at, rows, matrix, new)
+
+
+def _linearised(problem: Problem, at: Array) -> tuple[Array, Array]:
+    """Return residuals (rows,) and their derivatives (rows, unknowns), priors below the readings."""
     compressed = problem.compressed(at)
     priors, slopes = problem.prior_rows(at)
-    rows, matrix = np.concatenate([compressed.rows, priors]), np.concatenate([compressed.slopes, slopes])
-    new = np.array([additive and u.name not in values_before for u in problem.unknowns], dtype=bool)
-    scale = np.array([PROMISED_STEP if u.log else PROMISED_STEP * u.scale for u in problem.unknowns]) * np.where(new, FREE_STEP, 1.0)
+    return np.concatenate([compressed.rows, priors]), np.concatenate([compressed.slopes, slopes])
+
+
+def _stepped(
+    unknowns: Sequence[Unknown], at: Array, rows: Array, matrix: Array, new: Array, share: float = 1.0
+) -> tuple[float, dict[str, float]]:
+    """Return the cost after one step, and what `new` small values become, which stand at a `share` of where they begin."""
+    scale = np.array([PROMISED_STEP if u.log else PROMISED_STEP * u.scale for u in unknowns]) * np.where(new, FREE_STEP / share, 1.0)
     for _ in range(2):
         wide = np.concatenate([matrix * scale, np.eye(scale.size)])
         step = np.linalg.lstsq(wide, np.concatenate([-rows, np.zeros(scale.size)]), rcond=None)[0]
@@ -527,9 +560,52 @@ def _promised(problem: Problem, at: Array, values_before: Mapping[str, float], a
             break
         scale = np.where(backward, 0.0, scale)
     residuals = rows + matrix @ (scale * step)
-    moved = zip(problem.unknowns, at, new, scale * step, strict=True)
-    larger = {u.name: u.to_value(float(x)) * float(np.clip(1.0 + s, 0.1, 100.0)) for u, x, grows, s in moved if grows and u.log}
+    moved = zip(unknowns, at, new, scale * step, strict=True)
+    larger = {
+        u.name: u.to_value(float(x)) * float(np.clip(1.0 + s, 0.1 / share, 100.0 / share)) for u, x, grows, s in moved if grows and u.log
+    }
     return 0.5 * float(residuals @ residuals + step @ step), larger
+
+
+def _promised_together(
+    structure: FittedStructure, changes: Iterable[MissingElement]
+) -> Iterator[tuple[MissingElement, dict[str, float], float]]:
+    """Yield what small elements promise, each alone, with its start [SI] and the fall of the cost: all of one run of every record.
+
+    All lie over the model together, so small that they do not act: a derivative says what each would do. None are yielded of those that
+    cannot be laid over it so.
+    """
+    together: list[MissingElement] = []
+    names: set[str] = set()
+    for change in changes:
+        if change.additive and not change.nodes and not change.chosen and not change.starts and names.isdisjoint(change.sizes):
+            together.append(change)
+            names |= {*change.sizes}
+    for k in range(0, len(together), MAX_LAID_TOGETHER):
+        laid = together[k : k + MAX_LAID_TOGETHER]
+        request = structure.request
+        for change in laid:
+            request = change.make(request)
+        try:
+            problem = build_problem(request)
+            begun = {u.name: u.to_value(u.to_fitted(u.start)) * IDLE_SHARE for u in problem.unknowns if u.name in names}
+            at = np.maximum(_starting_values(problem, structure.fitted, begun), [u.fitted_bounds()[0] for u in problem.unknowns])
+            rows, matrix = _linearised(problem, at)
+        except ThermidError:
+            continue
+        before = _cost_with((), names, problem.unknowns, at, rows, matrix)[0]
+        for change in laid:
+            after, larger = _cost_with(change.sizes, names, problem.unknowns, at, rows, matrix)
+            yield change, larger, before - after
+
+
+def _cost_with(
+    own: Container[str], added: Container[str], unknowns: Sequence[Unknown], at: Array, rows: Array, matrix: Array
+) -> tuple[float, dict[str, float]]:
+    """Return what the fit promises with an element that has its `own` unknowns of those that were `added`; see `_stepped`."""
+    taken = [j for j, u in enumerate(unknowns) if u.name in own or u.name not in added]
+    new = np.array([unknowns[j].name in own for j in taken], dtype=bool)
+    return _stepped([unknowns[j] for j in taken], at[taken], rows, matrix[:, taken], new, IDLE_SHARE)
 
 
 def fitted_structure(

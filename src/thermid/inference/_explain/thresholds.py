@@ -15,7 +15,7 @@ MAX_TIP_SHARE: Final = 0.1
 START_SHARE: Final = 0.05
 """Part of what a part loses already that a new way of its heat begins with. [-]"""
 MAX_PLACES: Final = 6
-"""Places of a network that are looked at for changes: the observed ones first."""
+"""Places of a network at which changes are looked for that need runs of their own: those with the largest residuals."""
 SLOWEST_MASS: Final = 10.0
 """Time constant of a new mass, in lengths of the longest record, beyond which readings know nothing of it. [-]"""
 SETTLING_PACES: Final = (0.01, 0.03, 0.1, 0.3, 1.0)
@@ -88,6 +88,8 @@ MAX_TRIED_LOADS: Final = 3
 """Most nodes and loads at which a course of an unlogged power is tried."""
 MAX_WINDOW_SEARCHES: Final = 3
 """How often a window is looked for again, from where the last one led."""
+START_UP_TIMES, START_UP_PRECISION = 5, 0.03
+"""Times that a start-up is first tried with at every load, and how well that of the best is found, in logarithms. [-]"""
 TELLING_DIFFERENCE: Final = 0.2
 """Difference below which a measured temperature says nothing of the heat that leaves by it. [K]"""
 
@@ -147,6 +149,10 @@ PROMISED_STEP: Final = 1.5
 """Standard deviation that a promise allows each logarithm, so that one step is not believed farther than it can be. [-]"""
 FREE_STEP: Final = 20.0
 """The same for a value that begins small and whose effect is proportional to it, over `PROMISED_STEP`. [-]"""
+IDLE_SHARE: Final = 1e-3
+"""Part of where they begin at which small elements lie over one model together and do not act. [-]"""
+MAX_LAID_TOGETHER: Final = 40
+"""Small elements of one run. [-]"""
 MAX_SEPARATING_READINGS: Final = 400
 """Most readings of a test that may separate two structures. [-]"""
 CHALLENGES: Final = 3
@@ -172,6 +178,8 @@ BALANCE_STEP: Final = 1e-3
 MAX_SEEN_STRETCHES: Final = 240
 """Stretches of time in which a trace of more readings is looked at, two readings in each at least: a lag or a delay shows in the first of
 them after a step. [-]"""
+CONFIRMED_GAIN, MAX_CONFIRMED_STEPS = 0.5, 6
+"""What of a logarithm may rest on a linearisation that no run has confirmed, and the runs that are made to confirm it. [-]"""
 WIDTHS: Final = (0.5, 1.0, 2.0)
 """Factors on every width of the table over which a score is averaged, each as likely. [-]"""
 CHOSEN: Final = 3.0

@@ -12,10 +12,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from thermid.base.errors import SolverError
 from thermid.base.linear_algebra import Array
 from thermid.fit.calibration import Problem, binned, evidences
 from thermid.inference._explain.causes import SizedValue
-from thermid.inference._explain.thresholds import MAX_SEEN_STRETCHES, WIDTHS
+from thermid.inference._explain.thresholds import CONFIRMED_GAIN, MAX_CONFIRMED_STEPS, MAX_SEEN_STRETCHES, WIDTHS
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,8 +41,8 @@ class CauseScore:
         """Logarithms of the evidence averaged over the widths (noises,): ln(mean over widths of exp(logs))."""
         return np.asarray(np.logaddexp.reduce(self.logs, axis=0) - np.log(len(WIDTHS)))
 
-    def less(self, amount: float) -> CauseScore:
-        """Return the score with `amount` taken off every logarithm. [-]"""
+    def less(self, amount: float | Array) -> CauseScore:
+        """Return the score with `amount`, one number or (widths, noises), taken off the logarithms. [-]"""
         return CauseScore(self.logs - amount)
 
 
@@ -60,6 +61,48 @@ def weighed_at(
     loss: str = "linear",
     loss_scale: float = 1.0,
 ) -> CauseScore:
+    """Return the score of a problem where its fit ended; see `_weighed`."""
+    return _weighed(problem, fitted, sizes, loss, loss_scale)[0]
+
+
+def weighed_in_noise(
+    problem: Problem,
+    fitted: Array,
+    sizes: Mapping[str, SizedValue],
+    noise: int,
+    loss: str = "linear",
+    loss_scale: float = 1.0,
+) -> tuple[CauseScore, Array]:
+    """Return the score of a problem at the values that are likeliest in one noise, the column `noise` of a score, and these (unknowns,).
+
+    White noise, by which fits are made, and noise that wanders have other ends. What the linearisation promises of the way from one to the
+    other counts only once runs there confirm it: a step that makes readings less likely is shortened, and what is promised beyond the last
+    one, with any width, does not count.
+
+    Raises
+    ------
+    SolverError   When a record cannot be run where the fit ended.
+    """
+    low, high = np.array([u.fitted_bounds() for u in problem.unknowns]).reshape(-1, 2).T
+    at = fitted
+    best, moves, gains = _weighed(problem, at, sizes, loss, loss_scale)
+    share = 1.0
+    for _ in range(MAX_CONFIRMED_STEPS):
+        if gains[1, noise] < CONFIRMED_GAIN:
+            break
+        there = np.clip(at + share * moves[noise], low, high)
+        try:
+            score, further, ahead = _weighed(problem, there, sizes, loss, loss_scale)
+            better = (score.logs - ahead)[1, noise] > (best.logs - gains)[1, noise]
+        except SolverError:
+            better = False
+        at, best, moves, gains, share = (there, score, further, ahead, 1.0) if better else (at, best, moves, gains, 0.3 * share)
+    return best.less(gains), at
+
+
+def _weighed(
+    problem: Problem, fitted: Array, sizes: Mapping[str, SizedValue], loss: str, loss_scale: float
+) -> tuple[CauseScore, Array, Array]:
     """Return the logarithms (widths, noises) of the evidence of a problem: all unknowns integrated out, readings linear about `fitted`.
 
     Parameters
@@ -68,6 +111,12 @@ def weighed_at(
     fitted : array (unknowns,)  Where readings and priors are linearised; in the fitted form.
     sizes : dict                Unknown -> the prior that takes the place of its own.
     loss, loss_scale            As in `calibrate`.
+
+    Returns
+    -------
+    CauseScore
+    array (noises, unknowns)    How far each unknown would move in each noise, by the widths of the table.
+    array (widths, noises)      What of the logarithms that way promises. [-]
 
     Raises
     ------
@@ -89,11 +138,11 @@ def weighed_at(
         priors.append(matrix.T @ matrix)
         pulls.append(-matrix.T @ stated_values)
         spent.append(0.5 * float(stated_values @ stated_values))
-    logs, moves, errors = evidences(pieces, np.array(priors), np.array(pulls))
+    logs, moves, errors, gains = evidences(pieces, np.array(priors), np.array(pulls))
     one_sided = [k for k in np.flatnonzero(is_sized) if problem.unknowns[k].log and not sizes[problem.unknowns[k].name].middle]
     for k in one_sided:  # of a normal about nothing only the upper half is possible: twice the density, times what lies above
         logs = logs + np.log(2.0) + log_ndtr((1.0 + moves[..., k]) / errors[..., k])
-    return CauseScore(logs - np.array(spent)[:, None])
+    return CauseScore(logs - np.array(spent)[:, None]), moves[1], gains
 
 
 def shares(weighings: Sequence[CauseScore]) -> Array:

@@ -219,13 +219,20 @@ def test_noise_is_that_of_second_differences_on_a_slope() -> None:
 def test_the_last_three_tenths_judge_and_nothing_is_in_both(tmp_path: Path) -> None:
     roles = roles_of(bench(tmp_path / "test.csv"))
     record = roles.read(tmp_path / "test.csv")
-    (fitted,), kept = parted([record])
+    (fitted,), kept, _ = parted([record])
     assert fitted.times.size + kept.times.size == record.times.size
     assert fitted.duration == pytest.approx(0.7 * record.duration, rel=0.01)
     assert kept.times[0] == 0.0
-    several, last = parted([record, record])
+    several, last, _ = parted([record, record])
     assert len(several) == 1
     assert last.name == "holdout"
+    # a sensor that dies before the end judges nothing, and that is said
+    name = next(n for n, c in record.channels.items() if c.quantity == "temperature")
+    dead = replace(record[name], valid=record[name].valid & (np.arange(record.times.size) < 0.6 * record.times.size))
+    (fitted,), kept, remarks = parted([record.with_channels(dead)])
+    assert name in fitted.channels
+    assert set(record.channels) - set(kept.channels) == {name}
+    assert remarks == [f"{name} has no reading in the hold-out record and is left out there"]
 
 
 def test_a_power_that_nobody_placed_goes_where_the_readings_say(tmp_path: Path) -> None:

@@ -12,6 +12,7 @@ import pytest
 
 import thermid as td
 from by_code import raises_code
+from thermid.inference._explain.candidates import MissingElement, missing_elements
 from thermid.inference._explain.criticism import ljung_box, periodogram
 from unit.fit.bench import HTC, MASS, box, log
 
@@ -184,3 +185,43 @@ def test_a_lag_that_is_fitted_does_not_end_it() -> None:
     fit = td.calibrate(model, lagging, ["case.capacitance", "skin.htc"], scenario=scenario)
     assert any("lag" in name for name in fit.fitted)
     assert td.inference.criticise(fit).candidates
+
+
+class TestEndsOfContacts:
+    """Eight masses on a frame, all read; the sensors of two lag by the record."""
+
+    @staticmethod
+    def elements() -> list[MissingElement]:
+        parts = [f"m{k}" for k in range(8)]
+        deck = {
+            "title": "stack",
+            "needs": ["air"],
+            "nodes": {n: {"capacitance": "100 [J/K]"} for n in [*parts, "frame"]},
+            "conductors": {f"{n}_foot": {"kind": "conduction", "between": [n, "frame"], "conductance": "0.2 [W/K]"} for n in parts}
+            | {"skin": {"kind": "conduction", "between": ["frame", "air"], "conductance": "0.5 [W/K]"}},
+            "loads": {"heat": {"into": "m0", "power": "3 [W]"}},
+        }
+        times = np.arange(0.0, 1200.0, 60.0)
+        model, rng = td.model_from_dict(deck), np.random.default_rng(5)
+        run = td.simulate(model, td.Scenario("s", boundaries={"air": "20 [degC]"}, start="air", duration="1200 [s]"), times=times)
+        readings = {f"T_{n}": run[n].kelvin + rng.normal(0.0, 0.05, times.size) for n in [*parts, "frame"]}
+        channels = {t: td.Channel.from_array(t, k, unit="K", role="node", target=t[2:], noise=0.05) for t, k in readings.items()}
+        channels["air"] = td.Channel.from_array("air", np.full(times.size, 293.15), unit="K", role="boundary", target="air")
+        record = td.Record.from_arrays("r", times, channels, synthetic=True)
+        for sensor in ("T_m0", "T_m7"):
+            record = record.with_sensor(sensor, lag="30 [s]", lag_accuracy="30 [s]")
+        fit = td.calibrate(model, record, ["skin.conductance"])
+        assert fit.request is not None
+        return list(missing_elements(fit, fit.request))
+
+    def test_are_parts_and_surroundings_and_no_sensors_and_all_pairs_are_looked_at(self) -> None:
+        names = [e.name for e in self.elements()]
+        contacts = [n for n in names if n.startswith("a contact")]
+        assert not [n for n in contacts if ".tip" in n]
+        # each two of eight parts, and each part with the air
+        assert len(contacts) == len(set(contacts)) == 8 * 7 // 2 + 8
+        assert "a contact between 'm6' and 'm7'" in contacts
+        # what the record says of a lag is fitted already
+        lags = [n for n in names if n.startswith("a lag")]
+        assert lags
+        assert not [n for n in lags if "'m0'" in n or "'m7'" in n]

@@ -7,7 +7,7 @@ import pytest
 
 from thermid.fit.calibration import binned, build_problem, evidences, starting_point
 from thermid.inference._explain.causes import SIZES, SizedValue
-from thermid.inference._explain.weighing import CauseScore, noise_of, shares, weighed_at
+from thermid.inference._explain.weighing import CauseScore, noise_of, shares, weighed_at, weighed_in_noise
 from unit.fit.bench import HTC, MASS, box, log
 
 GRID_TIMES, RATIOS = 9, 16
@@ -87,3 +87,16 @@ def test_what_is_possible_is_the_middle_of_a_prior(name: str) -> None:
     size = SIZES[name]
     assert np.log(size.high / size.middle) / size.spread == pytest.approx(2.0, abs=0.1)
     assert np.log(size.middle / size.low) / size.spread == pytest.approx(2.0, abs=0.1)
+
+
+def test_a_score_in_one_noise_rests_on_runs_and_not_on_what_a_linearisation_promises() -> None:
+    """From values that are far off to the likeliest ones, where a step promises nothing more; the score there counts no promise."""
+    problem = build_problem(_asked())
+    at = starting_point(problem.unknowns) + np.array([0.8, -0.5, *(0.0 for _ in problem.unknowns[2:])])
+    score, end = weighed_in_noise(problem, at, {HTC: SizedValue(6.0, 1.0)}, 3)
+    there = weighed_at(problem, end, {HTC: SizedValue(6.0, 1.0)})
+    assert np.abs(end - at).max() > 0.3
+    assert there.logs[1, 3] - 0.5 < score.logs[1, 3] <= there.logs[1, 3]
+    again, settled = weighed_in_noise(problem, end, {HTC: SizedValue(6.0, 1.0)}, 3)
+    assert settled == pytest.approx(end)
+    assert again.logs[1, 3] == pytest.approx(score.logs[1, 3])
