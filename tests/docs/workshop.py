@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import io
 import json
+import math
 import os
 import re
 import shlex
@@ -22,6 +23,7 @@ from unittest import mock
 
 import thermid as td
 from scripts_here import ran, script
+from thermid.app.cli import screen
 from thermid.app.cli.app import main
 from thermid.base.files import command
 from thermid.bench.bench_files import load_programme, load_sensors
@@ -174,7 +176,7 @@ class Workshop:
     def _thermid(self, arguments: list[str]) -> tuple[int, str, str]:
         """The entry point of the command line, in this process: a page has many commands and a start takes a second."""
         plain = {k: v for k, v in os.environ.items() if k != "THERMID_DATA"} | {"COLUMNS": "140", "NO_COLOR": "1"}
-        with mock.patch.dict(os.environ, plain, clear=True):
+        with mock.patch.dict(os.environ, plain, clear=True), mock.patch.object(screen, "SECONDS_TO_FIRST_PROGRESS", math.inf):
             return ran(main, ["thermid", *arguments], self.folder)
 
     def _script(self, arguments: list[str]) -> tuple[int, str, str]:
