@@ -98,13 +98,7 @@ def _one(key: str, written: object, where: str) -> Binding:
             where,
             code="value.wrong-kind",
         )
-    refuse_unknown(written, _KEYS, where)
-    for word in ("column", *ROLES, "gain", "unit"):
-        if word in written and not (isinstance(written[word], str) and written[word].strip()):
-            raise RecordError(f"{word} = {written[word]!r} is not a text.", where, code="value.wrong-kind")
-    for word in ("full_scale", "noise", "accuracy", "resolution"):
-        if word in written and (isinstance(written[word], bool) or not isinstance(written[word], str | int | float)):
-            raise RecordError(f"{word} = {written[word]!r} is neither a text with a unit nor a number.", where, code="value.wrong-kind")
+    _check_kinds(written, where)
     roles = [word for word in ROLES if word in written]
     if len(roles) > 1:
         raise RecordError(f"it has the roles {' and '.join(roles)}. Give a channel one role.", where, code="value.incomplete")
@@ -123,8 +117,6 @@ def _one(key: str, written: object, where: str) -> Binding:
             where,
             code="value.incomplete",
         )
-    if not isinstance(written.get("prompt", False), bool):
-        raise RecordError(f"prompt = {written['prompt']!r} is neither true nor false.", where, code="value.wrong-kind")
     if written.get("prompt") and role not in ("load", "command"):
         raise RecordError(
             "prompt states that a power or command was logged at every change, so it applies to a load or command only.",
@@ -147,6 +139,24 @@ def _one(key: str, written: object, where: str) -> Binding:
     certificate = SensorCertificate.read(written["certificate"], f"{where}, certificate") if "certificate" in written else None
     part, target = SensorPart.read(written, where), written[role] if roles else None
     return Binding(key, written.get("column", key), role, target, **rest, part=part, certificate=certificate)
+
+
+def _check_kinds(written: Mapping[str, Any], where: str) -> None:
+    """Refuse unknown keys of a binding, and values of a wrong kind.
+
+    Raises
+    ------
+    RecordError   When a key is unknown, or a value is neither the text, number, or truth value that its key takes.
+    """
+    refuse_unknown(written, _KEYS, where)
+    for word in ("column", *ROLES, "gain", "unit"):
+        if word in written and not (isinstance(written[word], str) and written[word].strip()):
+            raise RecordError(f"{word} = {written[word]!r} is not a text.", where, code="value.wrong-kind")
+    for word in ("full_scale", "noise", "accuracy", "resolution"):
+        if word in written and (isinstance(written[word], bool) or not isinstance(written[word], str | int | float)):
+            raise RecordError(f"{word} = {written[word]!r} is neither a text with a unit nor a number.", where, code="value.wrong-kind")
+    if not isinstance(written.get("prompt", False), bool):
+        raise RecordError(f"prompt = {written['prompt']!r} is neither true nor false.", where, code="value.wrong-kind")
 
 
 def unit_and_quantity(binding: Binding, header_unit: str | None, where: str) -> tuple[str, str]:
