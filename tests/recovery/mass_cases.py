@@ -167,12 +167,12 @@ def drawn(seed: int, parts: int | None = None, matched: bool = False, said: floa
 
 def scores(found: Calibration, masses: Mapping[str, float]) -> list[float]:
     """Return by how many standard errors each mass is off, in logarithms as it is fitted."""
-    return [float(np.log(found[p].in_unit / m) * found[p].value / found[p].error) for p, m in masses.items()]
+    return [float(np.log(found.values[p].in_unit / m) * found.values[p].value / found.values[p].error) for p, m in masses.items()]
 
 
 def halves(found: Calibration, masses: Mapping[str, float]) -> list[float]:
     """Return the half-width of the 95 % interval of each mass, in parts of it."""
-    return [1.959964 * found[p].error / found[p].value for p in masses]
+    return [1.959964 * found.values[p].error / found.values[p].value for p in masses]
 
 
 def searched(first: Calibration) -> Calibration:

@@ -84,7 +84,7 @@ def time_constant(seen: Cooling) -> float:
     )
     scenario = td.Scenario("cooling", boundaries={"room": f"{seen.room} [K]"}, duration=float(seen.times[-1]))
     fit = td.calibrate(cube(), record, ["skin.effective_htc"], scenario=scenario)
-    return HEAT / (AREA * fit["skin.effective_htc"].value)
+    return HEAT / (AREA * fit.values["skin.effective_htc"].value)
 
 
 def slowest(pressure: float) -> float:

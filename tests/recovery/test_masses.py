@@ -29,7 +29,7 @@ def first() -> Calibration:
 
 def test_a_first_structure_that_residuals_refute_says_so(first: Calibration) -> None:
     assert first.structural_errors
-    wider = [first[p].error / first[p].error_random for p in drawn(101).masses]
+    wider = [first.values[p].error / first.values[p].error_random for p in drawn(101).masses]
     assert max(wider) > 2.0
     head = str(first).splitlines()[:4]
     assert any("larger than this structure explains" in line for line in head), head
@@ -72,7 +72,7 @@ def test_what_is_printed_is_handed_on(first: Calibration, tmp_path: Path) -> Non
     assert first.problem is not None
     first.save(tmp_path / "first.values.toml")
     kept = td.load_values(tmp_path / "first.values.toml")
-    fitted = {p: first[p].error / first[p].value for p in drawn(101).free}
+    fitted = {p: first.values[p].error / first.values[p].value for p in drawn(101).free}
     assert {p: kept[p].error / kept[p].value for p in fitted} == pytest.approx(fitted, rel=1e-6)
     assert np.sqrt(np.diag(first.values.covariance))[: len(fitted)] == pytest.approx(np.array(list(fitted.values())), rel=1e-6)
     drawn_values = first.values.draws(2000, 1)

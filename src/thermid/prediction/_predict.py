@@ -922,7 +922,6 @@ class Foresight(Result):
 
         Parameters
         ----------
-        foresight : Foresight
         sizes : dict        Node -> standard deviation; empty for none. [K]
         cause, words : str  What it is called, and what it stands for.
         """

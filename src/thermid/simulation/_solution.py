@@ -507,7 +507,7 @@ class Solution(Result):
 
         Of the gases whose humidity the scenario states.
         """
-        return tuple(condensation(self._run.wiring, self._run.traces.temperature, self.times))
+        return () if self._run is None else tuple(condensation(self._run.wiring, self._run.traces.temperature, self.times))
 
     @cached_property
     def _kelvin(self) -> Array:

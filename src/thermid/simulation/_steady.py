@@ -77,7 +77,9 @@ class Steady(Result, dict[str, float]):
         """
         if self._names is None:
             raise NameNotFoundError(f"no node '{name}'.{nearest(name, self)}", "steady")
-        return self[self._names.find(name)]
+        if (path := self._names.find(name)) not in self:
+            raise NameNotFoundError(f"'{name}' has no gas in this scenario, so it has no temperature.", "steady")
+        return self[path]
 
     def __str__(self) -> str:
         """Return which inputs were held, what a reader must know, and the temperatures."""

@@ -275,7 +275,8 @@ def lagging_box(noise: float | None) -> Record:
 def test_a_structure_that_lacks_a_mass_is_not_credible_or_its_interval_holds(noise: float | None) -> None:
     """Errors and limits that stood on a noise three times too large said 'credible' of a mass that was errors off."""
     found = calibrate(box(), lagging_box(noise), [HTC, MASS])
-    off = abs(np.log(found[MASS].value * 900.0 / (1.7 * 900.0 + 900.0))) * found[MASS].value / found[MASS].error
+    mass = found.values[MASS]
+    off = abs(np.log(mass.value * 900.0 / (1.7 * 900.0 + 900.0))) * mass.value / mass.error
     assert found.own.state != "credible" or off < 1.96, (found.own.state, off)
 
 

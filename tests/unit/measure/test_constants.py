@@ -46,6 +46,6 @@ def test_three_rows_that_count_are_a_counter_and_two_are_not() -> None:
 def test_readings_are_explained_where_both_clocks_ran() -> None:
     """A log that began 30 s before another, which lasted 40 s: the samples from 30 s to 70 s."""
     seen = LogCourse("T", False, np.arange(0.0, 101.0, 10.0), np.arange(11.0))
-    rows, target = _rows(seen, Explanation(np.array([0.0, 40.0]), np.array([[0.0], [40.0]]), np.zeros(0)), 30.0)
+    rows, target = _rows(seen, Explanation(np.array([0.0, 40.0]), np.array([[0.0], [40.0]]), np.zeros(0), np.zeros(0)), 30.0)
     assert target.tolist() == [3.0, 4.0, 5.0, 6.0, 7.0]
     assert rows[:, 2].tolist() == [0.0, 10.0, 20.0, 30.0, 40.0]

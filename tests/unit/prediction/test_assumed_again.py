@@ -84,7 +84,7 @@ def test_the_first_line_counts_what_is_left_and_names_the_costliest(found: Calib
     told = td.predict(found, OWN)
     (words,) = [x for x in told.left_out if "assumed value" in x.what]
     assert "'seal.conductance' costs most" in words.what
-    assert "than halve this uncertainty" in words.what
+    assert "than halve what these values add" in words.what
     (alone,) = [x for x in td.predict(Knowledge(found.model), OWN).left_out if "assumed value" in x.what]
     assert words.kelvin < alone.kelvin
 

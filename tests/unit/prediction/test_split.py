@@ -210,7 +210,7 @@ def test_a_second_record_without_gas_overrides_the_finish() -> None:
     assert "are autocorrelated: the model" in " ".join(fit.warnings)
     found = td.inference.split(fit)
     assert found["skin"].prior == "fitted"
-    assert found["skin"].emissivity == fit["skin.emissivity"].value == pytest.approx(0.86, rel=0.01)
+    assert found["skin"].emissivity == fit.values["skin.emissivity"].value == pytest.approx(0.86, rel=0.01)
     assert found.values.covariance == pytest.approx(fit.values.bare().covariance)
 
 

@@ -275,7 +275,7 @@ class Written:
 def parted(records: Sequence[Record]) -> tuple[list[Record], Record, list[str]]:
     """Return what is fitted and what judges: of several logs the last one judges, of a single one its last three tenths.
 
-    A channel without a reading in a part of a single log is left out there; the third says so, in words.
+    A channel without a reading in a part of a single log is left out there; the third names it.
     """
     if len(records) > 1:
         return list(records[:-1]), replace(records[-1], name=HOLDOUT_NAME), []
