@@ -354,7 +354,10 @@ class Calibration(Result):
         at = self.expected
         if not at:
             return self.values
-        items = {p: replace(v, value=at[p][0], error=at[p][1], error_random=min(v.error_random, at[p][1]), uncut=0.0) if p in at else v for p, v in self.values.items()}
+        items = {
+            p: replace(v, value=at[p][0], error=at[p][1], error_random=min(v.error_random, at[p][1]), uncut=0.0) if p in at else v
+            for p, v in self.values.items()
+        }
         rows = self.store.rows(items)[:, [EXPECTED not in s.name and AS_FITTED not in s.name for s in self.store.sources]]
         covariance = np.where(np.isfinite(self.values.covariance), rows @ rows.T, self.values.covariance)
         return replace(self.values, items_=items, covariance=covariance, sense="to quote")

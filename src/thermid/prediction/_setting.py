@@ -151,7 +151,9 @@ class Setting:
     def linear(self, nodes: Sequence[str] | None = None) -> Linear:
         """Return one run with its derivatives carried to the sources; of all nodes where none are named."""
         run = self._run
-        chosen = list(dict.fromkeys(run[n].path for n in (nodes if nodes is not None else [k for k in run.nodes if k not in self.ready.without_gas])))
+        chosen = list(
+            dict.fromkeys(run[n].path for n in (nodes if nodes is not None else [k for k in run.nodes if k not in self.ready.without_gas]))
+        )
         try:
             settled, moves = self.full.settled(self._derivative_point)
         except SolverError:

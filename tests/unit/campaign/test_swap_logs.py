@@ -201,7 +201,7 @@ def test_the_instruments_of_another_logger(tmp_path: Path) -> None:
         assert abs(clock.value + 36.7) < 3.0 * clock.error < 10.0, name
         assert abs(made.store["foot.conductance"].value - 0.6) < 3.0 * made.store.error("foot.conductance"), name
         assert made.chi_square < 1.2 * made.freedom, name
-        assert [w for w in made.warnings if "TX -0.6" in w] or name == "same"
+        assert [w for w in made.warnings if "TX -0.59 K" in w] or name == "same"
         assert bool(made.request.held_bias) == (name == "same"), name
 
 

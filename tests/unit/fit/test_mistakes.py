@@ -54,15 +54,15 @@ def test_a_power_that_no_log_gives_is_named() -> None:
     assert "he power of 'heat' is that of the deck for the whole record, because no log column gives it." in told
 
 
-@pytest.mark.parametrize(("factor", "shown"), [(1000.0, "8000"), (0.001, "0.008")])
-def test_a_power_far_from_its_deck_is_asked_for_its_unit(factor: float, shown: str) -> None:
+@pytest.mark.parametrize(("factor", "shown", "unit"), [(1000.0, "8000", "mW"), (0.001, "0.008", "kW")])
+def test_a_power_far_from_its_deck_is_asked_for_its_unit(factor: float, shown: str, unit: str) -> None:
     told = said(log(factor), ["*.conductance"])
-    assert f"'P' gives 'heat' {shown} W, the deck has 8 W: check its unit. For a column in mW give unit = \"mW\" in its table" in told
+    assert f"'P' gives 'heat' {shown} W, the deck has 8 W: its column was read in W and may be in {unit}. Check the units" in told
 
 
 def test_a_power_near_its_deck_is_not_asked_for() -> None:
     for factor in (1.0, 100.0, 0.01):
-        assert "check its unit. For a column" not in said(log(factor), ["*.conductance"])
+        assert "Check the units" not in said(log(factor), ["*.conductance"])
 
 
 def test_a_fit_that_breaks_off_asks_for_the_unit_too() -> None:

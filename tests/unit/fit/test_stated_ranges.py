@@ -210,7 +210,7 @@ def moved_by(path: str, sd: float, stages: list[tuple[str, tuple[str, ...]]], fo
     if path == "a.specific_heat":
         deck = deck.with_values({"b.specific_heat": f"{477.0 * math.exp(sd)!r} [J/(kg K)]"})
     pairs = zip(found, run(deck, stages), strict=True)
-    return [{n: math.log(again[n].value / first[n].value) for n in first.values} for first, again in pairs]
+    return [{n: math.log(again.values[n].value / first.values[n].value) for n in first.values} for first, again in pairs]
 
 
 UNITS = {"film": "[W/(m^2 K)]", "a.specific_heat": "[J/(kg K)]"}

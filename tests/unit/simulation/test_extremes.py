@@ -107,7 +107,12 @@ def test_hold_never_passed_a_limit_in_100_percent_that_pulses_pass_in_all() -> N
 
 
 def test_members_in_a_file_keep_their_pulses(tmp_path: Path) -> None:
-    given: dict[str, Any] = {"spread": {"out.conductance": "2 [%]"}, "n": 16, "nodes": ["chip"], "executor": td.simulation.KeptTasks(tmp_path)}
+    given: dict[str, Any] = {
+        "spread": {"out.conductance": "2 [%]"},
+        "n": 16,
+        "nodes": ["chip"],
+        "executor": td.simulation.KeptTasks(tmp_path),
+    }
     first, again = td.qualify.uncertain_runs(pulsed(), day(), **given), td.qualify.uncertain_runs(pulsed(), day(), **given)
     assert again.reused == 16
     assert np.array_equal(first.highest("chip"), again.highest("chip"))

@@ -220,7 +220,7 @@ def test_criticism_proposes_the_start_up_transient(tmp_path: Path) -> None:
     assert found.suggested.name.startswith("a start-up transient of the power at 'case'; to include it write")
     assert "W more " in found.suggested.found
     assert found.suggested.fit is not None
-    assert found.suggested.fit["case.mass"].value == pytest.approx(0.743, rel=0.05)
+    assert found.suggested.fit.values["case.mass"].value == pytest.approx(0.743, rel=0.05)
 
 
 def test_a_decaying_power_is_told_from_a_second_mass_by_no_single_sensor(tmp_path: Path) -> None:
