@@ -426,7 +426,7 @@ def _item(
     loads = [x for x in shown.plain.flat.loads if x.node == node]
     load_powers = {x.path: powers.get(x.path) if powers is not None else _watts(numbers, x) for x in loads if x.path not in logged}
     watts_ = [v for v in load_powers.values() if v is not None]
-    power = f"+{quantity(sum(watts_), 'W')}" if watts_ and (sum(watts_) or powers is not None) else ""
+    power = f"{'+' * (sum(watts_) >= 0.0)}{quantity(sum(watts_), 'W')}" if watts_ and (sum(watts_) or powers is not None) else ""
     power = "as logged" if loads and not load_powers else power
     texts = {path: "" if v is None else quantity(v, "W") for path, v in load_powers.items()}
     tip = "; ".join(f"{x.path} into {node}: {texts.get(x.path, 'as logged')}{times(x.controls)}" for x in loads)
