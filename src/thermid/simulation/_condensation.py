@@ -56,12 +56,10 @@ def condensation(wiring: Wiring, kelvin: Callable[[str], Array], times: Array) -
         lack = vapour_density(vapour, skin) - vapour_density(saturation_pressure(skin, "surface"), skin)
         speed = mass_transfer_coefficient(1.0, 0.5 * (air + skin), np.maximum(pressure, VACUUM_LIMIT))
         warmer = np.where(pressure > VACUUM_LIMIT, latent_heat(skin) * speed * lack, 0.0)
-        k = int(warmer.argmax())
-        if warmer[k] >= SMALLEST_EXCESS:
+        if warmer[k := int(warmer.argmax())] >= SMALLEST_EXCESS:
             found[c.path] = float(warmer[k]), float(dew_point(vapour)[k] - skin[k]), c.gas
     if found:
-        worst = max(found, key=lambda path: found[path][0])
-        warmer_by, below, gas = found[worst]
+        worst, (warmer_by, below, gas) = max(found.items(), key=lambda item: item[1][0])
         yield Standing(
             "not credible",
             f"water condenses on {quoted(sorted(found), 3)}, and this run leaves out its heat. '{worst}' is up to {below:.3g} K below the "

@@ -392,6 +392,12 @@ def ensemble(
     return ready.ensemble(draws, nodes=nodes, quantiles=quantiles, threads=threads, simd=simd, executor=executor)
 
 
+def remark_on_empty(nodes: Sequence[str]) -> str:
+    """Return the remark on the nodes of gases that are not there, which results leave out."""
+    has, are = ("has", "is") if len(nodes) == 1 else ("have", "are")
+    return CodedText(f"{quoted(nodes)} {has} no gas in this scenario and {are} left out", "run.heat-stops-without-gas")
+
+
 def _warnings(wiring: Wiring, scenario: Scenario, empty: tuple[str, ...]) -> tuple[str, ...]:
     """Return the warnings of all runs: missing parts, nodes without a path to a boundary, assumed samples, gas and wind."""
     numbers = wiring.assemble().numbers
@@ -404,8 +410,7 @@ def _warnings(wiring: Wiring, scenario: Scenario, empty: tuple[str, ...]) -> tup
     out: list[str] = [f"INCOMPLETE: {what}" for what in wiring.network.flat.names.model.missing_parts()]
     out += [part.message() for part in unreached(wiring.network, numbers, powers) if not {*part.nodes} <= {*empty}]
     if empty:
-        has, are = ("has", "is") if len(empty) == 1 else ("have", "are")
-        out.append(CodedText(f"{quoted(empty)} {has} no gas in this scenario and {are} left out", "run.heat-stops-without-gas"))
+        out.append(remark_on_empty(empty))
     if wiring.start is not None and wiring.start.kind == STEADY and (held_text := wiring.held_at(wiring.start.time)):
         out.append(CodedText(f"the start is {held_text}", "run.start-held"))
     out += sampled_logs(scenario)

@@ -21,7 +21,7 @@ from thermid.simulation._block import BlockSolution, steady_block, steady_levels
 from thermid.simulation._heat_map import HeatMap
 from thermid.simulation._network.network import without_gas
 from thermid.simulation._scenarios.scenario import MEAN, PERIODIC, Scenario
-from thermid.simulation._simulator import network_for
+from thermid.simulation._simulator import network_for, remark_on_empty
 from thermid.simulation._solver.engine import at_rest
 from thermid.simulation._solver.problem import KernelProblem, Traces
 from thermid.simulation._solver.wiring import Assembled, Wiring, held_means, level_instants
@@ -139,9 +139,15 @@ def steady(model: Model | Block, scenario: Scenario, time: float | str = 0.0) ->
         held = f"mean inputs over {span}"
     else:
         held, remark = f"inputs at {instant:g} s", wiring.held_at(instant)
-    missing = tuple(f"INCOMPLETE: {what}" for what in model.missing_parts())
-    temperatures = {n: t for n, t in temperatures.items() if n not in without_gas(wiring.network, a.numbers)}
-    return Steady(temperatures, held, (*missing, *((remark,) if remark else ())), heat=heat, names=wiring.network.flat.names)
+    empty = without_gas(wiring.network, a.numbers)
+    remarks = [*(f"INCOMPLETE: {what}" for what in model.missing_parts()), remark, remark_on_empty(empty) if empty else ""]
+    return Steady(
+        {n: t for n, t in temperatures.items() if n not in empty},
+        held,
+        tuple(filter(None, remarks)),
+        heat=heat,
+        names=wiring.network.flat.names,
+    )
 
 
 def _heat(
