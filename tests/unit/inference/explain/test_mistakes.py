@@ -223,6 +223,13 @@ def test_criticism_proposes_the_start_up_transient(tmp_path: Path) -> None:
     assert found.suggested.fit.values["case.mass"].value == pytest.approx(0.743, rel=0.05)
 
 
+@pytest.mark.xfail(strict=True, reason="in the noise of the best candidate a falling transient is named for a step: 2.37 W for 1.6 W")
+def test_criticism_names_the_shape_of_the_start_up_transient(tmp_path: Path) -> None:
+    found = td.inference.criticise(td.run_stages(gyro(tmp_path, "step"))["gyro"])
+    assert found.suggested is not None
+    assert float(found.suggested.found.split()[0]) == pytest.approx(1.6, rel=0.06)  # a transient that falls begins higher
+
+
 def test_a_decaying_power_is_told_from_a_second_mass_by_no_single_sensor(tmp_path: Path) -> None:
     """Both add one exponential to the same reading, so the suggestion names the other one too."""
     fit = td.run_stages(gyro(tmp_path, "decay"))["gyro"]
