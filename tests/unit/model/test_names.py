@@ -112,7 +112,7 @@ def test_inner_node_that_is_not_offered(part: Build, pair: Build) -> None:
             "Box, needs: 'case' is already the name of one of nodes. Names in a model must differ; choose another one.",
         ),
         ({"needs": ["air", "air"]}, "Box, needs: 'air' is already the name of a need. Names in a model must differ; choose another one."),
-        ({"aliases": {"case": "skin"}}, "Box, aliases.case: 'case' is already the name of one of nodes. Choose another alias."),
+        ({"aliases": {"case": "skin"}}, "Box, aliases.case: 'case' is already the name of one of nodes. Names in a model must differ"),
         ({"aliases": {"x": "y.case", "y": "x"}}, "Box, aliases.x: the alias 'x' refers to itself: x -> y -> x."),
     ],
 )

@@ -6,7 +6,7 @@ The names of what is made are stable: `u1.junction`, `u1.case`, `u1.heat` of a p
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from fractions import Fraction
 from itertools import pairwise
@@ -15,12 +15,13 @@ from typing import Annotated, Any, Final
 
 from pydantic import Field
 
-from thermid.base.errors import DeckError, ThermidError
+from thermid.base.errors import DeckError, errors_at
 from thermid.base.expression import parse
 from thermid.base.grammar import StrictTable
 from thermid.base.units import unit
 from thermid.model._deck.fields import Raw, plain, value_table
 from thermid.model._deck.rows import Reader, rows_of_file
+from thermid.model._laws.refusals import Where, refuse_first
 from thermid.model._laws.signal import literal
 from thermid.model._parts.kinds import KINDS
 
@@ -28,7 +29,6 @@ MAX_TWO_RESISTOR_ERROR: Final = 0.3
 """Largest error of a junction's rise by a two-resistor model, as a share, in comparisons with detailed models (DELPHI project;
 Lasance); JESD15-3 (2008) defines the model and states no bound. From memory: check before quoting. [-]"""
 WHY_WORST: Final = "in published worst cases two-resistor models are wrong by up to 30 % of the junction's temperature rise"
-Where = Callable[[str], str]
 
 
 @dataclass(frozen=True)
@@ -81,10 +81,8 @@ class _Values:
 
     def _names(self, text: str, key: str) -> tuple[str, ...]:
         """Return the names in an expression."""
-        try:
+        with errors_at(self.where(key)):
             return parse(text).names
-        except ThermidError as error:
-            raise error.located(self.where(key)) from None
 
 
 PACKAGE_UNITS: Final = {"theta_JC": "K/W", "theta_JB": "K/W", "psi_JT": "K/W", "psi_JB": "K/W", "capacitance": "J/K"} | {
@@ -156,35 +154,44 @@ class PackageTable(StrictTable):
 
     def _check(self, where: Where) -> None:
         """Refuse a package without a resistance, with a psi in place of one, or whose top leads nowhere."""
+        away = bool(self.lid or self.top)
         for psi, (theta, reading) in READINGS.items():
-            if getattr(self, psi) is not None and getattr(self, theta) is None and (theta == "theta_JB" or self.top or self.lid):
+            if getattr(self, psi) is not None and getattr(self, theta) is None and (theta == "theta_JB" or away):
                 raise DeckError(
                     f"{psi} is not a thermal resistance. It is a characterisation parameter, {reading} with the power of the whole "
                     f"package; in its test most heat takes another path (JESD51-12). Give {theta} instead.",
                     where(psi),
                     code="value.contradicts",
                 )
-        if self.theta_JB is None and self.theta_JC is None:
-            raise DeckError("give theta_JB, theta_JC, or both, for a package.", where(""), code="value.incomplete")
-        if self.theta_JC is not None and not (self.lid or self.top):
-            raise DeckError(
+        refuse_first(
+            where,
+            (
+                self.theta_JB is None and self.theta_JC is None,
+                "give theta_JB, theta_JC, or both, for a package.",
+                "",
+                "value.incomplete",
+            ),
+            (
+                self.theta_JC is not None and not away,
                 'theta_JC leads to the top of the case, but nothing removes heat there. Give top = { to = "air", area = ..., htc = ..., '
                 "emissivity = ... }; or lid = a node, with top = { resistance = ... } for the interface; or leave theta_JC out.",
-                where("theta_JC"),
-                code="value.incomplete",
-            )
-        if self.theta_JC is None and (self.lid or self.top):
-            raise DeckError(
-                "top and lid need theta_JC, the resistance from the junction to the top of the case.", where(""), code="value.incomplete"
-            )
-        if self.lid and not self.top:
-            raise DeckError(
+                "theta_JC",
+                "value.incomplete",
+            ),
+            (
+                self.theta_JC is None and away,
+                "top and lid need theta_JC, the resistance from the junction to the top of the case.",
+                "",
+                "value.incomplete",
+            ),
+            (
+                self.lid and not self.top,
                 "give the thermal resistance between lid and case: top = { resistance = ... }, { conductance = ... } or { "
-                "conductivity, area, "
-                "thickness }.",
-                where("lid"),
-                code="value.incomplete",
-            )
+                "conductivity, area, thickness }.",
+                "lid",
+                "value.incomplete",
+            ),
+        )
 
 
 Rungs = Annotated[list[Annotated[list[str], Field(min_length=2, max_length=2)]], Field(min_length=1)]
@@ -212,9 +219,7 @@ class LadderTable(StrictTable):
         rungs = [_rung(row, kind, place) for row, place in rows]
         if kind == "foster":
             rungs = cauer_of_foster(rungs, where("foster"))
-        parameters: dict[str, Any] = {}
-        nodes: dict[str, Any] = {}
-        conductors: dict[str, Any] = {}
+        parameters, nodes, conductors = {}, {}, {}  # type: dict[str, Any], dict[str, Any], dict[str, Any]
         names = ["junction", *(f"n{k}" for k in range(2, len(rungs) + 1)), "to"]
         details = {"source": "derived", "basis": "continued fraction of a Foster ladder"} if kind == "foster" else {}
         for k, (resistance, capacitance) in enumerate(rungs, start=1):
@@ -244,10 +249,8 @@ def _rows(file: str, where: str, read: Reader | None) -> list[tuple[list[str], s
 def _rung(row: list[str], kind: str, where: str) -> tuple[float, float]:
     """Return resistance R [K/W] and capacitance C [J/K] of a row of texts; of a Foster row with a time tau, C = tau / R."""
     resistance = plain(row[0], "ladders.R", "K/W", where)
-    try:
+    with errors_at(where):
         literal = parse(row[1]).literal
-    except ThermidError as error:
-        raise error.located(where) from None
     timed = kind == "foster" and literal is not None and literal.unit.dimension == unit("s").dimension
     second = plain(row[1], "ladders.tau" if timed else "capacitance", "s" if timed else "J/K", where)
     return resistance, second / resistance if timed else second
@@ -430,15 +433,17 @@ class FanTable(StrictTable):
         """Return flow [m^3/s] and pressure [Pa] of the curve's points; flows must increase and pressures fall."""
         points = [(literal(v, "m^3/s", where("curve")), literal(p, "Pa", where("curve"))) for v, p in self.curve]
         for (v0, p0), (v1, p1) in pairwise(points):
-            if not v1 > v0 >= 0.0:
-                raise DeckError("the flows of a fan's curve must increase, from zero or above.", where("curve"), code="value.outside-range")
-            if not p1 < p0:
-                raise DeckError(
+            refuse_first(
+                where,
+                (not v1 > v0 >= 0.0, "the flows of a fan's curve must increase, from zero or above.", "curve", "value.outside-range"),
+                (
+                    not p1 < p0,
                     f"the pressure of a fan's curve must fall with flow; from {v0:g} to {v1:g} m^3/s it does not. Leave the stall "
                     "region out.",
-                    where("curve"),
-                    code="value.outside-range",
-                )
+                    "curve",
+                    "value.outside-range",
+                ),
+            )
         return points
 
     def _resistance(self, where: Where) -> Any:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from typing import Annotated, Any, Final, Literal, Self, TypeAlias
 
 from pydantic import AfterValidator, BaseModel, Field, WrapValidator
@@ -22,8 +22,6 @@ from thermid.model._tree.flat import allows
 from thermid.model._tree.model import Model
 from thermid.physics.materials import Material, material
 
-Where = Callable[[str], str]
-"""Key below an element, or none for the element itself -> its place in the deck."""
 NO_CONVECTION = "0 [W/(m^2 K)]"
 PROPERTIES: Final = {"specific_heat": "J/(kg K)", "conductivity": "W/(m K)"}
 """What a material gives to an element, with its unit."""

@@ -16,6 +16,7 @@ from thermid.base.extensions import by_grammar, grammar_of, refuse_another_kind
 from thermid.base.files import read_text
 from thermid.base.toml_files import Places, read_toml, resolve_inside
 from thermid.model._deck.rows import written_out
+from thermid.model._laws.refusals import refuse_first
 from thermid.model._parts.parameter import Parameter, parameter
 from thermid.model._tree.arrays import Instances, made_instances, merged
 from thermid.model._tree.flat import flatten
@@ -68,12 +69,16 @@ Loaded = tuple[Model, str]
 def _load(path: Path, trail: tuple[Path, ...], loaded: dict[Path, Loaded]) -> Loaded:
     """Return a deck's model; each file is read once, however often it is used."""
     here = path.resolve()
-    if here in trail:
-        raise DeckError(f"the deck uses itself: {' -> '.join(p.name for p in (*trail, path))}.", path.name, code="model.self-reference")
-    if len(trail) >= cap("decks"):
-        raise DeckError(
-            f"decks are nested deeper than {cap('decks'):.0f} levels. Merge some levels.{raising('decks')}", path.name, code="cap.exceeded"
-        )
+    refuse_first(
+        lambda _: path.name,
+        (here in trail, f"the deck uses itself: {' -> '.join(p.name for p in (*trail, path))}.", "", "model.self-reference"),
+        (
+            len(trail) >= cap("decks"),
+            f"decks are nested deeper than {cap('decks'):.0f} levels. Merge some levels.{raising('decks')}",
+            "",
+            "cap.exceeded",
+        ),
+    )
     if here not in loaded:
         data, lines = read_toml(path)
         refuse_another_kind(f"{SCHEMA}.Deck", data, Places(path.name, lines))
@@ -251,40 +256,36 @@ def _check_names(model: Model) -> None:
     declared = [(name, f"{table}.{name}", f"one of {table}") for table in tables for name in getattr(model, table)]
     declared += [(need, "needs", "a need") for need in model.needs]
     declared += [(joint.mid, f"joints.{name}.mid", "the mid of a joint") for name, joint in model.joints.items() if joint.mid]
+    declared += [(alias, f"aliases.{alias}", "an alias") for alias in model.aliases]
     for name, key, what in declared:
-        if not NAME.match(name) or "." in name:
-            raise DeckError(
+        refuse_first(
+            model.where,
+            (
+                not NAME.match(name) or ("." in name and name not in model.aliases),
                 f"'{name}' is not a valid name: use letters, digits and _, and do not begin with a digit.",
-                model.where(key),
-                code="name.not-valid",
-            )
-        if name in model.parameters and (iskeyword(name) or name in RESERVED):
-            raise DeckError(f"'{name}' is a reserved word of expressions. Choose another name.", model.where(key), code="name.not-valid")
-        if name in first_use:
-            raise DeckError(
-                f"'{name}' is already the name of {first_use[name]}. Names in a model must differ; choose another one.",
-                model.where(key),
-                code="name.taken",
-            )
+                key,
+                "name.not-valid",
+            ),
+            (
+                name in model.parameters and (iskeyword(name) or name in RESERVED),
+                f"'{name}' is a reserved word of expressions. Choose another name.",
+                key,
+                "name.not-valid",
+            ),
+            (
+                name in first_use,
+                f"'{name}' is already the name of {first_use.get(name)}. Names in a model must differ; choose another one.",
+                key,
+                "name.taken",
+            ),
+        )
         first_use[name] = what
     for alias in model.aliases:
-        key = f"aliases.{alias}"
-        if not NAME.match(alias):
-            raise DeckError(
-                f"'{alias}' is not a valid name: use letters, digits and _, and do not begin with a digit.",
-                model.where(key),
-                code="name.not-valid",
-            )
-        if alias in first_use:
-            raise DeckError(
-                f"'{alias}' is already the name of {first_use[alias]}. Choose another alias.", model.where(key), code="name.taken"
-            )
         trail = [alias]
         while (step := _alias_in(model, model.aliases[trail[-1]])) is not None:
             if step in trail:
-                raise DeckError(
-                    f"the alias '{alias}' refers to itself: {' -> '.join([*trail, step])}.", model.where(key), code="model.self-reference"
-                )
+                text = f"the alias '{alias}' refers to itself: {' -> '.join([*trail, step])}."
+                raise DeckError(text, model.where(f"aliases.{alias}"), code="model.self-reference")
             trail.append(step)
 
 

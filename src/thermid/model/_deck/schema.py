@@ -13,7 +13,7 @@ from typing import Annotated, Any, TypeAlias, get_args
 import numpy as np
 from pydantic import ConfigDict, Field, create_model
 
-from thermid.base.errors import DeckError, ThermidError, nearest
+from thermid.base.errors import DeckError, errors_at, nearest, refuse_unknown
 from thermid.base.grammar import Real, StrictTable, reads
 from thermid.model._deck.assemblies import CoolerTable, FanTable, LadderTable, PackageTable
 from thermid.model._deck.fields import (
@@ -25,12 +25,12 @@ from thermid.model._deck.fields import (
     Tabulated,
     UsedTable,
     Value,
-    Where,
     curve_of,
     plain,
 )
 from thermid.model._laws.curves import Curve, limited
 from thermid.model._laws.options import Box, CarriedBy, StandsFor
+from thermid.model._laws.refusals import Rule, Where, refuse_first
 from thermid.model._laws.signal import literal
 from thermid.model._laws.stores import Supercooling, melting, tabulated
 from thermid.model._parts.controls import CONTROL_SLOTS, KINDS_OF_CONTROL, Control, ModeChange, check_modes, followed, of_difference
@@ -108,44 +108,57 @@ class NodeTable(ElementTable):
             tables["specific_heat"] = self.specific_heat.curve_of("specific_heat", where("specific_heat"))
         if self.enthalpy is not None:
             tables["enthalpy"] = self.enthalpy.curve_of("enthalpy", where("enthalpy"))
-        if tables and (set(fields) != {"mass"} or len(tables) > 1):
-            raise DeckError(
+        refuse_first(
+            where,
+            (
+                tables and (set(fields) != {"mass"} or len(tables) > 1),
                 "a table of specific heat or of enthalpy needs a mass, and excludes all other heat capacities.",
-                where(""),
-                code="value.excludes-another",
-            )
-        if not tables and set(fields) not in (set(), {"capacitance"}, {"mass", "specific_heat"}):
-            raise DeckError(
-                "give a node mass and specific_heat, or capacitance, or neither (a massless node).", where(""), code="value.incomplete"
-            )
+                "",
+                "value.excludes-another",
+            ),
+            (
+                not tables and set(fields) not in (set(), {"capacitance"}, {"mass", "specific_heat"}),
+                "give a node mass and specific_heat, or capacitance, or neither (a massless node).",
+                "",
+                "value.incomplete",
+            ),
+        )
         cools = self._supercooling(melts, where)
         return Node(fields, self.reference_point, self.test_only, next(iter(tables.items()), None), self.stands_for or "", cools)
 
     def _supercooling(self, melts: Mapping[str, float], where: Where) -> Supercooling | None:
         """Return liquidus, degree of supercooling [K] and start of a node that supercools; None without supercooling."""
-        if self.supercooling is None:
-            if self.starts is not None:
-                raise DeckError(
-                    "starts = 'liquid' belongs to a node with supercooling; any other melts where it is warm.",
-                    where("starts"),
-                    code="value.without-effect",
-                )
-            return None
-        if self.enthalpy is None and not melts:
-            raise DeckError(
+        cools = self.supercooling is not None
+        refuse_first(
+            where,
+            (
+                not cools and self.starts is not None,
+                "starts = 'liquid' belongs to a node with supercooling; any other melts where it is warm.",
+                "starts",
+                "value.without-effect",
+            ),
+            (
+                cools and self.enthalpy is None and not melts,
                 "supercooling belongs to a node that melts: latent_heat and melts_from, or an enthalpy and melts_to.",
-                where(""),
-                code="model.law-refused",
-            )
-        if self.starts not in (None, "solid", "liquid"):
-            raise DeckError(f"starts = '{self.starts}' is neither 'solid' nor 'liquid'.", where("starts"), code="value.wrong-kind")
-        degree = plain(self.supercooling, "supercooling", "K", where("supercooling"))
-        if not melts and self.melts_to is None:
-            raise DeckError(
+                "",
+                "model.law-refused",
+            ),
+            (
+                self.starts not in (None, "solid", "liquid"),
+                f"starts = '{self.starts}' is neither 'solid' nor 'liquid'.",
+                "starts",
+                "value.wrong-kind",
+            ),
+            (
+                cools and not melts and self.melts_to is None,
                 "supercooling beside an enthalpy counts from melts_to, where everything is liquid.",
-                where("melts_to"),
-                code="value.contradicts",
-            )
+                "melts_to",
+                "value.contradicts",
+            ),
+        )
+        if self.supercooling is None:
+            return None
+        degree = plain(self.supercooling, "supercooling", "K", where("supercooling"))
         liquidus = (
             melts.get("melts_to", melts.get("melts_from", 0.0))
             if melts
@@ -203,47 +216,58 @@ class SurfaceTable(ElementTable):
     def element(self, where: Where) -> Surface:
         """Return the surface of a deck; `where` gives the place of a field for messages. A DeckError names fields that do not fit."""
         fields = self.parameters(("area", "htc", "effective_htc", "emissivity", "absorptance"))
-        if self.effective_htc is not None and self.htc is not None:
-            raise DeckError(
-                "give a surface either htc (convection alone) or effective_htc (convection and radiation together, as fitted in "
-                "air), not both.",
-                where(""),
-                code="value.excludes-another",
-            )
         if self.finish:
             fields.setdefault("emissivity", finish_emissivity(self.finish, where("finish")))
-        if self.htc is None and not {"effective_htc", "emissivity"} & set(fields):
-            raise DeckError(
-                "the surface exchanges no heat. Give htc, effective_htc, emissivity or finish.", where(""), code="value.incomplete"
-            )
-        if self.sees and self.radiates_to:
-            raise DeckError("sees and radiates_to have the same meaning. Give sees only.", where(""), code="value.excludes-another")
         words = self.words(KINDS["convection"].words)
-        _check_carried_by(fields, words, where(""))
         controls = {what: control_names(names) for what in ("htc", "emissivity") if (names := getattr(self, f"{what}_control"))}
-        if "emissivity" in controls and ("emissivity" not in fields or self.effective_htc is not None):
-            raise DeckError(
+        refuse_first(
+            where,
+            (
+                self.effective_htc is not None and self.htc is not None,
+                "give a surface either htc (convection alone) or effective_htc (convection and radiation together, as fitted in "
+                "air), not both.",
+                "",
+                "value.excludes-another",
+            ),
+            (
+                self.htc is None and not {"effective_htc", "emissivity"} & set(fields),
+                "the surface exchanges no heat. Give htc, effective_htc, emissivity or finish.",
+                "",
+                "value.incomplete",
+            ),
+            (
+                self.sees and self.radiates_to,
+                "sees and radiates_to have the same meaning. Give sees only.",
+                "",
+                "value.excludes-another",
+            ),
+            _carrier_of_law(fields, words),
+            (
+                "emissivity" in controls and ("emissivity" not in fields or self.effective_htc is not None),
                 "emissivity_control has nothing to control. Give an emissivity or a finish, and htc for the convection.",
-                where("emissivity_control"),
-                code="value.without-effect",
-            )
-        if "htc" in controls and self.htc is None and self.effective_htc is None:
-            raise DeckError(
-                "htc_control has nothing to control. Give htc or effective_htc.", where("htc_control"), code="value.without-effect"
-            )
+                "emissivity_control",
+                "value.without-effect",
+            ),
+            (
+                "htc" in controls and self.htc is None and self.effective_htc is None,
+                "htc_control has nothing to control. Give htc or effective_htc.",
+                "htc_control",
+                "value.without-effect",
+            ),
+        )
         sees = self.sees or self.radiates_to
         return Surface(self.of, self.to, fields, sees, self.test_only, self.finish, words, self.facing, controls)
 
 
-def _check_carried_by(fields: Mapping[str, Parameter], words: Mapping[str, str], where: str) -> None:
-    """Refuse a word on what carries the heat beside a coefficient that has a law of its own, or none."""
-    if CARRIED_BY in words and not {"htc", "effective_htc"} & set(fields):
-        raise DeckError(
-            f"{CARRIED_BY} states what carries the heat behind a constant coefficient: effective_htc, or htc as a number. Here the law "
-            "is given, or nothing convects; leave it out.",
-            where,
-            code="value.excludes-another",
-        )
+def _carrier_of_law(fields: Mapping[str, Parameter], words: Mapping[str, str]) -> Rule:
+    """Return the rule that nobody names what carries the heat beside a coefficient that has a law of its own, or without one."""
+    return (
+        CARRIED_BY in words and not {"htc", "effective_htc"} & set(fields),
+        f"{CARRIED_BY} states what carries the heat behind a constant coefficient: effective_htc, or htc as a number. Here the law "
+        "is given, or nothing convects; leave it out.",
+        "",
+        "value.excludes-another",
+    )
 
 
 class Gap(StrictTable):
@@ -268,16 +292,22 @@ class JointTable(ElementTable):
     def element(self, where: Where) -> Joint:
         """Return the joint of a deck; `where` gives the place of a field for messages. A DeckError names fields that do not fit."""
         fields = self.parameters(("area", "contact_conductance", "conductivity", "thickness", "gap"))
-        if {f for f in fields if not f.startswith("gap.")} not in ({"area", "contact_conductance"}, {"area", "conductivity", "thickness"}):
-            raise DeckError(
+        plain_fields = {f for f in fields if not f.startswith("gap.")}
+        refuse_first(
+            where,
+            (
+                plain_fields not in ({"area", "contact_conductance"}, {"area", "conductivity", "thickness"}),
                 "give a joint area and contact_conductance; or area, conductivity and thickness of each half.",
-                where(""),
-                code="value.incomplete",
-            )
-        if self.between[0] == self.between[1]:
-            raise DeckError(
-                "both ends of the joint are the same surface. Name two different surfaces.", where(""), code="model.self-reference"
-            )
+                "",
+                "value.incomplete",
+            ),
+            (
+                self.between[0] == self.between[1],
+                "both ends of the joint are the same surface. Name two different surfaces.",
+                "",
+                "model.self-reference",
+            ),
+        )
         return Joint(self.between, fields, self.mid, self.gap.to if self.gap is not None else "", self.test_only)
 
 
@@ -341,32 +371,37 @@ class EnclosureTable(ElementTable):
     def element(self, where: Where) -> Enclosure:
         """Return the enclosure of a deck; `where` gives the place of a field for messages. A DeckError names fields that do not fit."""
         ways = [w for w in ("shape", "view_factors", "exchange_factors", "places") if getattr(self, w)]
-        if len(ways) != 1:
-            raise DeckError(
+        refuse_first(
+            where,
+            (
+                len(ways) != 1,
                 "give an enclosure exactly one of places, shape, view_factors and exchange_factors; given: "
                 f"{' and '.join(ways) or 'none of them'}.",
-                where(""),
-                code="value.incomplete",
-            )
+                "",
+                "value.incomplete",
+            ),
+            (
+                self.rest and self.exchange_factors,
+                "exchange factors include everything that a face sees, so rest does not apply. Add the rest as a face, or leave it out.",
+                "",
+                "value.excludes-another",
+            ),
+            (
+                self.dimensions and not self.shape,
+                "dimensions are given, but no shape. Give shape, or leave dimensions out.",
+                "",
+                "value.excludes-another",
+            ),
+        )
         size = len(self.faces)
         views, exchanges = (tuple(tuple(row) for row in matrix or ()) for matrix in (self.view_factors, self.exchange_factors))
         views = self._placed_view_factors(where) if self.places else views
         for name, matrix in (("view factors", views), ("exchange factors", exchanges)):
             if matrix and {len(matrix), *map(len, matrix)} != {size}:
                 raise DeckError(f"{size} faces need {size} rows of {size} {name}.", where(""), code="value.shape")
-        if self.rest and self.exchange_factors:
-            raise DeckError(
-                "exchange factors include everything that a face sees, so rest does not apply. Add the rest as a face, or leave it out.",
-                where(""),
-                code="value.excludes-another",
-            )
         dimensions = {n: plain(v, "dimensions", "m", where(f"dimensions.{n}")) for n, v in self.dimensions.items()}
         if self.shape:
-            _check_shape(self.shape, self.faces, dimensions, bool(self.rest), where(""))
-        elif dimensions:
-            raise DeckError(
-                "dimensions are given, but no shape. Give shape, or leave dimensions out.", where(""), code="value.excludes-another"
-            )
+            _check_shape(self.shape, self.faces, dimensions, bool(self.rest), where)
         return Enclosure(self.faces, self.shape or "", dimensions, views, exchanges, self.rest, self.test_only)
 
     def _placed_view_factors(self, where: Where) -> tuple[tuple[float, ...], ...]:
@@ -381,31 +416,30 @@ class EnclosureTable(ElementTable):
         return tuple(map(tuple, factors.tolist()))
 
 
-def _check_shape(name: str, faces: Mapping[str, str], dimensions: Mapping[str, float], rest: bool, where: str) -> None:
+def _check_shape(name: str, faces: Mapping[str, str], dimensions: Mapping[str, float], rest: bool, where: Where) -> None:
     """Refuse faces and dimensions that are not those of a shape, and a shape without all faces where nothing takes the rest."""
     shape = SHAPES[name]
     for what, named, allowed in (("faces", faces, shape.faces), ("dimensions", dimensions, shape.dimensions)):
-        strange = [g for g in named if g not in allowed]
-        if strange:
-            raise DeckError(
-                f"'{name}' has no '{strange[0]}' among its {what}: {', '.join(allowed)}.{nearest(strange[0], allowed)}",
-                where,
-                code="name.unknown",
-            )
-    missing = [d for d in shape.dimensions if d not in dimensions]
-    if missing:
-        raise DeckError(f"'{name}' needs {', '.join(missing)}.", where, code="value.incomplete")
-    if name == "cylinder in cylinder" and dimensions["inner_radius"] >= dimensions["outer_radius"]:
-        raise DeckError("the inner radius must be smaller than the outer one.", where, code="value.outside-range")
-    missing = [f for f in shape.faces if f not in faces]
-    if (missing or len(shape.faces) == 2) and not rest:
-        also = f" ({', '.join(missing)} left out)" if missing else ""
-        raise DeckError(
+        refuse_unknown(named, allowed, where(""), f"'{name}' has no '{{}}' among its {what}: {{known}}.", DeckError)
+    lacking, left_out = [d for d in shape.dimensions if d not in dimensions], [f for f in shape.faces if f not in faces]
+    also = f" ({', '.join(left_out)} left out)" if left_out else ""
+    refuse_first(
+        where,
+        (lacking, f"'{name}' needs {', '.join(lacking)}.", "", "value.incomplete"),
+        (
+            name == "cylinder in cylinder" and dimensions.get("inner_radius", 0.0) >= dimensions.get("outer_radius", 0.0),
+            "the inner radius must be smaller than the outer one.",
+            "",
+            "value.outside-range",
+        ),
+        (
+            (left_out or len(shape.faces) == 2) and not rest,
             f"the faces of '{name}'{also} do not close it: their view factors sum to less than 1. Name the node that "
             "fills the rest of the view: rest = a node.",
-            where,
-            code="value.contradicts",
-        )
+            "",
+            "value.contradicts",
+        ),
+    )
 
 
 class Periodic(StrictTable):
@@ -439,10 +473,8 @@ class CycleTable(StrictTable):
         if times[0] != 0.0:
             raise DeckError("the first row of a cycle must be at 0 s.", where, code="value.outside-range")
         cycle = Cycle(tuple(times), tuple(values), self.hold)
-        try:
+        with errors_at(where):
             cycle.signal()
-        except ThermidError as error:
-            raise error.located(where) from None
         return cycle
 
 
@@ -498,42 +530,54 @@ class LoadTable(ElementTable):
         shape = curve_of(self.table, "W", where(""))
         controls = [c for c in CONTROLS if getattr(self, c) is not None]
         curved = [f for f in fields if f.endswith("_coefficient")]
-        if (self.power is None) == (shape is None):
-            raise DeckError("give a load either power, or a table of power over temperature.", where(""), code="value.incomplete")
-        if len(controls) > 1:
-            raise DeckError(
-                f"{' and '.join(controls)} cannot both control one load. Define two loads.", where(""), code="value.excludes-another"
-            )
-        if curved and shape is not None:
-            raise DeckError(
-                f"{curved[0]} and a table are both laws of the same temperature. Put both into the table.",
-                where(""),
-                code="value.excludes-another",
-            )
-        if self.proportional is not None and (self.proportional.gain is None) == (self.proportional.band is None):
-            raise DeckError("give proportional either gain [W/K] or band [K].", where("proportional"), code="value.incomplete")
-        if "proportional.gain" in fields and self.control is not None:
-            raise DeckError(
-                "a gain in W/K needs a fixed power, but the control changes it. Give band in K.",
-                where("proportional"),
-                code="value.incomplete",
-            )
-        if "proportional.gain" in fields and shape is not None:
-            raise DeckError(
-                "a gain in W/K needs a fixed power, but this power is a table. Give band in K.",
-                where("proportional"),
-                code="value.incomplete",
-            )
-        if curved and self.reference_temperature is None:
-            raise DeckError(
-                f"{curved[0]} needs reference_temperature: the temperature at which `power` holds.", where(""), code="value.incomplete"
-            )
-        if self.exponential_coefficient is not None and len(curved) > 1:
-            raise DeckError("give either exponential_coefficient or the polynomial coefficients.", where(""), code="value.incomplete")
-        if self.scale is not None and shape is None:
-            raise DeckError(
-                "scale applies to a table of power only. For a constant power change power itself.", where(""), code="value.without-effect"
-            )
+        first = next(iter(curved), "")
+        refuse_first(
+            where,
+            (
+                (self.power is None) == (shape is None),
+                "give a load either power, or a table of power over temperature.",
+                "",
+                "value.incomplete",
+            ),
+            (len(controls) > 1, f"{' and '.join(controls)} cannot both control one load. Define two loads.", "", "value.excludes-another"),
+            (
+                curved and shape is not None,
+                f"{first} and a table are both laws of the same temperature. Put both into the table.",
+                "",
+                "value.excludes-another",
+            ),
+            (
+                self.proportional is not None and (self.proportional.gain is None) == (self.proportional.band is None),
+                "give proportional either gain [W/K] or band [K].",
+                "proportional",
+                "value.incomplete",
+            ),
+            (
+                "proportional.gain" in fields and (self.control is not None or shape is not None),
+                f"a gain in W/K needs a fixed power, but {'this power is a table' if shape is not None else 'the control changes it'}. "
+                "Give band in K.",
+                "proportional",
+                "value.incomplete",
+            ),
+            (
+                curved and self.reference_temperature is None,
+                f"{first} needs reference_temperature: the temperature at which `power` holds.",
+                "",
+                "value.incomplete",
+            ),
+            (
+                self.exponential_coefficient is not None and len(curved) > 1,
+                "give either exponential_coefficient or the polynomial coefficients.",
+                "",
+                "value.incomplete",
+            ),
+            (
+                self.scale is not None and shape is None,
+                "scale applies to a table of power only. For a constant power change power itself.",
+                "",
+                "value.without-effect",
+            ),
+        )
         sensor = getattr(self, controls[0]).sensor if controls else ""
         cycle = self.cycle.cycle(where("cycle")) if self.cycle is not None else None
         by = control_names(self.control)
@@ -600,26 +644,25 @@ class ControlTable(ElementTable):
     def element(self, where: Where) -> Control:
         """Return the control of a deck; `where` gives the place of a field for messages. A DeckError names fields that do not fit."""
         kinds = [k for k in KINDS_OF_CONTROL if getattr(self, k) is not None]
-        if len(kinds) != 1:
-            kinds_given = f"; given: {' and '.join(kinds)}" if kinds else ""
-            raise DeckError(
-                f"give a control exactly one of {', '.join(KINDS_OF_CONTROL)}{kinds_given}.", where(""), code="value.incomplete"
-            )
-        kind = kinds[0]
-        if self.follows is None and (kind != "modes" or any(t.follows is None and t.after is None for t in self.transitions.values())):
-            raise DeckError(
-                'a control follows a node: follows = "plate", a list of nodes (their mean) or nodes with weights.',
-                where(""),
-                code="value.incomplete",
-            )
-        follows = followed(self.follows, where("follows")) if self.follows is not None else {}
+        kinds_given, kind = f"; given: {' and '.join(kinds)}" if kinds else "", "".join(kinds[:1])
         sample = plain(self.sample, "sample", "s", where("sample")) if self.sample is not None else 0.0
-        if sample and kind not in ("proportional", "pid", "table"):
-            raise DeckError(
+        refuse_first(
+            where,
+            (len(kinds) != 1, f"give a control exactly one of {', '.join(KINDS_OF_CONTROL)}{kinds_given}.", "", "value.incomplete"),
+            (
+                self.follows is None and (kind != "modes" or any(t.follows is None and t.after is None for t in self.transitions.values())),
+                'a control follows a node: follows = "plate", a list of nodes (their mean) or nodes with weights.',
+                "",
+                "value.incomplete",
+            ),
+            (
+                sample and kind not in ("proportional", "pid", "table"),
                 f"a sample time applies to proportional, pid or table. {kind} switches at the exact instant; leave sample out.",
-                where("sample"),
-                code="value.without-effect",
-            )
+                "sample",
+                "value.without-effect",
+            ),
+        )
+        follows = followed(self.follows, where("follows")) if self.follows is not None else {}
         fields = self.parameters(dict.fromkeys(slot.partition(".")[0] for slot in CONTROL_SLOTS))
         fields |= {f"modes.{name}": value for name, value in (self.modes or {}).items()}
         self._check(kind, follows, fields, where)
@@ -633,45 +676,54 @@ class ControlTable(ElementTable):
 
     def _check(self, kind: str, follows: Mapping[str, float], fields: Mapping[str, Parameter], where: Where) -> None:
         """Refuse fields that do not go together in one control."""
-        if kind != "modes" and (self.transitions or self.starts):
-            raise DeckError("starts and transitions apply to modes only.", where(""), code="value.without-effect")
-        if kind == "modes" and not (self.starts and self.transitions):
-            raise DeckError("modes need starts (the mode at the start) and transitions.", where(""), code="value.incomplete")
-        if kind == "thermostat":
-            ends = {name.partition(".")[2] for name in fields}
-            if ends not in ({"on_below", "off_above"}, {"on_above", "off_below"}):
-                raise DeckError(
-                    "give a thermostat on_below and off_above (heating), or on_above and off_below (cooling).",
-                    where("thermostat"),
-                    code="value.incomplete",
-                )
-        if kind == "pid":
-            derived = {"pid.derivative_time", "pid.filter_time"} & set(fields)
-            if len(derived) == 1:
-                raise DeckError(
-                    "the derivative part of a PID control needs both derivative_time and filter_time.",
-                    where("pid"),
-                    code="value.incomplete",
-                )
-            if len(follows) > (1 if derived else 2):
-                raise DeckError(
-                    f"a PID control may follow one node with a derivative part, two without; {len(follows)} are given.",
-                    where("pid"),
-                    code="model.law-refused",
-                )
-        if kind == "table" and isinstance(self.table, Points):
-            if self.table.over == "difference" and not of_difference(follows):
-                raise DeckError(
-                    "a table over a difference needs a difference: follows = { hot = 1, cold = -1 }.",
-                    where("table"),
-                    code="model.law-refused",
-                )
-            if self.table.outside == "refuse":
-                raise DeckError(
-                    "outside = 'refuse' is not possible for a control's table. Leave it out, or use 'hold'.",
-                    where("table"),
-                    code="model.law-refused",
-                )
+        ends = {name.partition(".")[2] for name in fields}
+        derived = {"pid.derivative_time", "pid.filter_time"} & set(fields)
+        points = self.table if isinstance(self.table, Points) else None
+        refuse_first(
+            where,
+            (
+                kind != "modes" and (self.transitions or self.starts),
+                "starts and transitions apply to modes only.",
+                "",
+                "value.without-effect",
+            ),
+            (
+                kind == "modes" and not (self.starts and self.transitions),
+                "modes need starts (the mode at the start) and transitions.",
+                "",
+                "value.incomplete",
+            ),
+            (
+                kind == "thermostat" and ends not in ({"on_below", "off_above"}, {"on_above", "off_below"}),
+                "give a thermostat on_below and off_above (heating), or on_above and off_below (cooling).",
+                "thermostat",
+                "value.incomplete",
+            ),
+            (
+                len(derived) == 1,
+                "the derivative part of a PID control needs both derivative_time and filter_time.",
+                "pid",
+                "value.incomplete",
+            ),
+            (
+                kind == "pid" and len(follows) > (1 if derived else 2),
+                f"a PID control may follow one node with a derivative part, two without; {len(follows)} are given.",
+                "pid",
+                "model.law-refused",
+            ),
+            (
+                points is not None and points.over == "difference" and not of_difference(follows),
+                "a table over a difference needs a difference: follows = { hot = 1, cold = -1 }.",
+                "table",
+                "model.law-refused",
+            ),
+            (
+                points is not None and points.outside == "refuse",
+                "outside = 'refuse' is not possible for a control's table. Leave it out, or use 'hold'.",
+                "table",
+                "model.law-refused",
+            ),
+        )
 
     def _transition(self, t: TransitionTable, where: str) -> ModeChange:
         """Return a change of mode, which gives exactly one of above, below and after."""
@@ -700,52 +752,57 @@ class MadeInTable(StrictTable):
         return MadeIn(gas=gas_named(self.gas, where("")).name, **numbers)
 
 
-def _check_stream(fields: set[str], fluid: str, where: str) -> None:
+def _check_stream(fields: set[str], fluid: str, where: Where) -> None:
     """Refuse a stream whose fluid is unknown, a gas with a density of its own, and another fluid without its properties."""
-    if fluid in GASES:
-        if "density" in fields:
-            raise DeckError(
-                f"the density of {fluid} follows from its pressure and temperature: leave density out.",
-                where,
-                code="value.excludes-another",
-            )
-        return
-    if fluid not in ("", LIQUID):
-        raise DeckError(
+    what = f"of {fluid}" if fluid else "without a fluid"
+    cure = "" if fluid else '. For a gas give fluid = "air"; density and specific heat then follow'
+    refuse_first(
+        where,
+        (
+            fluid in GASES and "density" in fields,
+            f"the density of {fluid} follows from its pressure and temperature: leave density out.",
+            "",
+            "value.excludes-another",
+        ),
+        (
+            fluid not in ("", LIQUID, *GASES),
             f"'{fluid}' is not a known fluid.{nearest(fluid, (*GASES, LIQUID))} There are {', '.join(GASES)} and {LIQUID}.",
-            where,
-            code="name.unknown",
-        )
-    whole = fields in ({"mass_flow", "specific_heat"}, {"volume_flow", "density", "specific_heat"})
-    if not whole:
-        what = f"of {fluid}" if fluid else "without a fluid"
-        cure = "" if fluid else '. For a gas give fluid = "air"; density and specific heat then follow'
-        raise DeckError(
+            "",
+            "name.unknown",
+        ),
+        (
+            fluid not in GASES and fields not in ({"mass_flow", "specific_heat"}, {"volume_flow", "density", "specific_heat"}),
             f"a stream {what} needs volume_flow and density and specific_heat, or mass_flow and specific_heat{cure}. "
             f"Given: {', '.join(sorted(fields))}.",
-            where,
-            code="value.incomplete",
-        )
+            "",
+            "value.incomplete",
+        ),
+    )
 
 
-def _check_gap(fields: dict[str, Parameter], words: Mapping[str, str], where: str) -> None:
+def _check_gap(fields: dict[str, Parameter], words: Mapping[str, str], where: Where) -> None:
     """Refuse a gap that says half of how it lies; give one that convects the scatter of its correlation."""
-    if not {"tilt", "aspect"} & set(words):
-        if "convection_factor" in fields:
-            raise DeckError(
-                "convection_factor applies to a gap that convects only. Give tilt and aspect too.", where, code="value.without-effect"
-            )
-        return
-    if not {"tilt", "aspect"} <= set(words):
-        raise DeckError(
+    lies, place = {"tilt", "aspect"} & set(words), where("")
+    refuse_first(
+        where,
+        (
+            not lies and "convection_factor" in fields,
+            "convection_factor applies to a gap that convects only. Give tilt and aspect too.",
+            "",
+            "value.without-effect",
+        ),
+        (
+            len(lies) == 1,
             'a gap that convects needs both tilt ("0 [deg]": first end below) and aspect (height over thickness).',
-            where,
-            code="value.incomplete",
-        )
-    plain(words["aspect"], "aspect", "1", where)
-    if not 0.0 <= (tilt := degrees(words["tilt"], where)) <= 180.0:
-        raise DeckError(f"the tilt of a gap is {tilt:g} degrees. Give 0 (first end below) to 180.", where, code="value.outside-range")
-    fields.setdefault("convection_factor", gap_scatter(words, where))
+            "",
+            "value.incomplete",
+        ),
+    )
+    if lies:
+        plain(words["aspect"], "aspect", "1", place)
+        if not 0.0 <= (tilt := degrees(words["tilt"], place)) <= 180.0:
+            raise DeckError(f"the tilt of a gap is {tilt:g} degrees. Give 0 (first end below) to 180.", place, code="value.outside-range")
+        fields.setdefault("convection_factor", gap_scatter(words, place))
 
 
 class _ConductorTable(ElementTable):
@@ -768,77 +825,92 @@ class _ConductorTable(ElementTable):
     def element(self, where: Where) -> Conductor:
         """Return the conductor of a deck; `where` gives the place of a field for messages. A DeckError names fields that do not fit."""
         kind = KINDS[self.kind]
+        refuse_first(
+            where,
+            (
+                self.material and "conductivity" not in kind.slots,
+                f"a conductor of kind '{self.kind}' has no conductivity. Leave material out.",
+                "material",
+                "value.without-effect",
+            ),
+        )
         if self.material:
-            if "conductivity" not in kind.slots:
-                raise DeckError(
-                    f"a conductor of kind '{self.kind}' has no conductivity. Leave material out.",
-                    where("material"),
-                    code="value.without-effect",
-                )
             return self.made_of(self.material, "conductivity", where("material")).element(where)
         name = kind.tabulated or "conductivity"
         written = getattr(self, name, None)
         shape = written.curve_of(name, where(name)) if isinstance(written, Property) else None
-        if shape is not None and not kind.tabulated:
-            raise DeckError(f"a conductor of kind '{self.kind}' takes no table of conductivity.", where(""), code="value.without-effect")
-        fields, words = self._of_kind({name} if shape is not None else set(), where(""))
-        _check_carried_by(fields, words, where(""))
+        fields, words = self._of_kind({name} if shape is not None else set(), where)
         if self.kind == "gas":
-            _check_gap(fields, words, where(""))
-        if self.kind == "contact" and self.gas and ("gap" in fields) == (self.gas == "none"):
-            raise DeckError(
-                'the gas of a contact is that in its gap: give both. Where a pad or grease fills the contact, gas = "none" stands alone.',
-                where("gas"),
-                code="value.contradicts",
-            )
+            _check_gap(fields, words, where)
         if self.kind == "flow":
-            _check_stream(set(fields), words.get("fluid", ""), where(""))
-        if self.reversible and (self.kind != "flow" or (words.get("fluid") in GASES and "volume_flow" in fields)):
-            raise DeckError(
-                "reversible applies to a flow only; for a gas the flow must be a mass_flow.",
-                where("reversible"),
-                code="value.without-effect",
-            )
+            _check_stream(set(fields), words.get("fluid", ""), where)
         points = curve_of(self.table, "W/K", where(""))
-        if (points is not None) != kind.needs_curve:
-            raise DeckError(
+        least = int(np.argmax(points.y < 0)) if points is not None else 0
+        refuse_first(
+            where,
+            _carrier_of_law(fields, words),
+            (
+                self.kind == "contact" and self.gas and ("gap" in fields) == (self.gas == "none"),
+                'the gas of a contact is that in its gap: give both. Where a pad or grease fills the contact, gas = "none" stands alone.',
+                "gas",
+                "value.contradicts",
+            ),
+            (
+                self.reversible and (self.kind != "flow" or (words.get("fluid") in GASES and "volume_flow" in fields)),
+                "reversible applies to a flow only; for a gas the flow must be a mass_flow.",
+                "reversible",
+                "value.without-effect",
+            ),
+            (
+                (points is not None) != kind.needs_curve,
                 f"a conductor of kind '{self.kind}' {'needs' if kind.needs_curve else 'has no'} table of points.",
-                where(""),
-                code="value.without-effect",
-            )
-        if points is not None and (points.y < 0).any():
-            k = int(np.argmax(points.y < 0))
-            raise DeckError(
-                f"the table gives {points.y[k]:g} W/K at {points.x[k]:.9g} K. A conductance must not be negative: heat would flow "
-                "from cold to hot.",
-                where(""),
-                code="model.negative-conductance",
-            )
-        if self.between[0] == self.between[1]:
-            raise DeckError("both ends are the same node.", where(""), code="model.self-reference")
-        if self.takes and "area" not in fields:
-            raise DeckError("it takes area from a surface but gives no area. Give area.", where("takes"), code="value.incomplete")
+                "",
+                "value.without-effect",
+            ),
+            (
+                points is not None and points.y[least] < 0,
+                f"the table gives {points.y[least]:g} W/K at {points.x[least]:.9g} K. A conductance must not be negative: heat would flow "
+                "from cold to hot."
+                if points is not None
+                else "",
+                "",
+                "model.negative-conductance",
+            ),
+            (self.between[0] == self.between[1], "both ends are the same node.", "", "model.self-reference"),
+            (
+                self.takes and "area" not in fields,
+                "it takes area from a surface but gives no area. Give area.",
+                "takes",
+                "value.incomplete",
+            ),
+        )
         law = shape if points is None else limited(points)
         by = control_names(self.control)
         return Conductor(self.kind, self.between, fields, law, tuple(self.takes), self.test_only, words, by, self.reversible)
 
-    def _of_kind(self, tables: set[str], where: str) -> tuple[dict[str, Parameter], dict[str, str]]:
+    def _of_kind(self, tables: set[str], where: Where) -> tuple[dict[str, Parameter], dict[str, str]]:
         """Return the parameters and words of a conductor, which must be those of its kind; `tables` are fields over temperature."""
         kind = KINDS[self.kind]
         fields = self.parameters(name for name in _SLOTS if name in self.model_fields_set)
         words = self.words(_WORDS)
-        odd = sorted(set(words) - kind.words)
-        if odd:
-            raise DeckError(f"a conductor of kind '{self.kind}' has no {odd[0]}.", where, code="value.without-effect")
-        if {*fields, *tables} - kind.optional not in [set(a) for a in kind.alternatives]:
-            wanted = ", or ".join(" and ".join(s for s in kind.slots if s in a) for a in kind.alternatives if a)
-            strange = sorted(set(fields) - set(kind.slots))
-            also = (
-                f" It has no {', '.join(strange)}.{nearest(strange[0], kind.slots)}"
-                if strange
-                else f" Given: {', '.join(fields) or 'nothing'}."
-            )
-            raise DeckError(f"a conductor of kind '{self.kind}' needs {wanted}.{also}", where, code="value.incomplete")
+        whose, odd, strange = f"a conductor of kind '{self.kind}'", sorted(set(words) - kind.words), sorted(set(fields) - set(kind.slots))
+        wanted = ", or ".join(" and ".join(s for s in kind.slots if s in a) for a in kind.alternatives if a)
+        also = (
+            f" It has no {', '.join(strange)}.{nearest(strange[0], kind.slots)}"
+            if strange
+            else f" Given: {', '.join(fields) or 'nothing'}."
+        )
+        refuse_first(
+            where,
+            (tables and not kind.tabulated, f"{whose} takes no table of conductivity.", "", "value.without-effect"),
+            (odd, f"{whose} has no {''.join(odd[:1])}.", "", "value.without-effect"),
+            (
+                {*fields, *tables} - kind.optional not in [set(a) for a in kind.alternatives],
+                f"{whose} needs {wanted}.{also}",
+                "",
+                "value.incomplete",
+            ),
+        )
         return fields, words
 
 

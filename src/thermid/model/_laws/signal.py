@@ -14,7 +14,7 @@ from typing import Any, Self
 
 import numpy as np
 
-from thermid.base.errors import ScenarioError, ThermidError, cap, errors_at, raising
+from thermid.base.errors import ScenarioError, cap, errors_at, raising
 from thermid.base.expression import (
     THREE_WAYS,
     Quantity,
@@ -181,12 +181,13 @@ class TableSignal:
             raise ScenarioError(
                 f"times of a table must increase; {self.times[k + 1]:g} s follows {self.times[k]:g} s.", code="value.outside-range"
             )
-        if self.after not in ("", *AFTER):
-            raise ScenarioError(f"after is 'hold' or 'repeat', not '{self.after}'.", code="value.wrong-kind")
-        if self.before not in ("", "hold"):
-            raise ScenarioError(f"before is 'hold' (the first value), not '{self.before}'.", code="value.wrong-kind")
-        if self.samples not in ("", *SAMPLES):
-            raise ScenarioError(f"samples are 'instant' or 'average', not '{self.samples}'.", code="value.wrong-kind")
+        for written, words, rule in (
+            (self.after, AFTER, "after is 'hold' or 'repeat'"),
+            (self.before, AFTER[:1], "before is 'hold' (the first value)"),
+            (self.samples, SAMPLES, "samples are 'instant' or 'average'"),
+        ):
+            if written not in ("", *words):
+                raise ScenarioError(f"{rule}, not '{written}'.", code="value.wrong-kind")
         if self.after == "repeat":
             # refuse a table whose end does not meet its beginning
             if self.times.size < 2:
@@ -253,8 +254,7 @@ class TableSignal:
         if self.after == "repeat":
             times = self.times[0] + np.mod(times - self.times[0], self.times[-1] - self.times[0])
         if self.hold:
-            index = np.clip(np.searchsorted(self.times, times, side="right") - 1, 0, None)
-            return self.values[index]
+            return self.values[np.clip(np.searchsorted(self.times, times, side="right") - 1, 0, None)]
         return np.interp(times, self.times, self.values)
 
     def shifted(self, seconds: float) -> TableSignal:
@@ -814,7 +814,7 @@ def literal(text: Any, slot: str, where: str = "") -> float:
     ------
     ThermidError   When it is not a number, or of another dimension.
     """
-    try:
+    with errors_at(where):
         if isinstance(text, str):
             return text_value(text, slot)
         value = si_value(text, slot)
@@ -823,8 +823,6 @@ def literal(text: Any, slot: str, where: str = "") -> float:
         if isinstance(text, bool) or not isinstance(text, Real):
             raise ScenarioError(f"a number with a unit is needed, such as '5 [{slot or 'K'}]', not {text!r}.", code="value.incomplete")
         return text_value(repr(text if isinstance(text, int) else float(text)), slot)
-    except ThermidError as error:
-        raise error.located(where) from None
 
 
 def signal(value: Any, slot: str, where: str = "", held: bool = False) -> Signal:
@@ -849,15 +847,13 @@ def signal(value: Any, slot: str, where: str = "", held: bool = False) -> Signal
     """
     if isinstance(value, TableSignal | Sine) and value.unit:
         of = read_unit(value.unit)
-        try:
+        with errors_at(where):
             require(of.dimension, slot, value.unit, of.absolute)
-        except ThermidError as error:
-            raise error.located(where) from None
     if isinstance(value, Signal):
         return value
     if isinstance(value, Mapping):
         return _from_table(value, slot, where, held)
-    try:
+    with errors_at(where):
         if isinstance(value, tuple) and len(value) == 2 and not isinstance(value[0], str):
             values, (times, stamp) = si_values(value[1], slot), clocked(value[0])
             return TableSignal(times, np.atleast_1d(plain_numbers(value[1] if values is None else values)), stamp=stamp)
@@ -866,8 +862,6 @@ def signal(value: Any, slot: str, where: str = "", held: bool = False) -> Signal
             return _sampled(with_unit, slot, held)
         if with_unit is not None or isinstance(value, str | Real):
             return Constant(literal(value, slot))
-    except ThermidError as error:
-        raise error.located(where) from None
     hint = f" {THREE_WAYS}; with times in seconds ([0, 18000], td.celsius([24, 25]))." if slot == TEMPERATURE else ""
     raise ScenarioError(
         f"give a signal as a value with a unit, a table of times and values, or a sine.{hint}", where, code="value.incomplete"
@@ -912,19 +906,12 @@ def own_signal(value: Any, where: str = "") -> Any:
     first = next(iter(rows if isinstance(rows, Sequence | np.ndarray | Quantity) else ()), None) if "values" in value else value.get("mean")
     if first is None:
         return signal(value, "1", where)
-    try:
+    with errors_at(where):
         of = parse(first).literal if isinstance(first, str) else stated(first)
-    except ThermidError as error:
-        raise error.located(where) from None
     if of is None:
         return signal(value, "1", where)
     parsed = signal(value, TEMPERATURE if of.unit.absolute else of.unit.text, where)
     return replace(parsed, unit=of.unit.text) if isinstance(parsed, TableSignal | Sine) else parsed
-
-
-def _column(values: Any, slot: str, where: str) -> Array:
-    """Return the SI values of a list of texts or numbers, each read by `literal`."""
-    return np.array([literal(v, slot, where) for v in values])
 
 
 def _from_table(value: Mapping[str, Any], slot: str, where: str, held: bool = False) -> Signal:
@@ -940,11 +927,9 @@ def _from_table(value: Mapping[str, Any], slot: str, where: str, held: bool = Fa
         if key in value and (isinstance(value[key], str) or not isinstance(value[key], Sequence | np.ndarray | Quantity)):
             raise ScenarioError(f"the {key} of a table are a list, not {value[key]!r}.", where, code="value.wrong-kind")
     if {"times", "values"} <= keys <= {"times", "values", "hold", *CONDUCT}:
-        try:
-            rows = TableSignal(_column(value["times"], "s", where), _column(value["values"], slot, where), bool(value.get("hold", False)))
-            return rows.with_details(value, where)
-        except ThermidError as error:
-            raise error.located(where) from None
+        times, values = (np.array([literal(v, of, where) for v in value[key]]) for key, of in (("times", "s"), ("values", slot)))
+        with errors_at(where):
+            return TableSignal(times, values, bool(value.get("hold", False))).with_details(value, where)
     if {"mean", "amplitude", "period"} <= keys <= {"mean", "amplitude", "period", "phase"}:
         difference = "K" if slot == TEMPERATURE else slot
         period = literal(value["period"], "s", where)

@@ -153,14 +153,16 @@ def _view(model: Tree, assigned: Mapping[str, float] | None = None) -> _View:
 def _laws(view: _View) -> Iterator[Finding]:
     """Yield an error for each conductor whose law refuses its values, joints that take too much area among them, or is negative."""
     yield from view.refused
-    for c in view.flat.conductors:
-        if view.conductances.get(c.path, 0.0) < 0.0:
-            yield Finding(
-                "error",
-                c.where,
-                f"'{c.path}' has a negative conductance; heat would flow from cold to hot. Check signs and areas.",
-                "model.negative-conductance",
-            )
+    yield from (
+        Finding(
+            "error",
+            c.where,
+            f"'{c.path}' has a negative conductance; heat would flow from cold to hot. Check signs and areas.",
+            "model.negative-conductance",
+        )
+        for c in view.flat.conductors
+        if view.conductances.get(c.path, 0.0) < 0.0
+    )
 
 
 def _impossible(view: _View) -> Iterator[Finding]:
@@ -173,57 +175,69 @@ def _impossible(view: _View) -> Iterator[Finding]:
 
 def _capacitances(view: _View) -> Iterator[Finding]:
     """Yield an error for each node whose mass or capacitance gives no capacitance above zero and finite."""
-    for node in view.flat.nodes:
-        possible = not set(view.impossible) & set(node.fields.values())
-        if node.fields and possible and not 0.0 < view.capacitance(node) < float("inf"):
-            message = f"the capacitance of '{node.path}' must be above zero and finite. For a massless node leave mass and capacitance out."
-            yield Finding("error", node.where, message, "model.capacitance-not-positive")
+    yield from (
+        Finding(
+            "error",
+            node.where,
+            f"the capacitance of '{node.path}' must be above zero and finite. For a massless node leave mass and capacitance out.",
+            "model.capacitance-not-positive",
+        )
+        for node in view.flat.nodes
+        if node.fields and not set(view.impossible) & set(node.fields.values()) and not 0.0 < view.capacitance(node) < float("inf")
+    )
 
 
 def _attached(view: _View) -> Iterator[Finding]:
     """Yield a warning for each node with a mass, and each need, that nothing is attached to."""
     used = {end for c in view.flat.conductors for end in c.ends} | {end for x in view.flat.loads for end in (x.node, x.sensor)}
-    for node in view.flat.nodes:
-        if node.path not in used and node.fields:
-            yield Finding(
-                "warning",
-                node.where,
-                f"node '{node.path}' has no connections, so its temperature never changes. Connect it or remove it.",
-                "model.unconnected",
-            )
-    for need in view.flat.names.boundaries:
-        if need not in used:
-            yield Finding(
-                "warning",
-                view.model.where("needs"),
-                f"the need '{need}' has no connections. Connect it or remove it.",
-                "model.unconnected",
-            )
+    yield from (
+        Finding(
+            "warning",
+            node.where,
+            f"node '{node.path}' has no connections, so its temperature never changes. Connect it or remove it.",
+            "model.unconnected",
+        )
+        for node in view.flat.nodes
+        if node.path not in used and node.fields
+    )
+    yield from (
+        Finding(
+            "warning",
+            view.model.where("needs"),
+            f"the need '{need}' has no connections. Connect it or remove it.",
+            "model.unconnected",
+        )
+        for need in view.flat.names.boundaries
+        if need not in used
+    )
 
 
 def _missing(view: _View) -> Iterator[Finding]:
     """Yield a warning for each thing of the hardware that the model or a part lacks."""
-    for what in view.model.missing_parts():
-        yield Finding(
+    yield from (
+        Finding(
             "warning",
             view.model.where("incomplete"),
             f"incomplete: {what}. Results state this, with exit code 5. Add what is missing and remove 'incomplete'.",
             "model.incomplete",
         )
+        for what in view.model.missing_parts()
+    )
 
 
 def _massless(view: _View) -> Iterator[Finding]:
     """Yield an error for each group of massless nodes that reaches no temperature."""
-    for group in view.islands():
-        if all(not node.fields for node in group):
-            names = quoted([n.path for n in group])
-            single = "the massless node" if len(group) == 1 else "the massless nodes"
-            yield Finding(
-                "error",
-                group[0].where,
-                f"{single} {names} {_has(group)} no conductance to a node with a temperature. Add a conductor, or a mass.",
-                "model.massless-undefined",
-            )
+    yield from (
+        Finding(
+            "error",
+            group[0].where,
+            f"the massless node{'' if len(group) == 1 else 's'} {quoted([n.path for n in group])} {_has(group)} no conductance to a node "
+            "with a temperature. Add a conductor, or a mass.",
+            "model.massless-undefined",
+        )
+        for group in view.islands()
+        if all(not node.fields for node in group)
+    )
 
 
 def _paths(view: _View) -> Iterator[Finding]:
@@ -236,44 +250,38 @@ def _paths(view: _View) -> Iterator[Finding]:
         paths = [n.path for n in group]
         loads = [x for x in view.flat.loads if x.node in paths]
         rate = 3600.0 * sum(view.power(x) for x in loads) / capacitance
-        head = f"{quoted(paths)} {_has(group)} no path to a boundary"
-        if rate == 0.0:
-            yield Finding(
-                "warning",
-                group[0].where,
-                f"{head}, so heat is never removed. Connect a boundary if that is not intended.",
-                "model.no-path-to-boundary",
-            )
-            continue
         constant = all(x.curve is None and x.cycle is None and set(x.fields) == {"power"} for x in loads)
         word, about = ("warms" if rate > 0 else "cools", "" if constant else "about ")
-        yield Finding(
-            "warning",
-            group[0].where,
-            f"{head}: {word} at {about}{abs(rate):.6g} K/h without limit. Connect it to a boundary.",
-            "model.no-path-to-boundary",
-        )
+        still = ", so heat is never removed. Connect a boundary if that is not intended."
+        course = f": {word} at {about}{abs(rate):.6g} K/h without limit. Connect it to a boundary." if rate else still
+        message = f"{quoted(paths)} {_has(group)} no path to a boundary{course}"
+        yield Finding("warning", group[0].where, message, "model.no-path-to-boundary")
 
 
 def _loads(view: _View) -> Iterator[Finding]:
     """Yield a warning for each load whose heat cannot leave, or that heats a boundary."""
     outside = {n.path for group in view.islands() for n in group}
-    for load in view.flat.loads:
-        if load.node in outside:
-            yield Finding(
-                "warning",
-                load.where,
-                f"'{load.path}' heats '{load.node}', from which no heat can leave. Add a conductor.",
-                "model.heat-cannot-leave",
-            )
-        if load.node in view.flat.names.boundaries:
-            yield Finding(
-                "warning",
-                load.where,
-                f"'{load.path}' heats '{load.node}', whose temperature is given, so the load has no "
-                "effect. Remove it, or give the node a mass.",
-                "model.load-without-effect",
-            )
+    yield from (
+        Finding(
+            "warning",
+            load.where,
+            f"'{load.path}' heats '{load.node}', from which no heat can leave. Add a conductor.",
+            "model.heat-cannot-leave",
+        )
+        for load in view.flat.loads
+        if load.node in outside
+    )
+    yield from (
+        Finding(
+            "warning",
+            load.where,
+            f"'{load.path}' heats '{load.node}', whose temperature is given, so the load has no "
+            "effect. Remove it, or give the node a mass.",
+            "model.load-without-effect",
+        )
+        for load in view.flat.loads
+        if load.node in view.flat.names.boundaries
+    )
 
 
 def _shadowed(view: _View) -> Iterator[Finding]:
@@ -286,19 +294,10 @@ def _shadowed(view: _View) -> Iterator[Finding]:
             hidden = ", ".join(f"{text} of {origin}" for origin, text in reversed(entry.shadowed))
             groups.setdefault((entry.origin, hidden, path.rpartition(".")[2]), []).append(path)
     for (origin, hidden, _), paths in groups.items():
-        first = table[paths[0]]
-        if len(paths) <= SINGLY:
-            yield from (
-                Finding(
-                    "note",
-                    table[p].where,
-                    f"'{p}' is {table[p].parameter.text}, set by {origin}; it overrides {hidden}.",
-                    "model.value-overridden",
-                )
-                for p in paths
-            )
-            continue
-        yield Finding("note", first.where, f"{quoted(paths)} are set by {origin}; they override {hidden}.", "model.value-overridden")
+        several = (f"{quoted(paths)} are set by {origin}; they override {hidden}.", paths[0])
+        singly = [(f"'{p}' is {table[p].parameter.text}, set by {origin}; it overrides {hidden}.", p) for p in paths]
+        messages = singly if len(paths) <= SINGLY else [several]
+        yield from (Finding("note", table[path].where, message, "model.value-overridden") for message, path in messages)
 
 
 def _ties(view: _View) -> Iterator[Finding]:
@@ -315,19 +314,14 @@ def _ties(view: _View) -> Iterator[Finding]:
             field = _ending(paths)
             places = tuple(p.removesuffix(field).rstrip(".") for p in paths)
             shared.setdefault((one.why, places), []).append(field.lstrip("."))
-    for paths_ in apart.values():
-        if len(paths_) <= SINGLY:
-            yield from (
-                Finding("note", where, f"'{p}' is set for this instance; the other instances have another value.", "model.instance-differs")
-                for p in paths_
-            )
-        else:
-            yield Finding(
-                "note",
-                where,
-                f"{quoted(paths_)} are set for each of these instances; the other instances have other values.",
-                "model.instance-differs",
-            )
+    several = [f"{quoted(p)} are set for each of these instances; the other instances have other values." for p in apart.values()]
+    singly = [[f"'{p}' is set for this instance; the other instances have another value." for p in paths] for paths in apart.values()]
+    differing = [
+        m
+        for one_by_one, all_in_one in zip(singly, several, strict=True)
+        for m in (one_by_one if len(one_by_one) <= SINGLY else [all_in_one])
+    ]
+    yield from (Finding("note", where, message, "model.instance-differs") for message in differing)
     for (why, places), fields in shared.items():
         values = "one value" if len(fields) == 1 else f"each of {len(fields)} values"
         yield Finding(
@@ -336,13 +330,15 @@ def _ties(view: _View) -> Iterator[Finding]:
             f"{quoted(list(places))} share {values}, {why}: {quoted(fields)}. A fit changes all instances together.",
             "model.values-shared",
         )
-    for place in cuts_of(view.model):
-        yield Finding(
+    yield from (
+        Finding(
             "note",
             where,
             f"'{place}' is cut from the other instances of its deck: a fit estimates its values separately.",
             "model.instance-differs",
         )
+        for place in cuts_of(view.model)
+    )
 
 
 def _ending(paths: tuple[str, ...]) -> str:
@@ -372,23 +368,33 @@ def _unused(view: _View) -> Iterator[Finding]:
         used |= new
         todo += new
     read = {f"{prefix}{name}.pressure" for owner, prefix in view.model.walk() for name, s in owner.submodels.items() if s.made == "fans"}
-    for path, where in declared.items():
-        if path not in used | view.named and path.rpartition(".")[2] not in READINGS and path not in read:
-            yield Finding("warning", where, f"the parameter '{path}' is declared but nothing uses it.", "model.unused")
+    used |= view.named | read
+    yield from (
+        Finding("warning", where, f"the parameter '{path}' is declared but nothing uses it.", "model.unused")
+        for path, where in declared.items()
+        if path not in used and path.rpartition(".")[2] not in READINGS
+    )
     elements = [*(c.controls for c in view.flat.conductors), *(load.controls for load in view.flat.loads)]
     named = {named_control(name)[0] for several in elements for name in several}
-    for path, control in view.flat.controls.items():
-        if path not in named:
-            yield Finding("warning", control.where, f"the control '{path}' is declared but nothing names it.", "model.unused")
+    yield from (
+        Finding("warning", control.where, f"the control '{path}' is declared but nothing names it.", "model.unused")
+        for path, control in view.flat.controls.items()
+        if path not in named
+    )
 
 
 def _exponents(view: _View) -> Iterator[Finding]:
     """Yield a warning for each exponent of natural convection above 1."""
-    for c in view.flat.conductors:
-        path = c.fields.get("htc.exponent", "")
-        if path and view.values[path] > 1.0:
-            message = f"an exponent of {view.values[path]:g} is unusual: natural convection has 1/4 or 1/3. Check it."
-            yield Finding("warning", view.flat.parameters.table[path].where, message, "model.value-unusual")
+    yield from (
+        Finding(
+            "warning",
+            view.flat.parameters.table[path].where,
+            f"an exponent of {view.values[path]:g} is unusual: natural convection has 1/4 or 1/3. Check it.",
+            "model.value-unusual",
+        )
+        for c in view.flat.conductors
+        if (path := c.fields.get("htc.exponent", "")) and view.values[path] > 1.0
+    )
 
 
 LUMPED: Final = 0.1
@@ -425,21 +431,24 @@ RISE: Final = 10.0
 def _lumped(view: _View) -> Iterator[Finding]:
     """Yield a note for each node whose inside is not at one temperature, by its Biot number."""
     where = {n.path: n.where for n in view.flat.nodes}
-    for node, message in _unlumped(view).items():
-        yield Finding("note", where[node], message, code_of(message) or "")
+    yield from (Finding("note", where[node], message, code_of(message) or "") for node, message in _unlumped(view).items())
 
 
 def _unlumped(view: _View) -> dict[str, CodedText]:
-    """Return node -> message, of each node with a Biot number above `LUMPED`, and into how many it should be split."""
-    texts = {}
-    for node, biot in _lumping(view).items():
-        if biot > LUMPED:
-            text = (
-                f"the Biot number of '{node}' is {biot:.2g}, above {LUMPED:g}: films carry {biot:.2g} times as much heat per kelvin as the "
-                f"conduction inside it, so it is not at one temperature. Split it along that conduction into {_pieces(biot)} nodes or more."
-            )
-            texts[node] = CodedText(text, "physics.not-one-temperature")
-    return texts
+    """Return node -> message, of each node with a Biot number above `LUMPED`, and into how many it should be split.
+
+    Of n pieces of a body each has 1/n^2 of its Biot number.
+    """
+    return {
+        node: CodedText(
+            f"the Biot number of '{node}' is {biot:.2g}, above {LUMPED:g}: films carry {biot:.2g} times as much heat per kelvin as the "
+            "conduction inside it, so it is not at one temperature. Split it along that conduction into "
+            f"{max(2, math.ceil(math.sqrt(biot / LUMPED)))} nodes or more.",
+            "physics.not-one-temperature",
+        )
+        for node, biot in _lumping(view).items()
+        if biot > LUMPED
+    }
 
 
 def unlumped(model: Tree, values: Mapping[str, float]) -> tuple[CodedText, ...]:
@@ -451,11 +460,6 @@ def unlumped(model: Tree, values: Mapping[str, float]) -> tuple[CodedText, ...]:
     values : dict   Path -> value, of a fit for instance. [SI]
     """
     return tuple(_unlumped(_view(model, values)).values())
-
-
-def _pieces(biot: float) -> int:
-    """Return ceil(sqrt(biot / LUMPED)), at least 2: n pieces of a body have 1/n^2 of its Biot number."""
-    return max(2, math.ceil(math.sqrt(biot / LUMPED)))
 
 
 def _outliers(view: _View) -> Iterator[Finding]:
@@ -519,16 +523,14 @@ def _test_only(view: _View) -> Iterator[Finding]:
 
 def _radiating(view: _View) -> Iterator[Finding]:
     """Yield an error for each gas node that something radiates into."""
-    for where, message in view.flat.radiation_into_gas(view.values):
-        yield Finding("error", where, message, code_of(message))
+    yield from (Finding("error", where, message, code_of(message)) for where, message in view.flat.radiation_into_gas(view.values))
 
 
 def _streams(view: _View) -> Iterator[Finding]:
     """Yield an error for each node whose streams do not balance, a warning for each stream that leaves a node nothing enters."""
-    for where, message in view.flat.unbalanced_streams(view.values):
-        yield Finding("error", where, message, code_of(message))
-    for path, message in view.flat.unfed_streams.items():
-        yield Finding("warning", next(c.where for c in view.flat.conductors if c.path == path), message, code_of(message))
+    yield from (Finding("error", where, message, code_of(message)) for where, message in view.flat.unbalanced_streams(view.values))
+    places = {c.path: c.where for c in view.flat.conductors}
+    yield from (Finding("warning", places[path], message, code_of(message)) for path, message in view.flat.unfed_streams.items())
 
 
 def _unsaid(view: _View) -> Iterator[Finding]:
@@ -543,15 +545,17 @@ def _unsaid(view: _View) -> Iterator[Finding]:
             "Give htc, or htc = 0 if no convection is intended.",
             "model.no-convection",
         )
-    for c in view.flat.conductors:
-        if c.kind == "effective" and not c.emissivity:
-            yield Finding(
-                "note",
-                c.where,
-                f"the coefficient of '{c.path}' includes radiation, but no emissivity is given, so a vacuum run will be refused. Give "
-                "htc and emissivity instead; `td.inference.split` estimates them.",
-                "model.radiation-not-split",
-            )
+    yield from (
+        Finding(
+            "note",
+            c.where,
+            f"the coefficient of '{c.path}' includes radiation, but no emissivity is given, so a vacuum run will be refused. Give "
+            "htc and emissivity instead; `td.inference.split` estimates them.",
+            "model.radiation-not-split",
+        )
+        for c in view.flat.conductors
+        if c.kind == "effective" and not c.emissivity
+    )
     alone = list(view.flat.without_emissivity)
     if alone:
         yield Finding(

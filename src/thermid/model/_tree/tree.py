@@ -304,35 +304,36 @@ class Tree:
 
 def used_offers(model: Tree, part: str) -> set[str]:
     """Return the nodes and surfaces of a submodel that its user attaches to, names as the part offers them."""
-    ends = [end for conductor in model.conductors.values() for end in (*conductor.between, *conductor.takes)]
-    ends += [end for joint in model.joints.values() for end in joint.between]
-    for enclosure in model.enclosures.values():
-        ends += [*enclosure.faces.values(), enclosure.rest]
-    for load in model.loads.values():
-        ends += [load.into, load.sensor]
-    for control in model.controls.values():
-        ends += [*control.follows, *(node for t in control.transitions.values() for node in t.follows)]
     by = [*(load.controls for load in model.loads.values()), *(c.controls for c in model.conductors.values())]
-    ends += [named_control(c)[0] for several in by for c in several]
-    ends += [named_control(c)[0] for s in model.surfaces.values() for several in s.controls.values() for c in several]
-    for surface in model.surfaces.values():
-        ends += [surface.of, surface.to, surface.sees]
-    ends += [j.gap_to for j in model.joints.values()] + [c.words["to"] for c in model.conductors.values() if "to" in c.words]
-    for inner in model.submodels.values():
-        ends += [*inner.bind.values(), *inner.sees.values()]
-    ends += model.offers
-    prefix = f"{part}."
-    return {model.canonical(e).removeprefix(prefix) for e in ends if model.canonical(e).startswith(prefix)}
+    by += [names for s in model.surfaces.values() for names in s.controls.values()]
+    ends = [
+        *(end for c in model.conductors.values() for end in (*c.between, *c.takes, c.words.get("to", ""))),
+        *(end for joint in model.joints.values() for end in (*joint.between, joint.gap_to)),
+        *(end for enclosure in model.enclosures.values() for end in (*enclosure.faces.values(), enclosure.rest)),
+        *(end for load in model.loads.values() for end in (load.into, load.sensor)),
+        *(end for c in model.controls.values() for nodes in (c.follows, *(t.follows for t in c.transitions.values())) for end in nodes),
+        *(end for surface in model.surfaces.values() for end in (surface.of, surface.to, surface.sees)),
+        *(end for inner in model.submodels.values() for end in (*inner.bind.values(), *inner.sees.values())),
+        *(named_control(c)[0] for several in by for c in several),
+        *model.offers,
+    ]
+    prefix, paths = f"{part}.", map(model.canonical, ends)
+    return {path.removeprefix(prefix) for path in paths if path.startswith(prefix)}
 
 
 def local_names(model: Tree) -> set[str]:
     """Return every canonical path that a name inside a model may stand for: submodels, elements, nodes, needs and parameters."""
-    paths: set[str] = set()
-    for part, prefix in model.walk():
-        names = [*part.needs, *part.submodels, *(name for _, name, _ in part.elements()), *(name for name, _, _ in part.own_parameters())]
-        names += [joint.mid or f"{name}.mid" for name, joint in part.joints.items()]
-        paths |= {prefix + name for name in names}
-    return paths
+    return {
+        prefix + name
+        for part, prefix in model.walk()
+        for name in (
+            *part.needs,
+            *part.submodels,
+            *(name for _, name, _ in part.elements()),
+            *(name for name, _, _ in part.own_parameters()),
+            *(joint.mid or f"{name}.mid" for name, joint in part.joints.items()),
+        )
+    }
 
 
 class Names:
@@ -450,8 +451,7 @@ class Names:
                 )
             owner, own_prefix, rest = part, f"{own_prefix}{head}.", tail
         if rest not in owner.surfaces:
-            surfaces = [s for s in owner.surfaces]
-            raise NameNotFoundError(f"no surface '{raw}'.{nearest(rest, surfaces)} Declare it under surfaces.", model.where(key))
+            raise NameNotFoundError(f"no surface '{raw}'.{nearest(rest, owner.surfaces)} Declare it under surfaces.", model.where(key))
         return own_prefix + rest, owner, own_prefix
 
     def knows(self, raw: str) -> bool:
@@ -578,11 +578,8 @@ class ParameterSet:
         """
         values: dict[str, Any] = dict(values_before or {})
         for path in self.order if only is None else only:
-            if path in overrides:
-                values[path] = overrides[path]
-                continue
-            if path in self._numbers:
-                values[path] = self._numbers[path]
+            if (number := overrides.get(path, self._numbers.get(path))) is not None:
+                values[path] = number
                 continue
             entry = self.table[path]
             scope = entry.scope
@@ -615,16 +612,11 @@ class ParameterSet:
 
     def literal_behind(self, path: str) -> str:
         """Return the path at the end of a chain of values that are written as one bare name each; `path` itself where it is none."""
-        visited = {path}
-        while True:
-            names = self._needs[path]
-            entry = self.table[path]
-            if entry.parameter.is_literal or len(names) != 1 or entry.parameter.text.strip() != entry.parameter.expression.names[0]:
+        while True:  # a name that leads back to itself is refused before
+            names, parameter = self._needs[path], self.table[path].parameter
+            if parameter.is_literal or len(names) != 1 or parameter.text.strip() != parameter.expression.names[0]:
                 return path
             path = names[0]
-            if path in visited:
-                return path
-            visited.add(path)
 
     @cached_property
     def _shares(self) -> frozenset[str]:
