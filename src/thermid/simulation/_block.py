@@ -111,11 +111,8 @@ class BlockSolution(Solution):
     @property
     def load_powers(self) -> Mapping[str, Array]:
         """Heater -> power (times,). [W]"""
-        out = {}
-        for name, course in _powers(self.block, self._scenario).items():
-            signal = in_run(course, self._scenario.seconds)
-            out[name] = np.full(self.times.shape, signal.value) if isinstance(signal, Constant) else signal.at(self.times)
-        return out
+        powers = _powers(self.block, self._scenario)
+        return {name: in_run(course, self._scenario.seconds).at(self.times) for name, course in powers.items()}
 
     def heat_balance(self) -> HeatBalance:
         """Return heat put in by heaters, heat into boundaries and heat stored over the run, by the integrator's own weights. [J]
@@ -213,13 +210,8 @@ class BlockRerun:
 
     def at(self, times: Array) -> Array:
         """Return what is watched (times, watched) [K] at increasing times (times,) [s]."""
-
-        def run() -> Array:
-            """Return the watched temperatures at `times` (times, nodes). [K]"""
-            run_arguments = (self.network, self.initial, self.end, times, self.watched, np.zeros(0))
-            return integrate(*run_arguments, self.options, self.where, self.name).watched
-
-        return self.memo.value(times.tobytes(), run, most=4)
+        arguments = (self.network, self.initial, self.end, times, self.watched, np.zeros(0), self.options, self.where, self.name)
+        return self.memo.value(times.tobytes(), lambda: integrate(*arguments).watched, most=4)
 
 
 @dataclass(frozen=True, eq=False)
@@ -450,27 +442,20 @@ def _rows(block: Block, exchange: Exchange, boundaries: tuple[str, ...]) -> list
 
 def _start(block: Block, scenario: Scenario, network: SparseNetwork, options: Options, where: str) -> tuple[Array, Mapping[str, Any], str]:
     """Return the initial temperatures (cells,) [K], statistics of a search for them, and a remark on a steady start."""
-    start = scenario.start
-    if (steady_start := Start.from_text(start, where)) is not None:
-        if scenario.initial:
-            raise ScenarioError(
-                "a steady start gives the temperatures of all cells. Leave 'initial' out.", where, code="value.excludes-another"
-            )
-        return _searched_start(block, scenario, network, steady_start, options, where)
-    if start == "" and len(network.boundaries) != 1:
+    written, start = scenario.start, Start.from_text(scenario.start, where)
+    if start is not None and scenario.initial:
+        raise ScenarioError(
+            "a steady start gives the temperatures of all cells. Leave 'initial' out.", where, code="value.excludes-another"
+        )
+    if written == "" and len(network.boundaries) != 1:
         raise ScenarioError(
             "the start is missing. Give a temperature, the name of a boundary, or 'steady'.", where, code="run.input-missing"
         )
-    initial = np.full(block.count, _temperature(start or network.boundaries[0], network, where))
-    for name, value in scenario.initial.items():
-        initial[block.place(name)] = _temperature(value, network, where)
-    return initial, {}, ""
-
-
-def _searched_start(
-    block: Block, scenario: Scenario, network: SparseNetwork, start: Start, options: Options, where: str
-) -> tuple[Array, Mapping[str, Any], str]:
-    """Return what `_start` returns, for a start that is steady, steady under mean inputs, or periodic."""
+    if start is None:
+        initial = np.full(block.count, _temperature(written or network.boundaries[0], network, where))
+        for name, value in scenario.initial.items():
+            initial[block.place(name)] = _temperature(value, network, where)
+        return initial, {}, ""
     cycle, changing = _cycle_and_changing(block, scenario)
     check_start(start, cycle, changing, scenario)
     if start.kind == STEADY:

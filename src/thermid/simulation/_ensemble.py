@@ -13,6 +13,7 @@ from functools import partial
 from itertools import chain
 from operator import itemgetter
 from time import process_time
+from types import SimpleNamespace
 from typing import Any, cast
 
 import numpy as np
@@ -363,9 +364,9 @@ class MembersNumbers:
 
     coefficients: Array
     initial: Array
-    weights: Mapping[str, Mapping[str, Array]]
-    offsets: Mapping[str, Array]
-    refused: Mapping[int, str]
+    weights: dict[str, dict[str, Array]]
+    offsets: dict[str, Array]
+    refused: dict[int, str]
 
     def one(self, member: int, like: Assembled) -> Assembled:
         """Return the numbers of one member, without derivatives, as the kernel takes them."""
@@ -373,53 +374,27 @@ class MembersNumbers:
         return replace(like, coefficients=self.coefficients[:, member].copy(), initial=self.initial[:, member].copy(), offsets=offsets)
 
 
-@dataclass(eq=False)
-class _Collector:
-    """Collects the kernel's numbers of all members, assembled share by share; arrays as in `MembersNumbers`."""
-
-    wiring: Wiring
-    values: Mapping[str, Array]
-    members: int
-    coefficients: Array
-    initial: Array
-    weights: dict[str, dict[str, Array]]
-    offsets: dict[str, Array]
-    refused: dict[int, str]
-
-    def fill(self, share: Indices) -> None:
-        """Assemble a share of the members together, or apart where they differ."""
-        alone = share.size == 1
-        values: dict[str, Any] = {n: float(v[share[0]]) if alone else MemberValues(v[share]) for n, v in self.values.items()}
-        try:
-            with np.errstate() if alone else np.errstate(over="ignore", invalid="ignore"):
-                self._store(self.wiring.assembled_at(values), share)
-        except _ApartError as apart:
-            self.fill(share[apart.mask])
-            self.fill(share[~apart.mask])
-        except ThermidError as error:
-            if alone:
-                self.refused[int(share[0])] = str(error)
-                return
-            for member in share:
-                self.fill(np.array([member]))
-
-    def _store(self, a: Assembled, share: Indices) -> None:
-        """Write the numbers of an assembly into the columns of a share of the members."""
-        for row, number in zip(self.coefficients, a.coefficients, strict=True):
-            row[share] = _plain(number)
-        for row, number in zip(self.initial, a.initial, strict=True):
-            row[share] = _plain(number)
-        for node, star in a.reduced.recover:
-            for neighbour, weight in star.items():
-                self._row(self.weights.setdefault(node, {}), neighbour)[share] = _plain(weight)
-        for boundary, offset in a.offsets.items():
-            self._row(self.offsets, boundary)[share] = _plain(offset)
-
-    def _row(self, table: dict[str, Array], name: str) -> Array:
-        """Return the row (members,) of a name in a table, made of NaN where it is new."""
-        if name not in table:
-            table[name] = np.full(self.members, np.nan)
-        return table[name]
+def _fill(numbers: MembersNumbers, wiring: Wiring, values: Mapping[str, Array], share: Indices) -> None:
+    """Assemble a share of the members together, or apart where they differ, and write them into their columns of `numbers`."""
+    alone = share.size == 1
+    try:
+        with np.errstate() if alone else np.errstate(over="ignore", invalid="ignore"):
+            a = wiring.assembled_at({n: float(v[share[0]]) if alone else MemberValues(v[share]) for n, v in values.items()})
+    except _ApartError as apart:
+        for part in (share[apart.mask], share[~apart.mask]):
+            _fill(numbers, wiring, values, part)
+        return
+    except ThermidError as error:
+        for member in share if not alone else ():
+            _fill(numbers, wiring, values, np.array([member]))
+        numbers.refused.update({int(share[0]): str(error)} if alone else {})
+        return
+    for row, number in (*zip(numbers.coefficients, a.coefficients, strict=True), *zip(numbers.initial, a.initial, strict=True)):
+        row[share] = _plain(number)
+    stars = ((numbers.weights.setdefault(node, {}), star) for node, star in a.reduced.recover)
+    for table, entries in (*stars, (numbers.offsets, a.offsets)):
+        for name, number in entries.items():
+            table.setdefault(name, np.full(numbers.coefficients.shape[1], np.nan))[share] = _plain(number)
 
 
 def assemble_members(wiring: Wiring, values: Mapping[str, Array], members: int) -> MembersNumbers:
@@ -432,32 +407,10 @@ def assemble_members(wiring: Wiring, values: Mapping[str, Array], members: int) 
     members : int       How many there are.
     """
     like = wiring.assemble()
-    shape = (like.coefficients.size, like.initial.size)
-    collector = _Collector(wiring, values, members, np.full((shape[0], members), np.nan), np.full((shape[1], members), np.nan), {}, {}, {})
-    collector.fill(np.arange(members))
-    return MembersNumbers(collector.coefficients, collector.initial, collector.weights, collector.offsets, collector.refused)
-
-
-@dataclass(frozen=True, eq=False)
-class _Recovery:
-    """Computes the temperature of any node or boundary from those of the nodes that the kernel stored (`kept`)."""
-
-    engine: Engine
-    numbers: MembersNumbers
-    kept: tuple[str, ...]
-
-    def temperature(self, stored: Array, times: Array, name: str) -> Array:
-        """Return the temperature (times, members) of a node, from what was stored (groups, times, kept, lanes). [K]"""
-        wiring = self.engine.wiring
-        if name in self.kept:
-            members = self.numbers.coefficients.shape[1]
-            return np.moveaxis(stored[:, :, self.kept.index(name), :], 0, 1).reshape(times.size, -1)[:, :members]
-        if name in wiring.network.boundaries:
-            signal = wiring.signals[f"boundary {name}"]
-            varying = np.zeros(times.shape) if isinstance(signal, Constant) else signal.at(times)
-            return varying[:, None] + self.numbers.offsets[name][None, :]
-        parts = (w[None, :] * self.temperature(stored, times, n) for n, w in self.numbers.weights[name].items())
-        return np.asarray(sum(parts))
+    coefficients, initial = (np.full((n, members), np.nan) for n in (like.coefficients.size, like.initial.size))
+    numbers = MembersNumbers(coefficients, initial, {}, {}, {})
+    _fill(numbers, wiring, values, np.arange(members))
+    return numbers
 
 
 @dataclass(frozen=True, eq=False)
@@ -466,13 +419,17 @@ class _GroupRun:
 
     Parameters
     ----------
-    recovery : _Recovery            Of all nodes from those that were stored.
+    wiring : Wiring
+    numbers : MembersNumbers
+    kept : tuple of str             Nodes that the kernel stored.
     stored : array (groups, times, kept, lanes)     [K]
     times : array (times,)          [s]
     failed, turnings, statistics    As of an `Ensemble`.
     """
 
-    recovery: _Recovery
+    wiring: Wiring
+    numbers: MembersNumbers
+    kept: tuple[str, ...]
     stored: Array
     times: Array
     failed: Mapping[int, str]
@@ -481,14 +438,24 @@ class _GroupRun:
 
     def temperature(self, node: str) -> Array:
         """Return the temperature (times, members) of a node, NaN where a member failed. [K]"""
-        out = self.recovery.temperature(self.stored, self.times, node)
+        out = self._recovered(node)
         out[:, list(self.failed)] = np.nan
         return out
+
+    def _recovered(self, name: str) -> Array:
+        """Return the temperature (times, members) of a node or boundary from those of the nodes that the kernel stored. [K]"""
+        if name in self.kept:
+            return np.moveaxis(self.stored[:, :, self.kept.index(name), :], 0, 1).reshape(self.times.size, -1)[:, : self.members]
+        if name in self.wiring.network.boundaries:
+            signal = self.wiring.signals[f"boundary {name}"]
+            varying = np.zeros(self.times.shape) if isinstance(signal, Constant) else signal.at(self.times)
+            return varying[:, None] + self.numbers.offsets[name][None, :]
+        return np.asarray(sum(w[None, :] * self._recovered(n) for n, w in self.numbers.weights[name].items()))
 
     @property
     def members(self) -> int:
         """Number of members of the group."""
-        return int(self.recovery.numbers.coefficients.shape[1])
+        return int(self.numbers.coefficients.shape[1])
 
     def rows(self, node: str) -> Array:
         """Return the rows (times + 2, members that reached the end) of a node, see `MemberTurnings.rows`. [K]"""
@@ -517,7 +484,7 @@ class _Runs:
         failed = _failed(engine, kernel, numbers, self.options)
         turnings = _turnings(engine, kernel, numbers, self.wanted, kept_nodes, failed, self.options)
         statistics = {"steps": kernel.steps, "rejected": kernel.rejected, "one_by_one": int(kernel.alone.sum()), "simd": kernel.simd}
-        return _GroupRun(_Recovery(engine, numbers, kept_nodes), stored, self.times, failed, turnings, statistics)
+        return _GroupRun(engine.wiring, numbers, kept_nodes, stored, self.times, failed, turnings, statistics)
 
     def key(self, values: Mapping[str, Array]) -> str:
         """Return a hash of all that the counts at values (members,) depend on: model, scenario, values, settings, version."""
@@ -582,7 +549,8 @@ def run_members(
     ensemble = partial(Ensemble, *titles, times, wanted, members, values)
     if shares:
         counted = _all_counted(runs, values, members, KeptTasks.of_workers(executor))
-        return ensemble(counted.failed, counted.statistics, network.find, _no_traces, counted.tallies, {}, warnings)
+        none: dict[str, Array] = {}  # members were counted: traces are refused before
+        return ensemble(counted.failed, counted.statistics, network.find, none.__getitem__, counted.tallies, {}, warnings)
     if executor is None:
         group = runs.group(values)
         return ensemble(group.failed, group.statistics, network.find, group.temperature, {}, group.turnings, warnings)
@@ -731,7 +699,7 @@ def _failed(engine: Engine, kernel: Any, numbers: MembersNumbers, options: Optio
     like = engine.wiring.assemble() if engine.refuses else None
     for m in np.flatnonzero(status).tolist():
         last = kernel.ended(m)
-        ended = _Ended(int(status[m]), int(node[m]), float(time[m]), last)
+        ended = SimpleNamespace(status=int(status[m]), node=int(node[m]), time=float(time[m]), final_temperatures=last)
         numbers_of_member = numbers.one(m, like) if like is not None and last.size and m not in out else None
         out.setdefault(m, engine.message(ended, options, engine.wiring.scenario.seconds, numbers_of_member))
     return dict(sorted(out.items()))
@@ -759,18 +727,3 @@ def _turnings(
             turns = signal_turnings(wiring.signals[f"boundary {name}"], wiring.scenario.seconds, 0.0)
             out[name] = MemberTurnings.alike(turns, numbers.offsets[name])
     return {n: out[n].without(failed) for n in wanted if n in out}
-
-
-@dataclass(frozen=True)
-class _Ended:
-    """How the run of one member ended: the kernel's status, the node and time [s] of a failure, the last temperatures (nodes,) [K]."""
-
-    status: int
-    node: int
-    time: float
-    final_temperatures: Array
-
-
-def _no_traces(name: str) -> Array:
-    """Refuse the trace of a node: members were counted, so none was stored."""
-    raise ScenarioError(f"no trace of '{name}' was stored. Name it in 'nodes'.", code="name.unknown")

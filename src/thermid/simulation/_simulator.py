@@ -28,7 +28,7 @@ from thermid.simulation._scenarios.scenario import STEADY, Scenario, sampled_log
 from thermid.simulation._solution import Run, Solution
 from thermid.simulation._solver.engine import Engine, settle
 from thermid.simulation._solver.problem import Options, Traces
-from thermid.simulation._solver.wiring import Wiring
+from thermid.simulation._solver.wiring import Wiring, held_inputs
 from thermid.values.spreads import read_spread
 from thermid.values.store import Distribution, domain, uniforms
 
@@ -408,10 +408,10 @@ def _warnings(wiring: Wiring, scenario: Scenario, empty: tuple[str, ...]) -> tup
         mean = float(np.mean(signal.at(np.linspace(0.0, scenario.seconds, 101))))
         powers[load.path] = mean * (1.0 if load.path in wiring.scenario.loads else value_of(first.coefficients[0]))
     out: list[str] = [f"INCOMPLETE: {what}" for what in wiring.network.flat.names.model.missing_parts()]
-    out += [part.message() for part in unreached(wiring.network, numbers, powers) if not {*part.nodes} <= {*empty}]
+    out += [message for nodes, message in unreached(wiring.network, numbers, powers).items() if not {*nodes} <= {*empty}]
     if empty:
         out.append(remark_on_empty(empty))
-    if wiring.start is not None and wiring.start.kind == STEADY and (held_text := wiring.held_at(wiring.start.time)):
+    if wiring.start is not None and wiring.start.kind == STEADY and (held_text := held_inputs(wiring.changing, wiring.start.time)):
         out.append(CodedText(f"the start is {held_text}", "run.start-held"))
     out += sampled_logs(scenario)
     if scenario.as_printed:

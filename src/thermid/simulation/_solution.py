@@ -560,9 +560,8 @@ class Solution(Result):
         ------
         NameNotFoundError   With the nearest name.
         """
-        flows = self._run.flows(self.times, self._kelvin)
         path = self._run.network.flat.names.model.canonical(conductor)
-        return look_up(path, flows, f"no conductor '{conductor}'.", self.title)
+        return look_up(path, self.heat_flows, f"no conductor '{conductor}'.", self.title)
 
     @property
     def heat_flows(self) -> Mapping[str, Array]:
@@ -586,10 +585,8 @@ class Solution(Result):
         steady : dict or None   Node -> steady temperature, where there is one. [K]
         at : sequence           Times asked for. [s]
         """
-        nodes = {}
-        for name in self.nodes:
-            trace = self[name]
-            nodes[name] = {
+        nodes = {
+            name: {
                 "final_C": trace.final,
                 "max_C": trace.highest,
                 "max_time_s": trace.maximum.time,
@@ -598,6 +595,8 @@ class Solution(Result):
                 "at_C": trace.at(at).tolist() if len(at) else [],
                 "steady_C": None if steady is None else steady[name] - ICE_POINT,
             }
+            for name, trace in ((n, self[n]) for n in self.nodes)
+        }
         return {
             "title": self.title,
             "scenario": self.scenario,

@@ -24,7 +24,7 @@ from thermid.simulation._scenarios.scenario import MEAN, PERIODIC, Scenario
 from thermid.simulation._simulator import network_for, remark_on_empty
 from thermid.simulation._solver.engine import at_rest
 from thermid.simulation._solver.problem import KernelProblem, Traces
-from thermid.simulation._solver.wiring import Assembled, Wiring, held_means, level_instants
+from thermid.simulation._solver.wiring import Assembled, Wiring, held_inputs, held_means, level_instants
 from thermid.simulation._transient import simulate
 
 PERIOD_SAMPLES = 2001
@@ -138,7 +138,7 @@ def steady(model: Model | Block, scenario: Scenario, time: float | str = 0.0) ->
         span, remark = held_means(wiring.changing, wiring.cycle, held_scenario)
         held = f"mean inputs over {span}"
     else:
-        held, remark = f"inputs at {instant:g} s", wiring.held_at(instant)
+        held, remark = f"inputs at {instant:g} s", held_inputs(wiring.changing, instant)
     empty = without_gas(wiring.network, a.numbers)
     remarks = [*(f"INCOMPLETE: {what}" for what in model.missing_parts()), remark, remark_on_empty(empty) if empty else ""]
     return Steady(

@@ -506,9 +506,10 @@ class Store(Shown):
         """Return the store with the states for which `keep` holds alone; the others are marginalised (their rows are left out)."""
         states = {name: s for name, s in self.states.items() if keep(s)}
         gone = {n for s in self.states.values() if s.path not in states for n in (s.path, *s.paths)}
-        provenances = (
-            {stage: _provenance_without(provenance, gone) for stage, provenance in self.provenance.items()} if gone else self.provenance
-        )
+        provenances = {
+            stage: _provenance_renamed(provenance, lambda n: None if n in gone else n) if gone else provenance
+            for stage, provenance in self.provenance.items()
+        }
         return replace(self, states=states, root=self.root[[name in states for name in self.states]], provenance=provenances).trimmed()
 
     def in_decks(self, model: Model) -> tuple[Store, tuple[str, ...]]:
@@ -528,7 +529,7 @@ class Store(Shown):
             paths = outside(s.paths, places)
             states[p] = s if paths == s.paths else replace(s, path=paths[0], paths=paths, hidden=outside(s.hidden, places))
         names = {p: s.path for p, s in states.items() if p != s.path}
-        provenance = {stage: _provenance_renamed(of_stage, names) for stage, of_stage in remaining.provenance.items()}
+        provenance = {s: _provenance_renamed(of_stage, lambda n: names.get(n, n)) for s, of_stage in remaining.provenance.items()}
         return replace(remaining, states={s.path: s for s in states.values()}, provenance=provenance)
 
     def parted(self, apart: Collection[str]) -> Store:
@@ -937,22 +938,14 @@ def _provenance(provenance: Mapping[str, Any], part: str) -> Mapping[str, Any]:
     return {**provenance, **moved, **structural, **errors}
 
 
-def _provenance_without(provenance: Mapping[str, Any], gone: Collection[str]) -> Mapping[str, Any]:
-    """Return the provenance of a fit whose structural errors have no columns for the values in `gone`."""
+def _provenance_renamed(provenance: Mapping[str, Any], new: Callable[[str], str | None]) -> Mapping[str, Any]:
+    """Return the provenance of a fit whose structural errors have their values under new names; no columns for one without a name."""
     if "structural" not in provenance:
         return provenance
     structural = provenance["structural"]
-    at = [k for k, name in enumerate(structural["names"]) if name not in gone]
-    assumed = {p: [moved[k] for k in at] for p, moved in structural.get("assumed", {}).items()}
-    return {**provenance, "structural": {**structural, "names": [structural["names"][k] for k in at], "assumed": assumed}}
-
-
-def _provenance_renamed(provenance: Mapping[str, Any], names: Mapping[str, str]) -> Mapping[str, Any]:
-    """Return the provenance of a fit whose structural errors have their values under new names, old -> new."""
-    if "structural" not in provenance:
-        return provenance
-    structural = provenance["structural"]
-    return {**provenance, "structural": {**structural, "names": [names.get(n, n) for n in structural["names"]]}}
+    names = {k: name for k, old in enumerate(structural["names"]) if (name := new(old)) is not None}
+    assumed = {p: [moved[k] for k in names] for p, moved in structural.get("assumed", {}).items()}
+    return {**provenance, "structural": {**structural, "names": [*names.values()], "assumed": assumed}}
 
 
 def structural_under(structural: Mapping[str, Any], ahead: str) -> dict[str, Any]:

@@ -103,9 +103,8 @@ def tdms(data: bytes, file: str, separator: str | None) -> Cells:
         groups = [(group.name, {c.name: c for c in group.channels() if len(c)}) for group in opened.groups()]
         groups = [(name, channels) for name, channels in groups if channels]
         begun = _beginning(channels for _, channels in groups)
-        series: list[ChannelSeries] = []
-        for name, channels in groups:
-            series += _tdms_series(name if len(groups) > 1 else "", channels, begun, file)
+        several = len(groups) > 1
+        series = [one for name, channels in groups for one in _tdms_series(name if several else "", channels, begun, file)]
     if not series:
         raise RecordError("the TDMS file has no samples.", file, code="record.no-samples")
     start = None if begun is None else str(begun.isoformat())

@@ -370,10 +370,7 @@ def pivoted(cells: Cells) -> Cells:
         stamps.append(cells.columns[times[0]][row].strip())
         lines.append(line)
     common = name_and_unit(cells.header[values[0]])[1]
-    named = {}
-    for name, held in series.items():
-        unit_text = of_unit.get(name) or common
-        named[f"{name} [{unit_text}]" if unit_text else name] = held
+    named = {f"{name} [{u}]" if (u := of_unit.get(name) or common) else name: held for name, held in series.items()}
     layout = replace(cells.layout, format="long table")
     out = _as_cells(named, cells.file, cells.header[times[0]], layout)
     return replace(out, notes=(*cells.notes, *out.notes), synthetic=cells.synthetic, commas=cells.commas)

@@ -15,6 +15,7 @@ from thermid.base.expression import amount
 from thermid.base.linear_algebra import Array, Ints
 from thermid.base.results import Shown
 from thermid.model._deck.modelfile import model_from_dict
+from thermid.model._laws.refusals import refuse_first
 from thermid.model._laws.signal import Constant, Signal, signal
 from thermid.model._tree.model import Model
 
@@ -99,12 +100,16 @@ class Block(Shown):
         if len(self.size) != 3 or len(self.cells) != 3:
             raise DeckError("give the size and the number of cells of a block in x, y and z.", self.title, code="value.incomplete")
         cells = tuple(int(n) for n in self.cells)
-        if min(cells) < 1 or cells != tuple(self.cells):
-            raise DeckError(
-                f"the numbers of cells must be whole and at least one, not {self.cells}.", self.title, code="value.outside-range"
-            )
-        if math.prod(cells) > 2**30:
-            raise DeckError("a block holds at most 2^30 cells.", self.title, code="value.outside-range")
+        refuse_first(
+            lambda _: self.title,
+            (
+                min(cells) < 1 or cells != tuple(self.cells),
+                f"the numbers of cells must be whole and at least one, not {self.cells}.",
+                "",
+                "value.outside-range",
+            ),
+            (math.prod(cells) > 2**30, "a block holds at most 2^30 cells.", "", "value.outside-range"),
+        )
         object.__setattr__(self, "cells", cells)
         object.__setattr__(self, "size", tuple(_number(v, "m", f"{self.title}, size", positive=True) for v in self.size))
         for name, slot in (("conductivity", "W/(m K)"), ("density", "kg/m^3"), ("specific_heat", "J/(kg K)")):
@@ -117,26 +122,39 @@ class Block(Shown):
         where = f"{self.title}, {name}"
         if not isinstance(value, np.ndarray):
             return _number(value, slot, where, positive=True)
-        if value.shape != self.cells:
-            raise DeckError(f"an array needs one value per cell, {self.cells}, not {value.shape}.", where, code="value.shape")
-        if not (np.isfinite(value).all() and (value > 0).all()):
-            raise DeckError("every cell needs a value above zero.", where, code="value.outside-range")
+        refuse_first(
+            lambda _: where,
+            (value.shape != self.cells, f"an array needs one value per cell, {self.cells}, not {value.shape}.", "", "value.shape"),
+            (
+                not (np.isfinite(value).all() and (value > 0).all()),
+                "every cell needs a value above zero.",
+                "",
+                "value.outside-range",
+            ),
+        )
         return value.astype(float)
 
     def _factors(self, factors: tuple[Array, Array, Array]) -> tuple[Array, ...]:
         """Return the factors on links in x, y and z as arrays after checking their shapes and signs. [-]"""
         where = f"{self.title}, link_factors"
-        out = []
         for axis, factor in enumerate(factors):
             shape = tuple(n - (k == axis) for k, n in enumerate(self.cells))
-            if np.shape(factor) != shape:
-                raise DeckError(
-                    f"the factors in {'xyz'[axis]} must have the shape {shape}, not {np.shape(factor)}.", where, code="value.shape"
-                )
-            if not (np.isfinite(factor).all() and (np.asarray(factor) >= 0).all()):
-                raise DeckError("a factor must be finite and not negative.", where, code="value.outside-range")
-            out.append(np.asarray(factor, dtype=float))
-        return tuple(out)
+            refuse_first(
+                lambda _: where,
+                (
+                    np.shape(factor) != shape,
+                    f"the factors in {'xyz'[axis]} must have the shape {shape}, not {np.shape(factor)}.",
+                    "",
+                    "value.shape",
+                ),
+                (
+                    not (np.isfinite(factor).all() and (np.asarray(factor) >= 0).all()),
+                    "a factor must be finite and not negative.",
+                    "",
+                    "value.outside-range",
+                ),
+            )
+        return tuple(np.asarray(factor, dtype=float) for factor in factors)
 
     def heated(self, name: str, power: Any, *, box: Any = None, cells: tuple[slice, slice, slice] | None = None) -> Block:
         """Return the block with a heater, its heat shared evenly by its cells.
@@ -153,10 +171,21 @@ class Block(Shown):
         DeckError   When the name is taken, or no cell lies in the box.
         """
         where = f"{self.title}, {name}"
-        if not _NAME.match(name) or name in self.heaters:
-            raise DeckError("give each heater its own name: letters, digits and _, beginning with a letter.", where, code="name.taken")
-        if (box is None) == (cells is None):
-            raise DeckError("give the place of a heater as a box or as cells, not both.", where, code="value.excludes-another")
+        refuse_first(
+            lambda _: where,
+            (
+                not _NAME.match(name) or name in self.heaters,
+                "give each heater its own name: letters, digits and _, beginning with a letter.",
+                "",
+                "name.taken",
+            ),
+            (
+                (box is None) == (cells is None),
+                "give the place of a heater as a box or as cells, not both.",
+                "",
+                "value.excludes-another",
+            ),
+        )
         chosen = self._in_box(box, where) if cells is None else cells
         if len(chosen) != 3 or any(not range(*s.indices(n)) for s, n in zip(chosen, self.cells, strict=True)):
             raise DeckError("no cell of the block lies in this box. Correct the coordinates.", where, code="value.contradicts")
@@ -193,18 +222,21 @@ class Block(Shown):
             raise DeckError("give coefficient and exponent of a coefficient that depends on temperature.", where, code="value.incomplete")
         coefficient = _number(table["coefficient"], "W/(m^2 K)", where) if table["coefficient"] else 0.0
         exponent, emits = float(table["exponent"]), float(emissivity)
-        if coefficient < 0 or not 0.0 <= emits <= 1.0 or not 0.0 <= exponent <= 1.0 or not (coefficient or emits):
-            raise DeckError(
+        refuse_first(
+            lambda _: where,
+            (
+                coefficient < 0 or not 0.0 <= emits <= 1.0 or not 0.0 <= exponent <= 1.0 or not (coefficient or emits),
                 "give a coefficient above zero, an emissivity from 0 to 1, or both; an exponent lies from 0 to 1.",
-                where,
-                code="value.incomplete",
-            )
-        if emits and htc is None:
-            raise DeckError(
+                "",
+                "value.incomplete",
+            ),
+            (
+                emits and htc is None,
                 "the face has an emissivity but no htc, so it would have no convection. Give htc, or htc = 0 if that is intended.",
-                where,
-                code="value.incomplete",
-            )
+                "",
+                "value.incomplete",
+            ),
+        )
         new = Exchange(_faces(faces, where), _boundary(to, where), coefficient, exponent, emits)
         return replace(self, exchanges=(*self.exchanges, new))
 
@@ -400,11 +432,8 @@ def _block_model(block: Block, offers: tuple[str, ...]) -> Model:
 
 def _offered(block: Block, offers: tuple[str, ...]) -> list[int]:
     """Return the numbers of the cells that `offers` names as cells, faces or 'all', each once."""
-    places_by_order: dict[int, None] = {}
-    for offer in offers:
-        places = range(block.count) if offer == "all" else block.face_cells(offer) if offer in FACES else [block.place(offer)]
-        places_by_order |= dict.fromkeys(int(p) for p in places)
-    return list(places_by_order)
+    cells: dict[str, Any] = {"all": range(block.count)} | {face: block.face_cells(face) for face in FACES}
+    return list(dict.fromkeys(int(p) for offer in offers for p in (cells[offer] if offer in cells else [block.place(offer)])))
 
 
 def _nodes(block: Block, names: list[str], parameters: dict[str, Any]) -> dict[str, Any]:

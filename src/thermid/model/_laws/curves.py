@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thermid.base.errors import DeckError
+from thermid.model._laws.refusals import refuse_first
 
 INTERPOLATIONS: Final = ("linear", "smooth")
 """How a table runs between its points; the first is the default."""
@@ -148,14 +149,23 @@ def curve(
     DeckError   With fewer than two points, abscissae that do not increase, a number that is not finite, or slopes for some points only.
     """
     falls = [b[0] < a[0] or (b[0] == a[0] and not steps) for a, b in pairwise(points)]
-    if len(points) < 2 or any(falls):
-        raise DeckError("a table needs at least two points, with increasing temperatures.", where, code="model.law-refused")
-    if len({len(p) for p in points}) > 1:
-        raise DeckError("some points of the table have slopes and some have none; give all or none.", where, code="model.law-refused")
-    if not all(math.isfinite(v) for p in points for v in p):
-        raise DeckError("a table holds a number that is not finite.", where, code="model.law-refused")
-    columns = np.array(points).T
-    x, y, *slope = (np.ascontiguousarray(c) for c in columns)
+    refuse_first(
+        lambda _: where,
+        (len(points) < 2 or any(falls), "a table needs at least two points, with increasing temperatures.", "", "model.law-refused"),
+        (
+            len({len(p) for p in points}) > 1,
+            "some points of the table have slopes and some have none; give all or none.",
+            "",
+            "model.law-refused",
+        ),
+        (
+            not all(math.isfinite(v) for p in points for v in p),
+            "a table holds a number that is not finite.",
+            "",
+            "model.law-refused",
+        ),
+    )
+    x, y, *slope = (np.ascontiguousarray(c) for c in np.array(points).T)
     if (interpolation == "smooth" or slope) and (np.diff(x) == 0.0).any():
         raise DeckError(
             "the table has a step (two points at one temperature), so it cannot have slopes. Leave out the slopes.",

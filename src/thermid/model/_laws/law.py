@@ -13,6 +13,7 @@ from thermid.base.expression import si_value
 from thermid.base.linear_algebra import Array, Indices
 from thermid.model._laws.curves import Curve, hermite
 from thermid.model._laws.options import Source
+from thermid.model._laws.refusals import refuse_first
 
 MIN_POINT_DISTANCE: Final = 1e-3
 """Points stand no closer than this: a kink is rounded over it. [K]"""
@@ -58,18 +59,22 @@ def law(
             "law",
             code="name.unknown",
         )
-    slot = "temperature" if over == "temperature" else "K"
-    low, high = (_end(b, slot) for b in between)
-    if not (low < high and np.isfinite([low, high]).all() and (over == "difference" or low >= 0.0)):
-        raise DeckError(
-            f"between {low:g} K and {high:g} K the range is empty. Give the lower end first.", "law, between", code="value.outside-range"
-        )
-    if not 1e-12 <= tolerance < 1.0:
-        raise DeckError(
+    low, high = (_end(b, "temperature" if over == "temperature" else "K") for b in between)
+    refuse_first(
+        "law, {}".format,
+        (
+            not (low < high and np.isfinite([low, high]).all() and (over == "difference" or low >= 0.0)),
+            f"between {low:g} K and {high:g} K the range is empty. Give the lower end first.",
+            "between",
+            "value.outside-range",
+        ),
+        (
+            not 1e-12 <= tolerance < 1.0,
             f"a tolerance of {tolerance:g} cannot be reached in double precision. Give 1e-12 or more.",
-            "law, tolerance",
-            code="value.outside-range",
-        )
+            "tolerance",
+            "value.outside-range",
+        ),
+    )
     checked = _CheckedFunction(function)
     x = np.array([low, 0.0, high] if over == "difference" and low < 0.0 < high else [low, high])
     knots, values, slopes = _refined(checked, x, tolerance)

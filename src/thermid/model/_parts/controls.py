@@ -9,8 +9,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Final
 
-from thermid.base.errors import DeckError, nearest
+from thermid.base.errors import DeckError, refuse_unknown
 from thermid.model._laws.curves import Curve
+from thermid.model._laws.refusals import refuse_first
 from thermid.model._parts.parameter import Parameter
 
 KINDS_OF_CONTROL: Final = ("thermostat", "proportional", "pid", "table", "modes")
@@ -142,9 +143,7 @@ def named_control(raw: str) -> tuple[str, bool]:
     """Return the name of a control, and whether the rest of its share is taken, as ``1 - valve`` writes it."""
     text = raw.strip()
     head, sign, name = text.partition("-")
-    if sign and head.strip() == "1":
-        return name.strip(), True
-    return text, False
+    return (name.strip(), True) if sign and head.strip() == "1" else (text, False)
 
 
 def check_modes(control: Control, where: str) -> None:
@@ -155,22 +154,19 @@ def check_modes(control: Control, where: str) -> None:
     DeckError
     """
     modes = [name.partition(".")[2] for name in control.fields if name.startswith("modes.")]
-    if len(modes) < 2:
-        raise DeckError("give at least two modes, each with its share.", where, code="value.incomplete")
+    reached = {control.starts, *(t.after for t in control.transitions.values())}
+    lost = ", ".join(mode for mode in modes if mode not in reached)
     named = {"starts": control.starts} | {
         f"transitions.{name}.{end}": mode for name, t in control.transitions.items() for end, mode in (("from", t.before), ("to", t.after))
     }
     for key, mode in named.items():
-        if mode not in modes:
-            raise DeckError(
-                f"{key}: there is no mode '{mode}'.{nearest(mode, modes)} There are {', '.join(modes)}.", where, code="name.unknown"
-            )
-    for name, t in control.transitions.items():
-        if t.before == t.after:
-            raise DeckError(f"the transition '{name}' leads from '{t.before}' to itself.", where, code="model.self-reference")
-    reached = {control.starts, *(t.after for t in control.transitions.values())}
-    lost = [mode for mode in modes if mode not in reached]
-    if lost:
-        raise DeckError(
-            f"no transition leads to the mode '{lost[0]}'. Add a transition to it, or remove the mode.", where, code="model.law-refused"
-        )
+        refuse_unknown([mode], modes, where, f"{key}: there is no mode '{{}}'.{{near}} There are {{known}}.", DeckError)
+    refuse_first(
+        lambda _: where,
+        (len(modes) < 2, "give at least two modes, each with its share.", "", "value.incomplete"),
+        *(
+            (t.before == t.after, f"the transition '{name}' leads from '{t.before}' to itself.", "", "model.self-reference")
+            for name, t in control.transitions.items()
+        ),
+        (lost, f"no transition leads to the mode '{lost}'. Add a transition to it, or remove the mode.", "", "model.law-refused"),
+    )

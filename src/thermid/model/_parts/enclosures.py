@@ -13,6 +13,7 @@ from thermid.base.dual import Number, gradient_of, value_of
 from thermid.base.errors import DeckError
 from thermid.base.linear_algebra import Array
 from thermid.base.memo import Memo
+from thermid.model._laws.refusals import refuse_first
 from thermid.model._parts.elements import Enclosure, Surface
 from thermid.model._parts.kinds import Law
 from thermid.model._parts.takes import Take, exposed_area
@@ -245,23 +246,28 @@ def pairs(exchange: FaceExchange, rest: str) -> list[Pair]:
     """
     path, faces, where = exchange.path, exchange.faces, exchange.where
     for face in faces:
-        if face.surface.is_effective or "emissivity" not in face.surface.fields:
-            why = "its effective_htc includes radiation already" if face.surface.is_effective else "it has no emissivity"
-            raise DeckError(
-                f"'{face.path}' cannot be a face of '{path}': {why}. Give it htc and emissivity.", where, code="value.contradicts"
-            )
-        if face.surface.sees:
-            raise DeckError(
+        why = "its effective_htc includes radiation already" if face.surface.is_effective else "it has no emissivity"
+        refuse_first(
+            lambda _: where,
+            (
+                face.surface.is_effective or "emissivity" not in face.surface.fields,
+                f"'{face.path}' cannot be a face of '{path}': {why}. Give it htc and emissivity.",
+                "",
+                "value.contradicts",
+            ),
+            (
+                face.surface.sees,
                 f"'{face.path}' radiates to '{face.surface.sees}' and in the enclosure '{path}', so its radiation would "
                 "count twice. Leave sees out.",
-                where,
-                code="value.contradicts",
-            )
+                "",
+                "value.contradicts",
+            ),
+        )
     fields = {p: p for f in faces for p in (f"{f.path}.area", f"{f.path}.emissivity", *(t.path for t in f.takes))}
     nodes = [(f.name, f.node) for f in faces] + ([("rest", rest)] if rest else [])
-    out = []
-    for i, (first, a) in enumerate(nodes):
-        for j, (second, b) in enumerate(nodes[:i]):
-            if a != b:
-                out.append(Pair(f"{path}.{second}.{first}", (b, a), fields, partial(_pair_law, exchange, j, i)))
-    return out
+    return [
+        Pair(f"{path}.{second}.{first}", (b, a), fields, partial(_pair_law, exchange, j, i))
+        for i, (first, a) in enumerate(nodes)
+        for j, (second, b) in enumerate(nodes[:i])
+        if a != b
+    ]

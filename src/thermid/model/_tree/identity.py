@@ -136,12 +136,14 @@ def cut(model: M, places: Sequence[str]) -> M:
         place = model.canonical(raw)
         refuse_unknown([place], allowed, model.title, f"cut names '{raw}', which is not a submodel or parameter.", NameNotFoundError)
         cuts[place] = None
-        parted = []  # layers in which no group reaches from inside the place to outside of it
-        for layer in layers:
-            halves = [tuple(p for p in group if inside(p, place) is side) for group in layer.ties for side in (True, False)]
-            parted.append(replace(layer, ties=tuple(h for h in halves if len(h) > 1)) if layer.ties else layer)
-        layers = tuple(parted)
+        layers = tuple(_parted(layer, place) for layer in layers)
     return replace(model, cuts=tuple(cuts), layers=layers)
+
+
+def _parted(layer: Layer, place: str) -> Layer:
+    """Return the layer without groups that reach from inside a place to outside of it: each is two, or one where a half has one path."""
+    halves = (tuple(p for p in group if inside(p, place) is side) for group in layer.ties for side in (True, False))
+    return replace(layer, ties=tuple(h for h in halves if len(h) > 1))
 
 
 def _laid_ties(model: Tree, layer: Mapping[str, Parameter], groups: Sequence[Sequence[str]]) -> tuple[list[str], Ties]:
@@ -306,18 +308,11 @@ def _plain(text: str) -> str | float:
 
 def _grouped(fields: Mapping[str, Parameter]) -> dict[str, Any]:
     """Return fields as a deck writes them, ``group.field`` as a table."""
-    out: dict[str, Any] = {}
-    for name, value in fields.items():
-        group, _, inner = name.partition(".")
-        if inner:
-            out.setdefault(group, {})[inner] = written(value)
-        else:
-            out[name] = written(value)
-    return out
+    return _named({}, {name: written(value) for name, value in fields.items()})
 
 
-def _named(fields: dict[str, Any], words: Mapping[str, str]) -> dict[str, Any]:
-    """Return `fields` with the words added, ``group.name`` inside the table of its group."""
+def _named(fields: dict[str, Any], words: Mapping[str, Any]) -> dict[str, Any]:
+    """Return `fields` with words or values added, ``group.name`` inside the table of its group."""
     for name, word in words.items():
         group, _, inner = name.partition(".")
         if inner:

@@ -56,24 +56,34 @@ class Environment:
         for name in ("gas", "vented"):
             if not isinstance(getattr(self, name), str):
                 raise ScenarioError(f"it takes a name, not {getattr(self, name)!r}.", f"environment, {name}", code="value.wrong-kind")
-        if self.humidity is not None and not 0.0 <= self.humidity <= 1.0:
-            raise ScenarioError(f"the relative humidity is {self.humidity:g}. Give 0 to 1.", code="value.outside-range")
-        if self.lowest() < 0.0:
-            raise ScenarioError("the pressure is below zero. Give 0 or more.", code="value.outside-range")
-        if not self.pressure.bounds[1] <= HIGHEST:
-            raise ScenarioError(
-                f"a pressure of {self.pressure.bounds[1]:.4g} Pa lies beyond {HIGHEST:.4g} Pa, the limit of the gas properties used.",
-                code="value.outside-range",
-            )
-        if not (self.gravity >= 0.0 and self.wind.bounds[0] >= 0.0):
-            raise ScenarioError("gravity and wind must not be negative. Give their magnitudes.", code="value.outside-range")
         gas_named(self.gas, "environment")
-        if self.sealed and self.vented:
-            raise ScenarioError("a volume is either sealed or vented. Leave one of them out.", code="value.excludes-another")
-        if bool(self.vented) != (self.time_constant > 0.0):
-            raise ScenarioError(
-                "give a vented volume the gas node that it is vented to, and a time constant above zero.", code="value.incomplete"
-            )
+        (low, high), humidity = self.pressure.bounds, self.humidity
+        for broken, message, code in (
+            (
+                humidity is not None and not 0.0 <= humidity <= 1.0,
+                f"the relative humidity is {humidity}. Give 0 to 1.",
+                "value.outside-range",
+            ),
+            (low < 0.0, "the pressure is below zero. Give 0 or more.", "value.outside-range"),
+            (
+                not high <= HIGHEST,
+                f"a pressure of {high:.4g} Pa lies beyond {HIGHEST:.4g} Pa, the limit of the gas properties used.",
+                "value.outside-range",
+            ),
+            (
+                not (self.gravity >= 0.0 and self.wind.bounds[0] >= 0.0),
+                "gravity and wind must not be negative. Give their magnitudes.",
+                "value.outside-range",
+            ),
+            (self.sealed and self.vented, "a volume is either sealed or vented. Leave one of them out.", "value.excludes-another"),
+            (
+                bool(self.vented) != (self.time_constant > 0.0),
+                "give a vented volume the gas node that it is vented to, and a time constant above zero.",
+                "value.incomplete",
+            ),
+        ):
+            if broken:
+                raise ScenarioError(message, code=code)
 
     def __str__(self) -> str:
         """Return it in words: its gas, its pressure, and whatever else is not as on the ground."""

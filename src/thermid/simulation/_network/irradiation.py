@@ -68,17 +68,23 @@ class Irradiation(Shown):
                     "irradiation",
                     code="value.outside-range",
                 )
-        if self.total is not None and (self.direct is not None or self.diffuse is not None):
-            raise ScenarioError(
-                "total is the sum of direct and diffuse. Give either the sum or the parts.", "irradiation", code="value.excludes-another"
-            )
-        if (self.sky is None) != (self.sky_view is None):
-            raise ScenarioError(
-                "give the temperature of the sky and sky_view, the view factor to it.", "irradiation", code="value.incomplete"
-            )
-        object.__setattr__(self, "sky_view", None if self.sky_view is None else amount(self.sky_view, "1", "irradiation, sky_view"))
-        if self.sky_view is not None and not 0.0 <= self.sky_view <= 1.0:
-            raise ScenarioError(f"sky_view is {self.sky_view:g}. Give 0 to 1.", "irradiation", code="value.outside-range")
+        view = None if self.sky_view is None else amount(self.sky_view, "1", "irradiation, sky_view")
+        object.__setattr__(self, "sky_view", view)
+        for broken, message, code in (
+            (
+                self.total is not None and (self.direct is not None or self.diffuse is not None),
+                "total is the sum of direct and diffuse. Give either the sum or the parts.",
+                "value.excludes-another",
+            ),
+            (
+                (self.sky is None) != (view is None),
+                "give the temperature of the sky and sky_view, the view factor to it.",
+                "value.incomplete",
+            ),
+            (view is not None and not 0.0 <= view <= 1.0, f"sky_view is {view}. Give 0 to 1.", "value.outside-range"),
+        ):
+            if broken:
+                raise ScenarioError(message, "irradiation", code=code)
 
     def signals(self) -> dict[str, Signal]:
         """Return the signals by the names of their fields, without those that are not given."""

@@ -456,9 +456,8 @@ class Media:
 
     def as_made(self, gas: str, made_in: MadeIn) -> bool:
         """Return whether a gas node, ``*`` for every one, stays during the run in the state in which a model was reduced, within 1 %."""
-        if gas == "*":
-            return all(self.as_made(gas_key, made_in) for gas_key in self.environments if gas_key != "*") and self._as_made("*", made_in)
-        return self._as_made(self._key(gas), made_in)
+        keys = {"*", *self.environments} if gas == "*" else {self._key(gas)}
+        return all(self._as_made(key, made_in) for key in keys)
 
     def _as_made(self, key: str, made_in: MadeIn) -> bool:
         """Return what `as_made` does, for one key of the environments."""
@@ -702,7 +701,6 @@ def gas_remarks(media: Media, flat: Flat, values: Mapping[str, Any]) -> tuple[st
     ----------
     values : dict   Parameter path -> value. [SI]
     """
-    out = []
     gone = {c.gas for c in flat.conductors if c.gas and media.lowest(c.gas) <= VACUUM_LIMIT and not media.as_printed}
     # all that carries heat through gas: surfaces, gaps, and leads with a coefficient; those with an emissivity still radiate without
     leads = (c for c in flat.conductors if c.kind == "lead" and {"htc", "effective_htc"} & set(c.fields))
@@ -710,37 +708,32 @@ def gas_remarks(media: Media, flat: Flat, values: Mapping[str, Any]) -> tuple[st
     through_gas |= {c.path.removesuffix(".first").removesuffix(".second"): c for c in leads}
     fields = {path: flat.faces[path].fields if path in flat.faces else c.fields for path, c in through_gas.items()}
     stops = [p for p, c in through_gas.items() if c.gas in gone and not ((e := fields[p].get("emissivity")) and values[e] != 0.0)]
-    if stops:
-        out.append(CodedText(f"without gas no heat flows through {quoted(stops)}", "run.heat-stops-without-gas"))
     around = gone & flat.convection_ends
     stays = [c.path for c in flat.conductors if c.kind in SOLID and around & set(c.ends)]
-    if stays:
-        end, stay = ("end", "stay") if len(stays) > 1 else ("ends", "stays")
-        ends = dict.fromkeys(e for c in flat.conductors if c.path in stays for e in c.ends if e in around)
-        out.append(
-            CodedText(
-                f"{quoted(stays)} {end} in {quoted(list(ends))} and {stay} without its gas. If this path leads through the gas, give it "
-                "kind convection or gas",
-                "run.path-stays-without-gas",
-            )
-        )
-    thin = [path for path, gas in flat.without_emissivity.items() if VACUUM_LIMIT < media.lowest(gas) < THIN]
-    if thin and not media.as_printed:
-        has = "have" if len(thin) > 1 else "has"
-        out.append(
-            CodedText(
-                f"{quoted(thin)} {has} no emissivity, so its radiation is not modelled; in gas as thin as this it is most of the "
-                "heat. Give an emissivity",
-                "model.no-emissivity",
-            )
-        )
+    end, stay = ("end", "stay") if len(stays) > 1 else ("ends", "stays")
+    ends = dict.fromkeys(e for c in flat.conductors if c.path in stays for e in c.ends if e in around)
+    lowest = {} if media.as_printed else {path: media.lowest(gas) for path, gas in flat.without_emissivity.items()}
+    thin = [path for path, pressure in lowest.items() if VACUUM_LIMIT < pressure < THIN]
     whole = [c.path for c in flat.conductors if c.kind == "effective" and c.sees and not media.empty(c.gas)]
-    if whole:
-        out.append(
-            CodedText(
-                f"the radiation in the effective coefficient of {quoted(whole)} goes to the gas node, not to the surfaces it sees; "
-                "`td.inference.split` separates the two",
-                "model.radiation-not-split",
-            )
-        )
-    return tuple(out)
+    remarks = (
+        (stops, f"without gas no heat flows through {quoted(stops)}", "run.heat-stops-without-gas"),
+        (
+            stays,
+            f"{quoted(stays)} {end} in {quoted(list(ends))} and {stay} without its gas. If this path leads through the gas, give it "
+            "kind convection or gas",
+            "run.path-stays-without-gas",
+        ),
+        (
+            thin,
+            f"{quoted(thin)} {'have' if len(thin) > 1 else 'has'} no emissivity, so its radiation is not modelled; in gas as thin as this "
+            "it is most of the heat. Give an emissivity",
+            "model.no-emissivity",
+        ),
+        (
+            whole,
+            f"the radiation in the effective coefficient of {quoted(whole)} goes to the gas node, not to the surfaces it sees; "
+            "`td.inference.split` separates the two",
+            "model.radiation-not-split",
+        ),
+    )
+    return tuple(CodedText(text, code) for paths, text, code in remarks if paths)

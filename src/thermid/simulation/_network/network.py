@@ -520,42 +520,24 @@ def reduce_network(network: Network, numbers: Numbers, gone: tuple[str, ...]) ->
     return Reduced(nodes, {n: numbers.capacitances[n] for n in nodes}, tuple(rows_kept), tuple(reversed(recover)))
 
 
-@dataclass(frozen=True)
-class Unreached:
-    """Nodes that are joined to one another but to no boundary.
-
-    Parameters
-    ----------
-    nodes : tuple of str    Their paths.
-    rate : float            Mean rate at which they warm: total power over total capacitance. [K/s]
-    """
-
-    nodes: tuple[str, ...]
-    rate: float
-
-    def message(self) -> CodedText:
-        """Return the finding in words: which nodes have no path to a boundary, and how fast they warm or cool."""
-        named = ", ".join(f"'{n}'" for n in self.nodes)
-        many = len(self.nodes) > 1
-        word = ("warm" if self.rate > 0 else "cool") + ("" if many else "s")
-        still = abs(self.rate) < 1e-12
-        follows = (
-            f", so {'the heat stays there' if many else 'its temperature stays where it starts'}"
-            if still
-            else f": {word} at {abs(self.rate) * 3600:.6g} K/h without limit"
-        )
-        return CodedText(f"{named} {'have' if many else 'has'} no path to a boundary{follows}", "model.no-path-to-boundary")
+def _no_path(nodes: tuple[str, ...], rate: float) -> CodedText:
+    """Return the finding in words that nodes have no path to a boundary, and how fast they warm or cool: power over capacitance [K/s]."""
+    named, many = ", ".join(f"'{n}'" for n in nodes), len(nodes) > 1
+    still = f", so {'the heat stays there' if many else 'its temperature stays where it starts'}"
+    course = f": {'warm' if rate > 0 else 'cool'}{'' if many else 's'} at {abs(rate) * 3600:.6g} K/h without limit"
+    follows = still if abs(rate) < 1e-12 else course
+    return CodedText(f"{named} {'have' if many else 'has'} no path to a boundary{follows}", "model.no-path-to-boundary")
 
 
-def unreached(network: Network, numbers: Numbers, powers: Mapping[str, float]) -> tuple[Unreached, ...]:
-    """Return the groups of nodes without a path to a boundary.
+def unreached(network: Network, numbers: Numbers, powers: Mapping[str, float]) -> dict[tuple[str, ...], CodedText]:
+    """Return the groups of nodes that are joined to one another but to no boundary, each with what is said of it.
 
     Parameters
     ----------
     powers : dict   Load -> mean power. [W]
     """
     if network.flat.names.model.runner is not None:  # what joins the nodes of somebody else's program is not known
-        return ()
+        return {}
     names = [*network.nodes, *network.boundaries]
     joined: dict[str, set[str]] = {n: set() for n in names}
     for row in numbers.conductors:
@@ -566,7 +548,7 @@ def unreached(network: Network, numbers: Numbers, powers: Mapping[str, float]) -
                 joined[b].add(a)
     isolated = set(network.nodes) - _spread(network.boundaries, joined)
     joined = {n: {m for m in isolated if m in joined[n] or n in joined[m]} for n in isolated}
-    out = []
+    out = {}
     while isolated:
         first = next(n for n in network.nodes if n in isolated)
         group = _spread((first,), joined) & isolated
@@ -575,8 +557,8 @@ def unreached(network: Network, numbers: Numbers, powers: Mapping[str, float]) -
         heat = sum(powers.get(load.path, 0.0) for load in network.flat.loads if load.node in members)
         capacity = sum(value_of(c) for n in members if (c := numbers.capacitances.get(n)) is not None)
         if capacity > 0:
-            out.append(Unreached(members, heat / capacity))
-    return tuple(out)
+            out[members] = _no_path(members, heat / capacity)
+    return out
 
 
 def without_gas(network: Network, numbers: Numbers) -> tuple[str, ...]:

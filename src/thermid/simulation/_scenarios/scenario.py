@@ -120,29 +120,20 @@ class Scenario(Shown):
         object.__setattr__(self, "start", _start(self.start, f"{self.title}, start"))
         object.__setattr__(self, "initial", {k: _start(v, f"{self.title}, initial.{k}") for k, v in self.initial.items()})
         for name, slot in SLOTS.items():
-            if not slot:
-                by_itself = {k: own_signal(v, f"{self.title}, {name}.{k}") for k, v in getattr(self, name).items()}
-                object.__setattr__(self, name, by_itself)
-                continue
+            written = ((k, v, f"{self.title}, {name}.{k}") for k, v in getattr(self, name).items())
             held = slot != TEMPERATURE  # as in a record
-            table = {k: signal(v, slot, f"{self.title}, {name}.{k}", held) for k, v in getattr(self, name).items()}
+            table = {k: signal(v, slot, where, held) if slot else own_signal(v, where) for k, v, where in written}
             object.__setattr__(self, name, table)
             for key, course in table.items() if slot == TEMPERATURE else ():
                 above_zero(course.bounds[0], f"{self.title}, {name}.{key}")
-        for gas, around in self.environment.items():
-            if not isinstance(around, Environment):
-                raise ScenarioError(
-                    f"it takes an environment, not {around!r}. Make one: td.simulation.Environment(...).",
-                    f"{self.title}, environment.{gas}",
-                    code="value.wrong-kind",
-                )
-        for surface, falling in self.irradiation.items():
-            if not isinstance(falling, Irradiation | Sky):
-                raise ScenarioError(
-                    f"it takes an irradiation, not {falling!r:.60}. Make one: td.simulation.Irradiation(...).",
-                    f"{self.title}, irradiation.{surface}",
-                    code="value.wrong-kind",
-                )
+        for name, kinds in (("environment", (Environment,)), ("irradiation", (Irradiation, Sky))):
+            for key, value in getattr(self, name).items():
+                if not isinstance(value, kinds):
+                    raise ScenarioError(
+                        f"it takes an {name}, not {value!r:.60}. Make one: td.simulation.{kinds[0].__name__}(...).",
+                        f"{self.title}, {name}.{key}",
+                        code="value.wrong-kind",
+                    )
         seconds = amount(self.duration, "s", f"{self.title}, duration")
         if seconds < 0:
             raise ScenarioError("the duration is below zero. Give a positive one.", f"{self.title}, duration", code="value.outside-range")

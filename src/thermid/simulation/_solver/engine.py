@@ -23,7 +23,18 @@ from thermid.simulation._network.controls import PHASE, state_of
 from thermid.simulation._network.network import held_in, unreached
 from thermid.simulation._scenarios.scenario import MEAN, STEADY
 from thermid.simulation._solver.large import METHODS as LARGE_METHODS, Gone, integrate_model, refusal, seconds_by_steps, settle_model
-from thermid.simulation._solver.problem import MAX_INTEGRATED_NODES, Answer, KernelProblem, Options, Traces, by_column, ints, unsettled
+from thermid.simulation._solver.problem import (
+    MAX_INTEGRATED_NODES,
+    Answer,
+    KernelProblem,
+    Options,
+    Traces,
+    by_column,
+    ends_steps,
+    flow_between_masses,
+    ints,
+    unsettled,
+)
 from thermid.simulation._solver.wiring import Assembled, Wiring
 
 
@@ -227,7 +238,7 @@ class Modal:
             equal = np.flatnonzero(np.diff(np.sort(gaps.astype(np.float32)), prepend=-1.0))
             often = np.sort(np.diff(equal, append=gaps.size))[-REMEMBERED_LENGTHS:]
             self._grids[key] = gaps.size, gaps.size - int(often.sum()) + often.size
-        stops = sum(s.times.size for s in tables if s.times.size <= (5000 if s.hold else 500))
+        stops = sum(s.times.size for s in tables if ends_steps(s))
         waves = sum(isinstance(s, Sine) for s in signals)
         if self._pace is None:
             self._pace = self._paces()
@@ -256,7 +267,7 @@ class Modal:
         (docs/design/simulation.md).
         """
         signal, s = self.wiring.signals[name], self.wiring.structure
-        if not isinstance(signal, TableSignal) or signal.times.size <= (5000 if signal.hold else 500):
+        if not isinstance(signal, TableSignal) or ends_steps(signal):
             return 0.0
         # second differences of white noise have 1 + 4 + 1 times its variance, and next to nothing of what the readings follow
         noise = float(np.sqrt(np.mean(np.diff(signal.values, 2) ** 2) / 6.0))
@@ -347,7 +358,7 @@ class Engine(KernelProblem):
             )
         if why or method != "auto" or len(self.nodes) > MAX_INTEGRATED_NODES:
             return not why
-        projected = any(isinstance(s, TableSignal) and s.times.size > (5000 if s.hold else 500) for s in self.inputs)
+        projected = any(isinstance(s, TableSignal) and not ends_steps(s) for s in self.inputs)
         steps, large = seconds_by_steps(self, options.error, projected)
         return large < steps and (bool(self.modal.obstacle) or large < self.modal.work(times, end).modal)
 
@@ -548,8 +559,14 @@ class Engine(KernelProblem):
         return Squares(raw.triangle, raw.rotated, raw.cost, raw.chi_square, raw.sums, raw.mesh)
 
     def started(self, a: Assembled, gradients: bool = False) -> Assembled:
-        """Return the numbers with their start solved for where the scenario asks for a steady or periodic one (NaN until then)."""
-        unknown = np.isnan(a.initial)
+        """Return the numbers with their start solved for where the scenario asks for a steady or periodic one (NaN until then).
+
+        Raises
+        ------
+        ScenarioError   When the start is that of an FMU, or the scenario gives some temperatures itself.
+        SolverError     When there is no such state.
+        """
+        unknown, start = np.isnan(a.initial), self.wiring.start
         if not unknown.any():
             return a
         if self.runner is not None:
@@ -564,21 +581,12 @@ class Engine(KernelProblem):
                 self.wiring.scenario.title,
                 code="value.excludes-another",
             )
-        temperatures, slopes = self._beginning(a, gradients)
-        return replace(a, initial=temperatures, initial_gradient=slopes if gradients else a.initial_gradient)
-
-    def _beginning(self, a: Assembled, gradients: bool) -> tuple[Array, Array]:
-        """Return the steady or periodic start (nodes,) that the scenario asks for [K], and its derivatives (nodes, free).
-
-        Raises
-        ------
-        SolverError   When there is no such state.
-        """
-        start = self.wiring.start
         if start is None or start.kind == STEADY:
-            return settle(self, a, start.time if start is not None else 0.0, gradients)
-        temperatures, slopes = settle(self.still, a, 0.0, gradients)
-        return (temperatures, slopes) if start.kind == MEAN else _periodic(self, a, temperatures, slopes, gradients)
+            temperatures, slopes = settle(self, a, start.time if start is not None else 0.0, gradients)
+        else:
+            temperatures, slopes = settle(self.still, a, 0.0, gradients)
+            temperatures, slopes = (temperatures, slopes) if start.kind == MEAN else _periodic(self, a, temperatures, slopes, gradients)
+        return replace(a, initial=temperatures, initial_gradient=slopes if gradients else a.initial_gradient)
 
 
 def settle(problem: KernelProblem, a: Assembled, time: float, gradients: bool = False) -> tuple[Array, Array]:
@@ -694,7 +702,7 @@ def _settled(problem: KernelProblem, a: Assembled, time: float, gradients: bool,
             where,
             code="run.no-steady-state",
         )
-    raise SolverError(unsettled(any(load.follows_temperature for load in problem.wiring.network.flat.loads)), where)
+    raise SolverError(unsettled(problem.follows), where)
 
 
 class _Balance:
@@ -813,20 +821,14 @@ def _drifted(temperatures: Array, heat: Array, jacobian: Array, k: int) -> Array
 
 def _no_steady(problem: KernelProblem, a: Assembled) -> str:
     """Return why there is no steady state, in words: nodes without a path to a boundary, or singular equations."""
-    powers = {name: float(p[0]) for name, p in problem.powers(a, _columns(problem, a), np.zeros(1)).items()}
-    parts = unreached(problem.wiring.network, a.numbers, powers)
-    if parts:
-        imbalance = parts[0].message()
-        return CodedText(f"no steady state exists: {imbalance}.", imbalance.code)
-    follows = any(load.follows_temperature for load in problem.wiring.network.flat.loads)
-    look = "power that grows with temperature" if follows else "node whose heat cannot leave"
-    return f"no steady state exists: the equations are singular. Look for a {look}."
-
-
-def _columns(problem: KernelProblem, a: Assembled) -> Array:
-    """Return (1, nodes + boundaries): all nodes at the temperature of the first boundary at time zero, then the boundaries. [K]"""
+    # the powers with all nodes at the temperature of the first boundary at time zero
     outer = [problem.wiring.boundary(b, np.zeros(1), a.offsets)[0] for b in problem.wiring.network.boundaries]
-    return np.array([[outer[0] if outer else ICE_POINT] * len(problem.nodes) + outer])
+    columns = np.array([[outer[0] if outer else ICE_POINT] * len(problem.nodes) + outer])
+    powers = {name: float(p[0]) for name, p in problem.powers(a, columns, np.zeros(1)).items()}
+    for imbalance in unreached(problem.wiring.network, a.numbers, powers).values():
+        return CodedText(f"no steady state exists: {imbalance}.", imbalance.code)
+    look = "power that grows with temperature" if problem.follows else "node whose heat cannot leave"
+    return f"no steady state exists: the equations are singular. Look for a {look}."
 
 
 def _periodic(engine: Engine, a: Assembled, guess: Array, slopes: Array, gradients: bool) -> tuple[Array, Array]:
@@ -849,7 +851,7 @@ def _periodic(engine: Engine, a: Assembled, guess: Array, slopes: Array, gradien
     capacity = engine.capacities(a)
     massive = capacity > 0.0
     # a step s at the start comes back as exp(P C^-1 J) s, so (1 - exp(P C^-1 J)) s = T(P) - T(0) closes the period
-    flow = _flow_between_masses(engine.still.rhs(a, guess, 0.0)[1], massive)
+    flow = flow_between_masses(engine.still.rhs(a, guess, 0.0)[1], massive)
     inverse: NDArray[Any] = np.linalg.inv(np.eye(int(massive.sum())) - expm(period * flow / capacity[massive][:, None]))
 
     def after(state: Array, moves: Array) -> tuple[Array, Array]:
@@ -888,20 +890,6 @@ def _periodic(engine: Engine, a: Assembled, guess: Array, slopes: Array, gradien
         if float(np.abs(change).max(initial=0.0)) <= 1e-9 * float(np.abs(slopes).max(initial=1e-300)):
             break
     return state, slopes
-
-
-def _flow_between_masses(jacobian: Array, massive: NDArray[np.bool_]) -> Array:
-    """Return the derivatives (masses, masses) of the heat into nodes with mass by their temperatures. [W/K]
-
-    Nodes without mass follow at once, so that J_mm - J_m0 J_00^-1 J_0m is left.
-    """
-    flow = jacobian[np.ix_(massive, massive)]
-    if massive.all():
-        return flow
-    at_once = jacobian[np.ix_(massive, ~massive)] @ np.linalg.solve(
-        jacobian[np.ix_(~massive, ~massive)], jacobian[np.ix_(~massive, massive)]
-    )
-    return np.asarray(flow - at_once)
 
 
 def solve_conserving(gains: Array, leaving: Array, right: Array) -> Array | None:

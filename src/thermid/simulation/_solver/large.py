@@ -26,10 +26,9 @@ from thermid.simulation._solver.problem import (
     KernelProblem,
     Options,
     by_column,
+    ending,
     ints,
     limits,
-    runs_away,
-    unsolved,
 )
 from thermid.simulation._solver.sparse import NONE, LoadGroup, RowGroup, SparseNetwork, link_arrays
 from thermid.simulation._solver.wiring import Assembled
@@ -177,19 +176,13 @@ def _message(raw: Any, options: Options, end: float, name: Any, follows: bool, o
     may_have_left = outside is not None and raw.status in UNSOLVED
     if outside is not None and may_have_left and (beyond := outside(raw.time, raw.final_temperatures)):
         return f"at {raw.time:.6g} s of {end:.6g} s {beyond}"
-    node = f" at '{name(raw.node)}'" if raw.node >= 0 else ""
-    when = f"at {raw.time:.6g} s of {end:.6g} s{node}"
-    instead = " RKC2 needs short steps if one node is fast. Leave the method out." if options.method == "RKC2" else ""
-    words = {
-        _kernel.MAX_STEPS: f"{options.max_steps} steps were not enough, {when}. Allow more max_steps, or a larger error." + instead,
-        _kernel.STEP_UNDERFLOW: f"the step became too small {when}. Look for a discontinuous law there, or allow a larger error.",
-        _kernel.NON_FINITE: unsolved(when, follows),
-        _kernel.RUN_AWAY: runs_away(when, follows),
-        _kernel.SINGULAR_NODE: f"a massless node has no conductance to anything {when}, so its temperature is undefined. RKC2 does "
-        "not support massless nodes; TR-BDF2 does.",
-        _kernel.BAD_INPUT: f"a temperature left the range 0 K to 1e6 K {when}. Check the inputs at that time.",
+    hints = {
+        _kernel.MAX_STEPS: " RKC2 needs short steps if one node is fast. Leave the method out." if options.method == "RKC2" else "",
+        _kernel.SINGULAR_NODE: " RKC2 does not support massless nodes; TR-BDF2 does.",
     }
-    return words.get(raw.status, f"the run stopped {when}.") + (MAY_HAVE_LEFT if may_have_left else "")
+    status = _kernel.NEWTON_FAILED if raw.status == _kernel.NON_FINITE else raw.status  # what a step that is not solved leaves here
+    words = ending(status, raw.time, name(raw.node) if raw.node >= 0 else "", options.max_steps, end, follows)
+    return words + hints.get(raw.status, "") + (MAY_HAVE_LEFT if may_have_left else "")
 
 
 def refusal(problem: KernelProblem) -> str:

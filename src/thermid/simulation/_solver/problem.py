@@ -259,14 +259,22 @@ UNSOLVED: Final = (_kernel.NEWTON_FAILED, _kernel.NON_FINITE, _kernel.STEP_UNDER
 MAY_HAVE_LEFT: Final = ' A table with outside = "refuse" may have left its range: add points, or set outside = "hold".'
 
 
+MAX_BREAKS: Final = 5000
+"""Jumps of held inputs up to which the integrator ends a step at each of them, also at each point of straight lines a tenth as many."""
+
+
+def ends_steps(table: TableSignal) -> bool:
+    """Return whether the integrator ends a step at each point of a table: not at those of a dense log."""
+    return table.times.size <= (MAX_BREAKS if table.hold else MAX_BREAKS // 10)
+
+
 def break_times(signals: Iterable[Signal], end: float) -> Array:
-    """Return the times in (0, end) at which a held input jumps; none where there are more than 5000, too many to end steps at. [s]"""
+    """Return the times in (0, end) at which a held input jumps; none where there are more than `MAX_BREAKS`. [s]"""
     jumps = [s.times[1:][np.diff(s.values) != 0] for s in signals if isinstance(s, TableSignal) and s.hold]
     jumps = [times[(times > 0) & (times < end)] for times in jumps]
-    if not jumps or max(times.size for times in jumps) > 5000:  # a dense log is not sorted at every run
-        return np.zeros(0)
-    times = np.unique(np.concatenate(jumps))
-    return times if times.size <= 5000 else np.zeros(0)
+    few = max((times.size for times in jumps), default=0) <= MAX_BREAKS  # a dense log is not sorted at every run
+    times = np.unique(np.concatenate([np.zeros(0), *jumps])) if few and jumps else np.zeros(0)
+    return times if times.size <= MAX_BREAKS else np.zeros(0)
 
 
 def ints(values: Any) -> NDArray[np.int32]:
@@ -331,10 +339,18 @@ def unsolved(when: str, follows: bool) -> str:
     return f"a step could not be solved {when}. Look for a {look}."
 
 
-def ending(answer: Any, names: Sequence[str], max_steps: int, end: float, follows: bool) -> str:
-    """Return why a run ended before `end` [s], in words: what ran out, when, where and what to change; `follows` as in `runs_away`."""
-    node = f" at '{names[answer.node]}'" if 0 <= answer.node < len(names) else ""
-    when = f"at {answer.time:.6g} s of {end:.6g} s{node}"
+def ending(status: int, time: float, node: str, max_steps: int, end: float, follows: bool) -> str:
+    """Return why a run ended before `end` [s], in words: what ran out, when, where and what to change.
+
+    Parameters
+    ----------
+    status : int        The kernel's.
+    time : float        When it ended. [s]
+    node : str          Where; empty for nowhere.
+    max_steps : int     Steps that it was allowed.
+    follows : bool      As in `runs_away`.
+    """
+    when = f"at {time:.6g} s of {end:.6g} s" + (f" at '{node}'" if node else "")
     words = {
         _kernel.MAX_STEPS: f"{max_steps} steps were not enough, {when}. Allow more max_steps, or a larger error.",
         _kernel.STEP_UNDERFLOW: f"the step became too small {when}. Look for a discontinuous law there, or allow a larger error.",
@@ -342,12 +358,12 @@ def ending(answer: Any, names: Sequence[str], max_steps: int, end: float, follow
         _kernel.NON_FINITE: f"a temperature or heat flow is not a number {when}. Look for a parameter that is infinite.",
         _kernel.RUN_AWAY: runs_away(when, follows),
         _kernel.SINGULAR_NODE: f"a massless node has no conductance to anything {when}, so its temperature is undefined.",
-        _kernel.BAD_INPUT: f"a temperature fell below 0 K, or a number is not finite, {when}. Check the inputs at that time.",
+        _kernel.BAD_INPUT: f"a temperature left the range 0 K to 1e6 K, or a number is not finite, {when}. Check the inputs at that time.",
         _kernel.CHATTER: f"a thermostat switches endlessly {when}. Widen its hysteresis.",
         _kernel.TOO_HOT: f"a massless node would be above 100,000 K {when}: more heat is supplied than its conductors carry. Check its "
         "power and these conductances; a unit may be wrong.",
     }
-    return words.get(answer.status, f"the run stopped {when}.")
+    return words.get(status, f"the run stopped {when}.")
 
 
 MARGIN_TO_TABLE_END: Final = 0.1
@@ -376,11 +392,6 @@ def _ranged(network: Network, numbers: Numbers) -> list[tuple[str, Curve, tuple[
 def read_nodes(network: Network, numbers: Numbers) -> set[str]:
     """Return the nodes whose temperatures are arguments of tables."""
     return {end for _, _, ends in _ranged(network, numbers) for end in ends}
-
-
-def refuses(network: Network, numbers: Numbers) -> bool:
-    """Return whether some table ends a run outside its points (outside = "refuse")."""
-    return any(curve.limits is not None for _, curve, _ in _ranged(network, numbers))
 
 
 def _temperature_read(curve: Curve, a: Array, b: Array) -> Array:
@@ -421,6 +432,18 @@ def refused_tables(network: Network, numbers: Numbers, temperatures: Mapping[str
     return f'{" and ".join(dict.fromkeys(out))}, and outside = "refuse" ends the run. Add points, or set outside = "hold".'
 
 
+def flow_between_masses(jacobian: Array, massive: NDArray[np.bool_]) -> Array:
+    """Return the derivatives (masses, masses) of the heat into nodes with mass by their temperatures. [W/K]
+
+    Nodes without mass follow at once, so that J_mm - J_m0 J_00^-1 J_0m is left.
+    """
+    flow = jacobian[np.ix_(massive, massive)]
+    if massive.all():
+        return flow
+    inner, back = jacobian[np.ix_(~massive, ~massive)], jacobian[np.ix_(~massive, massive)]
+    return np.asarray(flow - jacobian[np.ix_(massive, ~massive)] @ np.linalg.solve(inner, back))
+
+
 def refuse_unseen(model: Tree, what: str, kind: type[ThermidError] = ScenarioError) -> None:
     """Refuse what needs the equations of a model, where another program such as an FMU runs it; `what` names it in the message.
 
@@ -443,13 +466,10 @@ class KernelProblem:
         self.machines = tuple(p.row.name for p in s.factors if p.row.modes)
         self.control_names = (*(p.name for p in s.controls), *self.machines)
         self.flow_rows = np.array([k for k, p in enumerate(s.conductors) if p.row.form == "flow"], dtype=int)
-        self.problem = self._laid_out(refuse=True)
-        self.refuses = refuses(wiring.network, wiring.assemble(np.zeros(0)).numbers)
-        self.held = self._laid_out(refuse=False) if self.refuses else self.problem
-
-    def _laid_out(self, refuse: bool) -> Any:
-        """Return the kernel's problem; without `refuse` tables hold their last value outside, for searches that pass there."""
-        return _kernel.Problem(**self.arrays(refuse))
+        self.problem = _kernel.Problem(**self.arrays())
+        # whether some table ends a run outside its points; for searches that pass there it holds its last value
+        self.refuses = any(curve.limits is not None for _, curve, _ in _ranged(wiring.network, wiring.assemble(np.zeros(0)).numbers))
+        self.held = _kernel.Problem(**self.arrays(refuse=False)) if self.refuses else self.problem
 
     def arrays(self, refuse: bool = True) -> dict[str, Any]:
         """Return what the kernel's problem is made of, by name: indices as arrays of int32, tables and inputs as lists."""
@@ -544,6 +564,11 @@ class KernelProblem:
         return f"{self.wiring.network.title}, {self.wiring.scenario.title}"
 
     @property
+    def follows(self) -> bool:
+        """Whether a power follows a temperature other than by being switched."""
+        return any(load.follows_temperature for load in self.wiring.network.flat.loads)
+
+    @property
     def is_large(self) -> bool:
         """Whether it has so many nodes that it is run as a large network; the heat of one that stores it by a table counts with it."""
         return len(self.nodes) - sum(held_in(n) in self.nodes for n in self.wiring.network.stores) >= LARGE_FROM
@@ -592,9 +617,9 @@ class KernelProblem:
 
         With the numbers `a` of the run, a table that the temperatures have left is named instead.
         """
-        network = self.wiring.network
-        follows = any(load.follows_temperature for load in network.flat.loads)
-        text = ending(answer, (*self.nodes, *network.boundaries), options.max_steps, end, follows)
+        names = (*self.nodes, *self.wiring.network.boundaries)
+        node = names[answer.node] if 0 <= answer.node < len(names) else ""
+        text = ending(answer.status, answer.time, node, options.max_steps, end, self.follows)
         if not (self.refuses and answer.status in UNSOLVED):
             return text
         final = getattr(answer, "final_temperatures", None)
@@ -637,14 +662,9 @@ class KernelProblem:
         capacity = self.capacities(a)
         sampled = [state.name for p in self.wiring.structure.factors for state in p.row.states if state.factor is not None]
         capacity[[self.nodes.index(name) for name in sampled]] = 0.0  # as if they sampled without end
-        massive, massless = capacity > 0, capacity <= 0
-        heat = jacobian[np.ix_(massive, massive)]
-        if massless.any():
-            heat = heat - jacobian[np.ix_(massive, massless)] @ np.linalg.solve(
-                jacobian[np.ix_(massless, massless)], jacobian[np.ix_(massless, massive)]
-            )
+        massive = capacity > 0
         root = np.sqrt(capacity[massive])
-        rates = np.linalg.eigvals(heat / root[:, None] / root[None, :]).real
+        rates = np.linalg.eigvals(flow_between_masses(jacobian, massive) / root[:, None] / root[None, :]).real
         slow = np.abs(rates) < 1e-13 * max(float(np.abs(rates).max(initial=0.0)), 1e-300)
         return np.sort(np.where(slow, np.inf, -1.0 / np.where(slow, -1.0, rates)))[::-1]
 

@@ -67,8 +67,7 @@ def normalised(network: Network, scenario: Scenario) -> Scenario:
         require(flat.parameters.dimension(path), need, flat.parameters.table[path].parameter.unit)
         return path
 
-    boundaries = {network.find(k, where): v for k, v in scenario.boundaries.items()}
-    boundaries |= {network.find(k, where): v for k, v in scenario.prescribed.items()}
+    boundaries = {network.find(k, where): v for table in (scenario.boundaries, scenario.prescribed) for k, v in table.items()}
     for name in boundaries:
         if name not in network.boundaries:
             raise ScenarioError(
@@ -264,17 +263,17 @@ class ScheduledCoefficients:
                 sample = reference if values[reference] else int(np.abs(values).argmax())
                 if (values != values[sample]).any():
                     table[r, c] = ScheduledCoefficient(sample, values / values[sample])
-        return cls(network, schedule, reference, places, _named(network, base_parts, places), table)
+        whole = network.numbers_of(base_parts)
+        rows: list[Any] = [*whole.conductors, *whole.loads, *whole.controls]
+        every = [(row.name, position) for row, position in _numbered(rows)]
+        return cls(network, schedule, reference, places, tuple(every[k] for k in places), table)
 
     @property
     def signals(self) -> dict[tuple[str, int, int], Drawn]:
         """(row's name, position among the rows of that name, coefficient) -> signal that multiplies it. [-]"""
         times, index, hold = self.schedule.times, self.schedule.index, self.schedule.hold
-        out: dict[tuple[str, int, int], Drawn] = {}
-        for (r, c), course in self.table.items():
-            ratio = course.ratio[index]
-            out[(*self.names[r], c)] = TableSignal(times, ratio, hold) if times.size > 1 else Constant(float(ratio[0]))
-        return out
+        ratios = {(*self.names[r], c): course.ratio[index] for (r, c), course in self.table.items()}
+        return {key: TableSignal(times, r, hold) if times.size > 1 else Constant(float(r[0])) for key, r in ratios.items()}
 
     def numbers(self, free: Mapping[str, Number]) -> Numbers:
         """Return the numbers at the samples of reference, with some parameters replaced; `free` is path -> number. [SI]
@@ -344,14 +343,6 @@ class ScheduledCoefficients:
         return replace(whole, conductors=tuple(rows[:count]), loads=tuple(rows[count:rest]), controls=tuple(rows[rest:]))
 
 
-def _named(network: Network, base_parts: Mapping[str, Any], places: tuple[int, ...]) -> tuple[tuple[str, int], ...]:
-    """Return the name of the row at each place, and its position among the rows of that name."""
-    whole = network.numbers_of(base_parts)
-    rows: list[Any] = [*whole.conductors, *whole.loads, *whole.controls]
-    every = [(row.name, position) for row, position in _numbered(rows)]
-    return tuple(every[k] for k in places)
-
-
 def _check_masses(varied: Varied, first: Varied, title: str) -> None:
     """Refuse a schedule that changes a capacitance between two samples."""
     for node, capacitance in varied.capacitances.items():
@@ -366,9 +357,9 @@ def _check_masses(varied: Varied, first: Varied, title: str) -> None:
 
 def _same_slopes(number: Number, ratio: float, base: Number) -> bool:
     """Return whether the derivatives of a number are `ratio` times those of its reference; True where either has none."""
-    if not isinstance(number, Dual) or not isinstance(base, Dual) or not base.gradient.size:
-        return True
-    return np.allclose(number.gradient, ratio * base.gradient, rtol=1e-9, atol=1e-12 * float(np.abs(base.gradient).max()))
+    none = not isinstance(number, Dual) or not isinstance(base, Dual) or not base.gradient.size
+    least = 1e-12 * float(np.abs(gradient_of(base, 0)).max(initial=0.0))
+    return none or np.allclose(gradient_of(number, 0), ratio * gradient_of(base, 0), rtol=1e-9, atol=least)
 
 
 class PlacedConductor(NamedTuple):
@@ -546,13 +537,10 @@ class Wiring:
 
     def _check_free(self, name: str) -> None:
         """Refuse a name that is none of a parameter, a boundary, ``initial.<node>``, ``scale.<load>`` and ``reading.<channel>``."""
-        head, _, node = name.partition(".")
-        if name in self.parameters or name in self.network.boundaries or (head == "initial" and node in self.network.nodes):
-            return
-        if head == "reading" or name in self._scales.values():
-            return
+        head = name.partition(".")[0]
         names = [*self.network.flat.parameters.table, *self.network.boundaries, *(f"initial.{n}" for n in self.network.nodes)]
-        raise ScenarioError(f"no parameter '{name}' can be free.{nearest(name, names)}", self.network.title, code="name.unknown")
+        if head != "reading" and name not in self._scales.values():
+            refuse_unknown([name], names, self.network.title, "no parameter '{}' can be free.", ScenarioError)
 
     def _numbers(self, free: Mapping[str, Number]) -> Numbers:
         """Return the network's numbers with some parameters replaced, by the schedule where there is one."""
@@ -700,20 +688,16 @@ class Wiring:
         conductors = self._conductors(reduced.conductors, make, index)
         loads = self._loads(numbers, make, index, values)
         controls = tuple(self._control(row, make, index, loads) for row in self._controlled(numbers))
-        factors = tuple(PlacedFactors(row, self._places(row, make)) for row in numbers.controls)
-        rates = tuple(self._rate(row, make, index) for control in numbers.controls for row in control.rates)
+        factors = tuple(
+            PlacedFactors(row, [make.add(number, self._follow.get((row.name, 0, c), "")) for c, number in enumerate(row.coefficients)])
+            for row in numbers.controls
+        )
+        rates = []  # of controllers' states, as loads
+        for row in (row for control in numbers.controls for row in control.rates):
+            places = [make.add(number, "", row.controls if c == 0 else ()) for c, number in enumerate(row.of_law)]
+            rates.append(PlacedLoad(row, index[row.node], places, -1, index[row.follows or row.node]))
         inputs = (tuple(make.coefficient_input), factors, tuple(make.driven), len(rates))
         return KernelLayout(reduced.nodes, capacity, tuple(gain), tuple(offset), conductors, (*loads, *rates), controls, *inputs)
-
-    @staticmethod
-    def _rate(row: LoadRow, make: _Builder, index: Mapping[str, int]) -> PlacedLoad:
-        """Return the rate of a controller's state as a load of the kernel."""
-        places = [make.add(number, "", row.controls if c == 0 else ()) for c, number in enumerate(row.of_law)]
-        return PlacedLoad(row, index[row.node], places, -1, index[row.follows or row.node])
-
-    def _places(self, row: ControlRow, make: _Builder) -> list[int]:
-        """Add the coefficients of a control of the deck, and return their places."""
-        return [make.add(number, self._follow.get((row.name, 0, c), "")) for c, number in enumerate(row.coefficients)]
 
     def _conductors(self, rows: Sequence[ConductorRow], make: _Builder, index: Mapping[str, int]) -> tuple[PlacedConductor, ...]:
         """Add the coefficients of all conductors between two different nodes, and return where each stands."""
@@ -754,7 +738,18 @@ class Wiring:
 
         Rows of one conductor are summed. `shares`: control as an element names it -> its share (times,), as `shares` gives it.
         """
-        return self._summed(numbers, temperatures, times, conductance if over_difference else heat, shares or {})
+        out: dict[str, Array] = {}
+        for row, position in _numbered(numbers.conductors):
+            a, b = (temperatures[end] for end in row.ends)
+            coefficients = []
+            for c, number in enumerate(row.coefficients):
+                signal = self._conductor_signal(row, position, c)
+                coefficients.append(value_of(number) * (self.signals[signal].at(times) if signal else np.ones(times.shape)))
+            for control in row.controls:
+                coefficients[0] = coefficients[0] * (shares or {})[control]
+            rate = (conductance if over_difference else heat)(row.form, coefficients, row.curve, a, b)
+            out[row.name] = out.get(row.name, 0.0) + (-rate if row.turned and not over_difference else rate)
+        return out
 
     def shares(
         self, numbers: Numbers, at: Callable[[str], Array], times: Array, modes: Callable[[str], Array] | None = None
@@ -782,28 +777,6 @@ class Wiring:
         """Return the factor (times,) that a schedule puts on the coefficient of a control at a place; 1 where it has no schedule. [-]"""
         follower = self._follow.get((name, 0, place), "")
         return self.signals[follower].at(times) if follower else 1.0
-
-    def _summed(
-        self,
-        numbers: Numbers,
-        temperatures: Mapping[str, Array],
-        times: Array,
-        law: Callable[..., Array],
-        shares: Mapping[str, Array],
-    ) -> dict[str, Array]:
-        """Return conductor -> law(form, coefficients, curve, T_a, T_b) (times,), summed over its rows; for the heat flow with signs."""
-        out: dict[str, Array] = {}
-        for row, position in _numbered(numbers.conductors):
-            a, b = (temperatures[end] for end in row.ends)
-            coefficients = []
-            for c, number in enumerate(row.coefficients):
-                signal = self._conductor_signal(row, position, c)
-                coefficients.append(value_of(number) * (self.signals[signal].at(times) if signal else np.ones(times.shape)))
-            for control in row.controls:
-                coefficients[0] = coefficients[0] * shares[control]
-            rate = law(row.form, coefficients, row.curve, a, b)
-            out[row.name] = out.get(row.name, 0.0) + (-rate if row.turned and law is heat else rate)
-        return out
 
     def _controlled(self, numbers: Numbers) -> list[LoadRow]:
         """Return the first row of each load that has a control."""
@@ -916,10 +889,6 @@ class Wiring:
             self.assemble(np.zeros(0))
         assert self._structure is not None
         return self._structure
-
-    def held_at(self, time: float) -> str:
-        """Return the remark on a steady state under the inputs of one time [s]; empty where no input changes."""
-        return held_inputs(self.changing, time)
 
     def boundary(self, name: str, times: Array, offsets: Mapping[str, Number]) -> Array:
         """Return the temperature (times,) of a boundary. [K]"""
