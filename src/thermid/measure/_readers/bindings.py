@@ -100,41 +100,48 @@ def _one(key: str, written: object, where: str) -> Binding:
         )
     _check_kinds(written, where)
     roles = [word for word in ROLES if word in written]
-    if len(roles) > 1:
-        raise RecordError(f"it has the roles {' and '.join(roles)}. Give a channel one role.", where, code="value.incomplete")
     role = roles[0] if roles else "auto"
-    if "gain" in written and role not in ("load", "command"):
-        raise RecordError(
-            "a gain converts a command into a power, so it needs load = '...' or command = '...' too.", where, code="value.incomplete"
-        )
-    if "full_scale" in written and (role != "load" or "gain" in written):
-        raise RecordError(
-            "full_scale is the power of a load at 100 %, so it needs load = '...' too, and no gain.", where, code="value.incomplete"
-        )
-    if "power" in written and (role != "load" or "full_scale" in written):
-        raise RecordError(
-            "power is a formula of columns in watts, so it needs load = '...' too, and no full_scale.",
-            where,
-            code="value.incomplete",
-        )
-    if written.get("prompt") and role not in ("load", "command"):
-        raise RecordError(
-            "prompt states that a power or command was logged at every change, so it applies to a load or command only.",
-            where,
-            code="record.does-not-apply",
-        )
-    refuse_unknown([written.get("samples", "instant")], SAMPLES, where, "samples = '{}' is neither 'instant' nor 'average'.")
     between = written.get("interpolation", INTERPOLATIONS[0])
+    refuse_unknown([written.get("samples", "instant")], SAMPLES, where, "samples = '{}' is neither 'instant' nor 'average'.")
     refuse_unknown([between], INTERPOLATIONS, where, "interpolation = '{}' is neither 'linear' nor 'previous'.")
-    for word in ("samples", "interpolation"):
-        if word in written and role in ("auto", "node"):
-            raise RecordError(
+    for broken, message, code in (
+        (len(roles) > 1, f"it has the roles {' and '.join(roles)}. Give a channel one role.", "value.incomplete"),
+        (
+            "gain" in written and role not in ("load", "command"),
+            "a gain converts a command into a power, so it needs load = '...' or command = '...' too.",
+            "value.incomplete",
+        ),
+        (
+            "full_scale" in written and (role != "load" or "gain" in written),
+            "full_scale is the power of a load at 100 %, so it needs load = '...' too, and no gain.",
+            "value.incomplete",
+        ),
+        (
+            "power" in written and (role != "load" or "full_scale" in written),
+            "power is a formula of columns in watts, so it needs load = '...' too, and no full_scale.",
+            "value.incomplete",
+        ),
+        (
+            written.get("prompt") and role not in ("load", "command"),
+            "prompt states that a power or command was logged at every change, so it applies to a load or command only.",
+            "record.does-not-apply",
+        ),
+        *(
+            (
+                word in written and role in ("auto", "node"),
                 f"{word} applies to inputs of the model only: a boundary, load, command or prescribed node.",
-                where,
-                code="record.does-not-apply",
+                "record.does-not-apply",
             )
-    if written.get("samples") == "average" and "interpolation" in written:
-        raise RecordError("averages are steps over their intervals. Give samples or interpolation.", where, code="value.incomplete")
+            for word in ("samples", "interpolation")
+        ),
+        (
+            written.get("samples") == "average" and "interpolation" in written,
+            "averages are steps over their intervals. Give samples or interpolation.",
+            "value.incomplete",
+        ),
+    ):
+        if broken:
+            raise RecordError(message, where, code=code)
     rest = {word: written[word] for word in ("gain", "full_scale", *_OF_SAMPLES) if word in written}
     certificate = SensorCertificate.read(written["certificate"], f"{where}, certificate") if "certificate" in written else None
     part, target = SensorPart.read(written, where), written[role] if roles else None

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import asdict, dataclass, field, replace
 from itertools import count, islice
 from pathlib import Path
 from typing import Any, Final
@@ -234,14 +234,11 @@ class Look(Result):
         if self.times is None:
             return []
         times = self.times.values - self.times.values[0]
-        out = []
-        for c in (c for c in self.columns if c.guess in _SHOWN and c.good.any()):
-            power = c.guess in ("power", "duty")
-            out.append(
-                LogCourse(
-                    c.name, power, times[c.good], in_si(c.values[c.good], c.unit or ("W" if power else "degC")), c.guess != "boundary"
-                )
-            )
+        shown = [(c, c.guess in ("power", "duty")) for c in self.columns if c.guess in _SHOWN and c.good.any()]
+        out = [
+            LogCourse(c.name, power, times[c.good], in_si(c.values[c.good], c.unit or ("W" if power else "degC")), c.guess != "boundary")
+            for c, power in shown
+        ]
         for pair in self.supplies.values():
             watts = in_si(pair[0].values, pair[0].unit) * in_si(pair[1].values, pair[1].unit)
             good = np.isfinite(watts)
@@ -273,7 +270,6 @@ class Look(Result):
     def as_object(self) -> dict[str, Any]:
         """Return the same as JSON holds it; values in the units of the columns, times in seconds."""
         times = self.times.values if self.times is not None else np.zeros(0)
-        at = self.cells.layout
         columns = [
             {"name": c.name, "unit": c.unit, "assumed": c.assumed, "guess": c.guess, "why": c.why}
             | {"missing": c.missing, "faults": c.faults, "jumps": int(c.jumps.size)}
@@ -281,20 +277,13 @@ class Look(Result):
             for c in self.columns
         ]
         clock = {"column": self.clock.name, "kind": self.times.kind, "zone": self.times.zone} if self.clock and self.times else None
-        layout = {
-            "format": at.format,
-            "encoding": at.encoding,
-            "separator": at.separator,
-            "preamble": at.preamble,
-            "units_row": at.units_row,
-        }
         sampling = {"step": float(usual_step(np.unique(times))), "length": float(times[-1] - times[0])} if times.size > 1 else None
         start = None if self.times is None else self.times.start or self.cells.start
         return {
             "file": self.path.name,
             "problem": self.problem,
             "rows": len(self.cells.lines),
-            **layout,
+            **asdict(self.cells.layout),
             "decimal": self.decimal,
             "clock": clock,
             "start": start,
@@ -521,7 +510,8 @@ def _by_step(clock: dict[str, Any], first: Look, other: Look) -> list[str]:
         begins = f"{_digits(abs(at['offset']), 4)} s {'after' if at['offset'] >= 0 else 'before'} {first.path.name}"
         return [f"  by its stamps and those of {at['after']}, {clock['file']} begins {begins}, +- {_digits(at['error'], 2)} s"]
     if "step" not in clock:
-        bare = [f"{look.path.name} {_bare(look)}" for look in (first, other) if _time_of_day(look) is None]
+        why = {True: "is not readable yet", False: "has no time stamps"}
+        bare = [f"{look.path.name} {why[look.times is None]}" for look in (first, other) if _time_of_day(look) is None]
         return [f"  {', '.join(bare)}, and {UNDECIDED}"] if bare else []
     step = clock["step"]
     late, error = round(step["offset"], 3), step["error"]
@@ -547,11 +537,6 @@ def _by_step(clock: dict[str, Any], first: Look, other: Look) -> list[str]:
 def _digits(value: float, count: int) -> str:
     """Return a number with some digits, or all before its point."""
     return f"{value:.{count}g}" if abs(value) < 10.0**count else f"{value:.0f}"
-
-
-def _bare(look: Look) -> str:
-    """Return why a log has no clock."""
-    return "is not readable yet" if look.times is None else "has no time stamps"
 
 
 def _by_stamps(clock: dict[str, Any]) -> bool:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Iterator, Mapping, MutableMapping
+from collections.abc import Mapping, MutableMapping
 from pathlib import Path
 from typing import Any
 
@@ -61,7 +61,7 @@ def _part_names(model: Model, target: Path) -> dict[str, str]:
     """Return title of a part -> its file beside the deck; parts of other decks there keep theirs."""
     used_files = _used_by(target)
     out: dict[str, str] = {}
-    for part in _parts(model):
+    for part in (part for part, prefix in model.walk() if prefix):
         name, alone = _file_name(part.title), _file_name(f"{target.stem} {part.title}")
         there = target.parent / name
         other = name not in used_files and there.is_file() and FileKinds.DECK.titled(part.title).wrote(there) and not _equals(there, part)
@@ -79,13 +79,6 @@ def _used_by(deck: Path) -> set[str]:
         waiting += [deck.parent / name for name in used - out]
         out |= used
     return out
-
-
-def _parts(model: Model) -> Iterator[Model]:
-    """Yield the submodels at every depth."""
-    for part in model.submodels.values():
-        yield part.model
-        yield from _parts(part.model)
 
 
 def _equals(path: Path, model: Model) -> bool:

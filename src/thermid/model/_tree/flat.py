@@ -11,7 +11,7 @@ import numpy as np
 
 from thermid.base.codes import CodedText
 from thermid.base.dual import Number, value_of
-from thermid.base.errors import DeckError, NameNotFoundError, errors_at, nearest, quoted
+from thermid.base.errors import DeckError, NameNotFoundError, errors_at, quoted, refuse_unknown
 from thermid.base.units import require, require_unit
 from thermid.model._laws.curves import Curve
 from thermid.model._laws.signal import Signal
@@ -277,12 +277,7 @@ class Flat:
     @property
     def without_convection(self) -> dict[str, str]:
         """Return surface -> its gas node, of those outside enclosures with an emissivity but no htc: a run with gas refuses them."""
-
-        def silent(face: FlatSurface) -> bool:
-            """Whether a surface sees others, but takes no part in an exchange of radiation."""
-            return not face.exchange and bool(face.sees) and "emissivity" in face.fields
-
-        return {path: face.to for path, face in self.faces.items() if silent(face)}
+        return {p: face.to for p, face in self.faces.items() if not face.exchange and face.sees and "emissivity" in face.fields}
 
     @property
     def convection_ends(self) -> frozenset[str]:
@@ -584,10 +579,13 @@ def _controls(owner: Tree, prefix: str, raw: Sequence[str], key: str) -> tuple[s
         path = owner.canonical(name)
         head, _, tail = path.rpartition(".")
         part = owner.submodel(head) if head else owner
-        if tail not in part.controls:
-            raise NameNotFoundError(
-                f"no control '{name}'.{nearest(tail, part.controls)} Declare it under controls.", owner.where(f"{key}.control")
-            )
+        refuse_unknown(
+            [tail],
+            part.controls,
+            owner.where(f"{key}.control"),
+            f"no control '{name}'.{{near}} Declare it under controls.",
+            NameNotFoundError,
+        )
         if prefix + path in {named_control(c)[0] for c in out}:
             raise DeckError(f"the control '{name}' is named twice. Remove one of them.", owner.where(f"{key}.control"), code="name.taken")
         out.append(f"{COMPLEMENT}{prefix}{path}" if rest else prefix + path)

@@ -278,11 +278,9 @@ def _why(row: _Row, count: int, twin: bool) -> str:
     return f"equal rows in [set] of {row.file}" if row.way == "rows" else f"{count} instances of {row.file}"
 
 
-def cuts_of(model: Tree, prefix: str = "") -> Iterator[str]:
+def cuts_of(model: Tree) -> Iterator[str]:
     """Yield every place of a tree that a deck or a caller cut from its twins."""
-    yield from (prefix + place for place in model.cuts)
-    for name, part in model.submodels.items():
-        yield from cuts_of(part.model, f"{prefix}{name}.")
+    yield from (prefix + place for part, prefix in model.walk() for place in part.cuts)
 
 
 def written(parameter: Parameter) -> Any:

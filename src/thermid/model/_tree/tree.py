@@ -245,12 +245,11 @@ class Tree:
         own_values = [name for name, _, parameter in self.own_parameters() if parameter.is_literal]
         return (*own_values, *(path for path, parameter in self.settings.items() if parameter.is_literal))
 
-    def missing_parts(self, prefix: str = "") -> Iterator[str]:
+    def missing_parts(self) -> Iterator[str]:
         """Yield what the model and its parts lack, each with its place."""
-        if self.incomplete:
-            yield f"{prefix.removesuffix('.')}: {self.incomplete}" if prefix else self.incomplete
-        for name, part in self.submodels.items():
-            yield from part.model.missing_parts(f"{prefix}{name}.")
+        for part, path in self.walk():
+            if part.incomplete:
+                yield f"{path.removesuffix('.')}: {part.incomplete}" if path else part.incomplete
 
     def without_test_only(self) -> Self:
         """Return the flight model: every element tagged `test_only` is dropped, at every depth."""
@@ -356,8 +355,13 @@ class Names:
         self._alias: dict[str, str] = {need: need for need in model.needs}
         self._seen: dict[str, str] = {}
         self._offered: dict[str, frozenset[str]] = {}
-        self._collect(model, "")
-        self._bind(model, "")
+        for owner, prefix in model.walk():
+            self._check_ports(owner)
+            self.nodes |= {prefix + name: (owner, name) for name in owner.nodes}
+            self.nodes |= {prefix + (joint.mid or f"{name}.mid"): (owner, "") for name, joint in owner.joints.items()}
+        for owner, prefix in model.walk():  # from the outside in
+            for name, part in owner.submodels.items():
+                self._bind_part(owner, prefix, name, part)
 
     def _check_ports(self, model: Tree) -> None:
         """Refuse aliases and offers that name nothing."""
@@ -368,22 +372,6 @@ class Names:
         for offer in model.offers:
             missing = f"offers names '{offer}', but the model has no such node or surface."
             refuse_unknown([model.canonical(offer)], names, model.where("offers"), missing, NameNotFoundError)
-
-    def _collect(self, model: Tree, prefix: str) -> None:
-        """Add the nodes of a model and its parts to `nodes`, those of joints too."""
-        self._check_ports(model)
-        for name in model.nodes:
-            self.nodes[prefix + name] = (model, name)
-        for name, joint in model.joints.items():
-            self.nodes[prefix + (joint.mid or f"{name}.mid")] = (model, "")
-        for name, part in model.submodels.items():
-            self._collect(part.model, f"{prefix}{name}.")
-
-    def _bind(self, model: Tree, prefix: str) -> None:
-        """Bind the needs of every part, from the outside in."""
-        for name, part in model.submodels.items():
-            self._bind_part(model, prefix, name, part)
-            self._bind(part.model, f"{prefix}{name}.")
 
     def _bind_part(self, model: Tree, prefix: str, name: str, part: Submodel[Tree]) -> None:
         """Record which node each need of a part stands for and which one its surfaces see; refuse a need without one."""

@@ -230,24 +230,23 @@ def phase_row(name: str, held: str, melt: Melt) -> ControlRow:
     return ControlRow(name, tuple(make.numbers), share, rest, ("crystals", "liquid"), int(melt.given.starts == "liquid"), ways)
 
 
-def _refuse(flat: FlatControl, message: str) -> None:
-    """Raise `DeckError` with a message at the place of a control."""
-    raise DeckError(message, flat.where)
+def _refuse(flat: FlatControl, broken: bool, message: str) -> None:
+    """Refuse a control that breaks a rule, with a message."""
+    if broken:
+        raise DeckError(message, flat.where)
 
 
 def _thermostat(flat: FlatControl, f: Mapping[str, Number], make: _Maker) -> ControlRow:
     """Return a thermostat as a machine of the modes off and on, with a guard at each of its two temperatures."""
     heats = "thermostat.on_below" in f
     on, off = (f["thermostat.on_below"], f["thermostat.off_above"]) if heats else (f["thermostat.on_above"], f["thermostat.off_below"])
-    if value_of(on) == value_of(off):
-        _refuse(
-            flat,
-            f"'{flat.path}' switches on and off at the same temperature and would switch endlessly. Set the two "
-            "temperatures some kelvin apart.",
-        )
-    if (value_of(on) < value_of(off)) is not heats:
-        names = ("on_below", "off_above") if heats else ("on_above", "off_below")
-        _refuse(flat, f"'{flat.path}' would switch on again wherever it switches off. Exchange {names[0]} and {names[1]}.")
+    endless = (
+        f"'{flat.path}' switches on and off at the same temperature and would switch endlessly. Set the two temperatures some kelvin apart."
+    )
+    _refuse(flat, bool(value_of(on) == value_of(off)), endless)
+    names = "on_below and off_above" if heats else "on_above and off_below"
+    again = f"'{flat.path}' would switch on again wherever it switches off. Exchange {names}."
+    _refuse(flat, bool(value_of(on) < value_of(off)) is not heats, again)
     nodes = tuple((node, make.add(weight)) for node, weight in flat.follows)
     ways = (
         GuardForm(0, 1, nodes, make.add(on), -1.0 if heats else 1.0),
@@ -282,8 +281,7 @@ def _table(flat: FlatControl, f: Mapping[str, Number], make: _Maker) -> ControlR
     """Return a control whose share is a table of what it follows, looked up at all times or at samples."""
     shape = flat.control.curve
     assert shape is not None
-    if (shape.y < 0.0).any():
-        _refuse(flat, f"the table of '{flat.path}' gives a share below zero. Give 0 or more.")
+    _refuse(flat, bool((shape.y < 0.0).any()), f"the table of '{flat.path}' gives a share below zero. Give 0 or more.")
     nodes = tuple((node, make.add(weight)) for node, weight in flat.follows)
     if not flat.control.sample:
         share, rest = (FactorForm(LOOKUP, nodes=nodes, curve=curve) for curve in (shape, _mapped(shape, 1.0, -1.0)))
@@ -309,8 +307,8 @@ def _limits(flat: FlatControl, f: Mapping[str, Number], kind: str) -> tuple[Numb
     DeckError   When the lowest output is not below the highest.
     """
     band, low, high = f[f"{kind}.band"], f.get(f"{kind}.lowest", 0.0), f.get(f"{kind}.highest", 1.0)
-    if not value_of(low) < value_of(high):
-        _refuse(flat, f"'{flat.path}' has limits from {value_of(low):g} to {value_of(high):g}. Give lowest below highest.")
+    text = f"'{flat.path}' has limits from {value_of(low):g} to {value_of(high):g}. Give lowest below highest."
+    _refuse(flat, not value_of(low) < value_of(high), text)
     return band, low, high
 
 
@@ -351,12 +349,11 @@ def _pid(flat: FlatControl, f: Mapping[str, Number], make: _Maker) -> ControlRow
     weights = [*weights, (x, 1.0 / SPAN)]
     begins = ZERO + SPAN * f.get("pid.begins", 0.0)
     if sample:
-        if not value_of(integral) >= sample:
-            _refuse(
-                flat,
-                f"the integral time of '{flat.path}' is shorter than its sample time, so the loop would oscillate. Give a "
-                "longer integral time or a shorter sample time.",
-            )
+        text = (
+            f"the integral time of '{flat.path}' is shorter than its sample time, so the loop would oscillate. Give a longer integral "
+            "time or a shorter sample time."
+        )
+        _refuse(flat, not value_of(integral) >= sample, text)
         taken = _state_clamp(make, constant, weights, low, high)
         step = sample / integral
         states = [StateForm(x, begins, make.clamp(0.0, [(x, 1.0 - step), (output, step)], None, None))]

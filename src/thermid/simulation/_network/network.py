@@ -27,7 +27,7 @@ from thermid.simulation._network.controls import PHASE, ControlRow, control_name
 from thermid.simulation._network.irradiation import absorbers
 from thermid.simulation._network.medium import TRACE, Media, check_gas_laws, conductors_with_trace
 from thermid.simulation._network.rows import ConductorRow, LoadRow
-from thermid.simulation._network.streams import Streams
+from thermid.simulation._network.streams import Streams, reached
 
 
 @dataclass(frozen=True, eq=False)
@@ -546,12 +546,12 @@ def unreached(network: Network, numbers: Numbers, powers: Mapping[str, float]) -
             joined[a].add(b)
             if row.form != "flow":  # a stream carries the temperature of its first end alone
                 joined[b].add(a)
-    isolated = set(network.nodes) - _spread(network.boundaries, joined)
+    isolated = set(network.nodes) - reached(network.boundaries, joined)
     joined = {n: {m for m in isolated if m in joined[n] or n in joined[m]} for n in isolated}
     out = {}
     while isolated:
         first = next(n for n in network.nodes if n in isolated)
-        group = _spread((first,), joined) & isolated
+        group = reached((first,), joined) & isolated
         isolated -= group
         members = tuple(n for n in network.nodes if n in group)
         heat = sum(powers.get(load.path, 0.0) for load in network.flat.loads if load.node in members)
@@ -570,13 +570,3 @@ def without_gas(network: Network, numbers: Numbers) -> tuple[str, ...]:
     kept |= {end for row in numbers.conductors if value_of(row.coefficients[0]) not in (0.0, TRACE) for end in row.ends}
     gases = network.flat.gas_nodes - kept
     return tuple(n for n in network.nodes if n in gases and network.media.empty(n))
-
-
-def _spread(start: Iterable[str], joined: Mapping[str, set[str]]) -> set[str]:
-    """Return every node that can be reached from `start` along `joined`, node -> neighbours; `start` is among them."""
-    reached, edge = set(start), list(start)
-    while edge:
-        fresh = joined[edge.pop()] - reached
-        reached |= fresh
-        edge += fresh
-    return reached

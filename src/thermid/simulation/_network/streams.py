@@ -6,7 +6,7 @@ there on every stream of the line carries that mass, whatever temperature it tak
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
@@ -243,8 +243,9 @@ def _shares(streams: Sequence[FlatConductor], values: Mapping[str, Any], inner: 
     With the flow m of each stream and the shares x of each node, x_n sum(m into n) = sum(m x of the first end), a source counting itself.
     """
     entered = [n for n in dict.fromkeys(c.ends[1] for c in streams) if n in inner]
-    first = _fed(streams, entered)
-    index = {n: k for k, n in enumerate(entered) if n in first}
+    after = {n: {c.ends[1] for c in streams if c.ends[0] == n} & inner for n in entered}
+    fed = reached({c.ends[1] for c in streams if c.ends[0] not in after} & inner, after)  # from boundaries
+    index = {n: k for k, n in enumerate(entered) if n in fed}
     origins = [c.path for c in streams if c.ends[0] not in index]
     flows = {c.path: float(c.flow(values)) for c in streams}
     least = 1e-12 * max(flows.values(), default=0.0) or 1.0
@@ -268,19 +269,13 @@ def _shares(streams: Sequence[FlatConductor], values: Mapping[str, Any], inner: 
     return out
 
 
-def _fed(streams: Sequence[FlatConductor], entered: Sequence[str]) -> set[str]:
-    """Return the nodes among `entered` that can be reached along streams from a boundary."""
-    after: dict[str, list[str]] = {}
-    for c in streams:
-        after.setdefault(c.ends[0], []).append(c.ends[1])
-    inner = set(entered)
-    out: set[str] = set()
-    todo = [n for start, ends in after.items() if start not in inner for n in ends]
-    while todo:
-        node = todo.pop()
-        if node in inner and node not in out:
-            out.add(node)
-            todo += after.get(node, ())
+def reached(start: Iterable[str], joined: Mapping[str, set[str]]) -> set[str]:
+    """Return every node that can be reached from `start` along `joined`, node -> neighbours; `start` is among them."""
+    out, edge = set(start), list(start)
+    while edge:
+        fresh = joined[edge.pop()] - out
+        out |= fresh
+        edge += fresh
     return out
 
 

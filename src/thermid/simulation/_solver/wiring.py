@@ -950,32 +950,32 @@ def check_start(start: Start, cycle: float | None, changing: Sequence[str], scen
     ------
     ScenarioError
     """
-    where, seconds = f"{scenario.title}, start", scenario.seconds
-    if start.time > seconds > 0.0:
-        raise ScenarioError(
-            f"it takes the inputs at {start.time:g} s, after the end of the run at {seconds:g} s.", where, code="value.outside-range"
-        )
-    if start.kind == STEADY:
-        return
-    if (cycle or 0.0) > seconds * (1.0 + 1e-9):
-        raise ScenarioError(
-            f"the inputs have a period of {cycle:g} s, and the run lasts {seconds:g} s. Extend the run to at least one period.",
-            where,
-            code="value.outside-range",
-        )
-    if start.kind == PERIODIC and not cycle:
-        if not changing:
-            raise ScenarioError(
-                "a periodic start needs inputs that change in time, and none does. Write start = 'steady'.",
-                where,
-                code="run.no-periodic-state",
-            )
-        raise ScenarioError(
+    seconds, period, open_ = scenario.seconds, cycle or 0.0, start.kind == PERIODIC and not cycle
+    for broken, message, code in (
+        (
+            start.time > seconds > 0.0,
+            f"it takes the inputs at {start.time:g} s, after the end of the run at {seconds:g} s.",
+            "value.outside-range",
+        ),
+        (
+            start.kind != STEADY and period > seconds * (1.0 + 1e-9),
+            f"the inputs have a period of {period:g} s, and the run lasts {seconds:g} s. Extend the run to at least one period.",
+            "value.outside-range",
+        ),
+        (
+            open_ and not changing,
+            "a periodic start needs inputs that change in time, and none does. Write start = 'steady'.",
+            "run.no-periodic-state",
+        ),
+        (
+            open_,
             f"a periodic start needs periodic inputs, but {', '.join(changing)} do not repeat. Give a table after = 'repeat'; the longest "
             "period may be at most 1000 times the shortest.",
-            where,
-            code="run.no-periodic-state",
-        )
+            "run.no-periodic-state",
+        ),
+    ):
+        if broken:
+            raise ScenarioError(message, f"{scenario.title}, start", code=code)
 
 
 def level_instants(signals: Mapping[str, Signal], length: float, title: str, most: int) -> list[float]:
