@@ -25,11 +25,13 @@ from thermid.model._parts.controls import COMPLEMENT as COMPLEMENT, named_contro
 from thermid.model._parts.elements import (
     LOAD_SLOTS as LOAD_SLOTS,
     Conductor as Conductor,
+    Facing as Facing,
     HeatLoad as HeatLoad,
     MadeIn as MadeIn,
     Node as Node,
+    degrees as degrees,
+    exposed_area as exposed_area,
 )
-from thermid.model._parts.facing import Facing as Facing, degrees as degrees
 from thermid.model._parts.kinds import (
     ACCOMMODATION as ACCOMMODATION,
     CARRIED_BY as CARRIED_BY,
@@ -50,4 +52,3 @@ from thermid.model._parts.parameter import (
     parameter as parameter,
     worst as worst,
 )
-from thermid.model._parts.takes import exposed_area as exposed_area

@@ -28,9 +28,8 @@ from thermid.base.results import PlottedTrace, Result
 from thermid.model.elements import Constant
 from thermid.model.tree import Model
 from thermid.physics.constants import ICE_POINT
-from thermid.simulation._many.counted import Counted, added
 from thermid.simulation._many.kept import JobFolder, digest
-from thermid.simulation._many.tally import PILOT, CountGrid, Tally
+from thermid.simulation._many.tally import PILOT, Counted, CountGrid, Tally, added
 from thermid.simulation._many.tasks import KeptTasks, Workers, in_tasks
 from thermid.simulation._solution import Trace
 from thermid.simulation._solver.engine import Engine

@@ -407,26 +407,21 @@ def _warnings(wiring: Wiring, scenario: Scenario, empty: tuple[str, ...]) -> tup
         first = next(r for r in numbers.loads if r.name == load.path)
         mean = float(np.mean(signal.at(np.linspace(0.0, scenario.seconds, 101))))
         powers[load.path] = mean * (1.0 if load.path in wiring.scenario.loads else value_of(first.coefficients[0]))
-    out: list[str] = [f"INCOMPLETE: {what}" for what in wiring.network.flat.names.model.missing_parts()]
-    out += [message for nodes, message in unreached(wiring.network, numbers, powers).items() if not {*nodes} <= {*empty}]
-    if empty:
-        out.append(remark_on_empty(empty))
-    if wiring.start is not None and wiring.start.kind == STEADY and (held_text := held_inputs(wiring.changing, wiring.start.time)):
-        out.append(CodedText(f"the start is {held_text}", "run.start-held"))
-    out += sampled_logs(scenario)
-    if scenario.as_printed:
-        out.append(
-            CodedText(
-                "vacuum as printed: every coefficient is zero, including its radiation, so the temperatures are an upper bound",
-                "run.upper-bound",
-            )
-        )
+    flat, media, start = wiring.network.flat, wiring.network.media, wiring.start
+    held = held_inputs(wiring.changing, start.time) if start is not None and start.kind == STEADY else ""
     followed = set(wiring.schedule.signals) if wiring.schedule is not None else set()
-    out += wiring.network.media.remarks([c for c in wiring.network.flat.conductors if not followed & set(c.fields.values())])
-    out += gas_remarks(wiring.network.media, wiring.network.flat, numbers.values)
-    if streams_of(wiring.network.flat.conductors):
-        out += wiring.network.streams.remarks(scenario.seconds)
-    return tuple(out)
+    upper = "vacuum as printed: every coefficient is zero, including its radiation, so the temperatures are an upper bound"
+    return (
+        *(f"INCOMPLETE: {what}" for what in flat.names.model.missing_parts()),
+        *(message for nodes, message in unreached(wiring.network, numbers, powers).items() if not {*nodes} <= {*empty}),
+        *([remark_on_empty(empty)] if empty else ()),
+        *([CodedText(f"the start is {held}", "run.start-held")] if held else ()),
+        *sampled_logs(scenario),
+        *([CodedText(upper, "run.upper-bound")] if scenario.as_printed else ()),
+        *media.remarks([c for c in flat.conductors if not followed & set(c.fields.values())]),
+        *gas_remarks(media, flat, numbers.values),
+        *(wiring.network.streams.remarks(scenario.seconds) if streams_of(flat.conductors) else ()),
+    )
 
 
 @takes_objects

@@ -3,9 +3,8 @@
 from thermid.simulation._block import BlockSolution as BlockSolution
 from thermid.simulation._ensemble import Ensemble as Ensemble, run_members as run_members, shares_of as shares_of
 from thermid.simulation._heat_map import margin_lines as margin_lines, margins as margins
-from thermid.simulation._many.counted import Counted as Counted
 from thermid.simulation._many.kept import JobFolder as JobFolder, digest as digest
-from thermid.simulation._many.tally import PILOT as PILOT
+from thermid.simulation._many.tally import PILOT as PILOT, Counted as Counted
 from thermid.simulation._many.tasks import KeptTasks as KeptTasks, Workers as Workers, in_tasks as in_tasks
 from thermid.simulation._scenarios.scenario import STEADY as STEADY, Scenario as Scenario, Start as Start
 from thermid.simulation._simulator import (

@@ -268,10 +268,8 @@ def _flattened(name: str, value: Any) -> Vectors:
                 inner = label or ("" if field in ("values", "signals") else field)
                 out |= _flattened(f"{name}.{inner}" if inner and not label else label or name, fields[field])
             return out
-        vectors: Vectors = {}
-        for k, row in enumerate(value.reshape(-1)):
-            vectors |= _flattened(f"{name}.{k + 1}", np.array(row, dtype=value.dtype))
-        return vectors
+        rows = enumerate(value.reshape(-1), 1)
+        return {n: v for k, row in rows for n, v in _flattened(f"{name}.{k}", np.array(row, dtype=value.dtype)).items()}
     if not isinstance(value, np.ndarray) or value.dtype.kind not in "fiub" or value.size < 2:
         return {}
     if value.ndim == 1:
@@ -287,8 +285,7 @@ def _label(fields: Any) -> str:
 
 def _clock_of(vectors: Vectors) -> str:
     """Return the name of the first vector that is called a time; empty where none is."""
-    hits = [name for name in vectors if re.split(r"[./]", name)[-1].lower().partition(" ")[0] in _TIMES]
-    return hits[0] if hits else ""
+    return next((name for name in vectors if re.split(r"[./]", name)[-1].lower().partition(" ")[0] in _TIMES), "")
 
 
 def _of_vectors(vectors: Vectors, file: str, kind: str) -> Cells:
@@ -331,8 +328,7 @@ def _clock_texts(times: Any, unit: str, name: str, kind: str) -> tuple[tuple[str
         return tuple(np.datetime_as_string(values).tolist()), "", None, name
     if values.dtype.kind in "SUO":
         return tuple(v.decode() if isinstance(v, bytes) else str(v) for v in values.tolist()), "", None, name
-    since = _SINCE.match(unit)
-    if since:
+    if since := _SINCE.match(unit):
         return _since(values, since, name)
     first, last = float(values[0]), float(values[-1])
     if kind.startswith("MATLAB") and not unit and 715000.0 < first <= last < 770000.0:
@@ -395,8 +391,7 @@ def hdf5(data: bytes, file: str, separator: str | None) -> Cells:
     with library.File(io.BytesIO(data), "r") as opened:
         visit("", opened)
         opened.visititems(visit)
-    kind = "MATLAB 7.3" if data[:10] == b"MATLAB 7.3" else "HDF5"
-    return _of_vectors(vectors, file, kind)
+    return _of_vectors(vectors, file, "MATLAB 7.3" if data[:10] == b"MATLAB 7.3" else "HDF5")
 
 
 def _plain(value: Any) -> str:
@@ -464,6 +459,4 @@ def _cell(value: Any) -> str:
     """Return a cell as text; whole numbers without a point, as they are seen."""
     if isinstance(value, float) and value.is_integer() and abs(value) < 1e15:
         return str(int(value))
-    if isinstance(value, timedelta):
-        return repr(value.total_seconds())
-    return re.sub(r"[\t\r\n]+", " ", text_of(value))
+    return repr(value.total_seconds()) if isinstance(value, timedelta) else re.sub(r"[\t\r\n]+", " ", text_of(value))

@@ -276,8 +276,7 @@ def _compared(a: LogCourse, b: LogCourse) -> CommonStep | None:
     """Return the offset between two courses, the second one's clock late on that of the first; None where it is not clear."""
     if not (a.heated and b.heated) and (a.power != b.power or a.heated != b.heated):
         return None  # no power and no heated part acts on the surroundings
-    forward = a.power <= b.power  # what explains is the power, or the second of a kind
-    effect, cause, sign = (a, b, 1.0) if forward else (b, a, -1.0)
+    effect, cause, sign = (a, b, 1.0) if a.power <= b.power else (b, a, -1.0)  # what explains is the power, or the second of a kind
     length = min(a.times[-1], b.times[-1])
     low, high = SHARED * length - cause.times[-1], effect.times[-1] - SHARED * length
     step = max(float(np.median(np.diff(a.times))), float(np.median(np.diff(b.times))))
@@ -288,10 +287,11 @@ def _compared(a: LogCourse, b: LogCourse) -> CommonStep | None:
     rival = float(np.max(known[np.abs(offsets - first) > DISTINCT * length], initial=0.0))
     refined_offsets = [_refined_offset(effect, responses, first, spacing, step) for responses in ways]
     explained = 1.0 - _part_unexplained(effect, ways[0], refined_offsets[0])
-    if cause.power and not _enough_switches(effect, cause, refined_offsets[0]):
-        return None
-    if explained < MIN_EXPLAINED_SHARE[a.power != b.power] or rival > RIVAL[a.power != b.power] * _information(
-        effect, ways[0], refined_offsets[0]
+    mixed = a.power != b.power
+    if (
+        (cause.power and not _enough_switches(effect, cause, refined_offsets[0]))
+        or explained < MIN_EXPLAINED_SHARE[mixed]
+        or rival > RIVAL[mixed] * _information(effect, ways[0], refined_offsets[0])
     ):
         return None
     error = max(_error(effect, responses, offset, step) for responses, offset in zip(ways, refined_offsets, strict=True))

@@ -378,22 +378,17 @@ def clocks_of(looks: Sequence[Look]) -> list[dict[str, Any]]:
             if k not in places
         ]
         best = min(ways, key=lambda way: way.rank)
-        places[best.to] = best.place
-        entry = entries[best.to]
-        if best.by_step is None:
-            if best.place.at is not None and (said or best.after or not best.warm):
-                entry["at"] = {"offset": best.place.at, "error": best.place.error, "stamps": True, "after": looks[best.after].path.name}
-                entry["at"] |= {"candidate": best.place.candidate, "by_stamps": True}
-            continue
-        step = best.by_step
-        entry["step"] = {"offset": step.offset, "error": step.error, "columns": [step.first, step.second], "candidate": step.candidate}
-        entry["step"] |= {"after": looks[best.after].path.name, "stamps": best.stamps, "contradicted": bool(best.contradicted)}
-        if best.place.at is not None:
-            entry["at"] = {"offset": best.place.at, "error": best.place.error, "stamps": best.place.stamped}
-            entry["at"]["candidate"] = best.place.candidate
-            away = np.inf if entry["offset"] is None else abs(best.place.at - entry["offset"])
-            reach = MAX_OFFSET_ERRORS if best.place.error > STAMPS_APART else 1.0
-            entry["at"]["by_stamps"] = bool(away <= reach * best.place.error)
+        entry, place, step = entries[best.to], best.place, best.by_step
+        places[best.to] = place
+        after = {"after": looks[best.after].path.name}
+        if step is not None:
+            entry["step"] = {"offset": step.offset, "error": step.error, "columns": [step.first, step.second], "candidate": step.candidate}
+            entry["step"] |= after | {"stamps": best.stamps, "contradicted": bool(best.contradicted)}
+        if place.at is not None and (step is not None or said or best.after or not best.warm):
+            away = np.inf if entry["offset"] is None else abs(place.at - entry["offset"])
+            reach = MAX_OFFSET_ERRORS if place.error > STAMPS_APART else 1.0
+            entry["at"] = {"offset": place.at, "error": place.error, "stamps": place.stamped} | (after if step is None else {})
+            entry["at"] |= {"candidate": place.candidate, "by_stamps": step is None or bool(away <= reach * place.error)}
     unstamped = [e for e in entries.values() if e["offset"] is None]
     if said.endswith(WHICH_ZONE) and unstamped and all("at" in e and not e["at"]["candidate"] for e in unstamped):
         said = f"{said.removesuffix(WHICH_ZONE)}The common steps below give the offsets, so no zone is needed"
@@ -493,7 +488,8 @@ def clock_lines(looks: Sequence[Look], clocks: Sequence[dict[str, Any]]) -> list
     for f in (f for f in with_stamp if "at" not in f or "step" not in f):
         advice = ALIGNED if f["record"] in compared else "a range has it fitted" if "at" in f else "give a range to have it fitted"
         lines.append(f"  {f['file']} is placed by time stamps; two loggers' clocks may differ by minutes: {advice}")
-    fitted = [f for f in clocks if "at" in f and not f["at"]["candidate"] and not (f["record"] in compared and _by_stamps(f))]
+    by_stamps = [f for f in with_stamp if f["record"] in compared and "at" in f and f["at"]["by_stamps"]]
+    fitted = [f for f in clocks if "at" in f and not f["at"]["candidate"] and f not in by_stamps]
     pairs = ", ".join(f'{{ record = "{f["record"]}", offset = {_offset(f, f in fitted)} }}' for f in clocks)
     return [
         *lines,
@@ -537,11 +533,6 @@ def _by_step(clock: dict[str, Any], first: Look, other: Look) -> list[str]:
 def _digits(value: float, count: int) -> str:
     """Return a number with some digits, or all before its point."""
     return f"{value:.{count}g}" if abs(value) < 10.0**count else f"{value:.0f}"
-
-
-def _by_stamps(clock: dict[str, Any]) -> bool:
-    """Return whether stamps of a log and of the first one agree with the steps between them, or are all that there is."""
-    return clock["offset"] is not None and bool(clock["at"]["by_stamps"])
 
 
 def _offset(clock: dict[str, Any], fitted: bool) -> str:

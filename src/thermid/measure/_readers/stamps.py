@@ -147,7 +147,19 @@ def _by_name_or_content(cells: Cells, names: list[str], dates: list[int], clocks
     NameNotFoundError   When none is clear.
     RecordError         When several could be it.
     """
-    usual, stamps = [at for at, name in enumerate(names) if is_time_name(name, TIME_NAMES)], _stamp_columns(cells)
+    hits = [at for at, name in enumerate(names) if is_time_name(name, TIME_NAMES)]
+    if len(hits) == 1:
+        return hits[0]
+    stamps = _stamp_columns(cells)
+    if len(hits) > 1:
+        # a date in one column and the clock time in the other are one time
+        if len(hits) == 2 and {*hits} <= {*dates, *clocks}:
+            return hits[0]
+        raise RecordError(
+            f"{' and '.join(cells.header[at] for at in hits)} could both be the time column. Give time='...' with the right one.",
+            cells.file,
+            code="record.time-unclear",
+        )
     timely = {*stamps, *dates, *clocks}
     named = [
         at
@@ -159,9 +171,9 @@ def _by_name_or_content(cells: Cells, names: list[str], dates: list[int], clocks
     named = named or [at for at, name in enumerate(names) if plainly(name).startswith(("date time", "time,", "datetime"))]
     units = [name_and_unit(header)[1] for header in cells.header]
     rising = [at for at, unit in enumerate(units) if unit in ("s", "ms", "us", "ns", "min", "h", "d") and _rises(cells, at)]
-    for hits in (usual, named, stamps, clocks, rising):
+    for hits in (named, stamps, clocks, rising):
         # the only one, a date with its clock time, or several with the same cells
-        parted = len(hits) == 2 and {*hits} <= {*dates, *clocks} and (hits is usual or len({*hits} & {*dates}) == 1)
+        parted = len(hits) == 2 and {*hits} <= {*dates, *clocks} and len({*hits} & {*dates}) == 1
         if len(hits) == 1 or parted or (hits and all([*cells.columns[at]] == [*cells.columns[hits[0]]] for at in hits)):
             return hits[0]
         if hits:

@@ -41,15 +41,16 @@ from thermid.model._parts.elements import (
     Conductor,
     Cycle,
     Enclosure,
+    Facing,
     HeatLoad,
     Joint,
     MadeIn,
     Node,
     Surface,
+    degrees,
     finish_emissivity,
     gap_scatter,
 )
-from thermid.model._parts.facing import Facing, degrees
 from thermid.model._parts.kinds import CARRIED_BY, KINDS
 from thermid.model._parts.parameter import Parameter
 from thermid.physics.gas import GASES, gas_named

@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
+from thermid.base.dual import Number, value_of
+from thermid.base.errors import DeckError
 from thermid.model._laws.curves import Curve
 from thermid.model._laws.signal import Signal, TableSignal, literal
 from thermid.model._laws.stores import Supercooling
-from thermid.model._parts.facing import Facing, degrees
 from thermid.model._parts.parameter import Parameter, parameter
 from thermid.physics.constants import STANDARD_GRAVITY
 from thermid.physics.correlations import GapLaw
@@ -39,6 +42,50 @@ LOAD_SLOTS: Mapping[str, str] = {
 }
 CONTROLS = ("thermostat", "proportional")
 """What may control a load: let its power through, or a share of it, by the temperature of a sensor."""
+
+_DEGREES = re.compile(r"\s*([+-]?\d+(?:\.\d*)?)\s*(?:\[\s*(?:deg|°)\s*\])?\s*\Z")
+SUM_ROUNDING = 1e-12
+"""Share of a surface's area by which joints may take more than it has. [-]"""
+
+
+@dataclass(frozen=True)
+class Facing:
+    """The direction of a surface's outward normal.
+
+    Parameters
+    ----------
+    tilt : float        From looking up: 0 a roof, 90 a wall, 180 a floor seen from below. [deg]
+    azimuth : float     From north over east: 0 north, 90 east; None goes all around, as the skin of an upright cylinder or cone. [deg]
+
+    Raises
+    ------
+    DeckError   When the tilt is outside 0 to 180, or the azimuth outside -180 to 360.
+    """
+
+    tilt: float
+    azimuth: float | None = None
+
+    def __post_init__(self) -> None:
+        """Refuse a tilt outside 0 .. 180 degrees or an azimuth outside -180 .. 360 degrees."""
+        if not 0.0 <= self.tilt <= 180.0:
+            raise DeckError(f"the tilt is {self.tilt:g} degrees. Give 0 (facing up) to 180 (facing down).", code="value.outside-range")
+        if self.azimuth is not None and not -180.0 <= self.azimuth <= 360.0:
+            raise DeckError(f"the azimuth is {self.azimuth:g} degrees. Give 0 to 360, from north through east.", code="value.outside-range")
+
+
+def degrees(value: Any, where: str = "") -> float:
+    """Return an angle that is written as a number of degrees, or as a text such as ``90 [deg]``. [deg]
+
+    Raises
+    ------
+    DeckError   When it is neither.
+    """
+    if isinstance(value, int | float) and not isinstance(value, bool):
+        return float(value)
+    match = _DEGREES.match(value) if isinstance(value, str) else None
+    if match is None:
+        raise DeckError(f"'{value}' is not an angle. Write a number of degrees, such as 90 or '90 [deg]'.", where, code="value.wrong-kind")
+    return float(match[1])
 
 
 @dataclass(frozen=True)
@@ -251,3 +298,33 @@ class MadeIn:
         weight = "" if abs(self.gravity / STANDARD_GRAVITY - 1.0) < 0.01 else f", {self.gravity:.4g} m/s^2"
         wind = f", {self.wind:.3g} m/s" if self.wind else ""
         return f"{self.gas} at {self.pressure:.6g} Pa{weight}{wind}"
+
+
+@dataclass(frozen=True)
+class Take:
+    """Area that a joint takes from a surface: `count` times the parameter at `path`."""
+
+    joint: str
+    path: str
+    use: str
+
+
+def exposed_area(surface: str, total: Number, takes: tuple[Take, ...], values: Mapping[str, Number], where: str = "") -> Number:
+    """Return the area of a surface less what joints take of it: total - sum of takes, not below zero. [m^2]
+
+    Raises
+    ------
+    DeckError   When they take more than there is; the message names every joint.
+    """
+    remaining = total
+    for take in takes:
+        remaining = remaining - values[take.path]
+    if value_of(remaining) < -SUM_ROUNDING * value_of(total):
+        parts = " and ".join(f"'{t.joint}' takes {value_of(values[t.path]) * 1e4:.6g} cm^2 ({t.use})" for t in takes)
+        raise DeckError(
+            f"the surface '{surface}' has {value_of(total) * 1e4:.6g} cm^2, but {parts}. Reduce the area of a joint, or enlarge the "
+            "surface.",
+            where,
+            code="value.contradicts",
+        )
+    return remaining if value_of(remaining) > 0 else 0.0 * remaining

@@ -14,9 +14,8 @@ from thermid.base.errors import DeckError
 from thermid.base.linear_algebra import Array
 from thermid.base.memo import Memo
 from thermid.model._laws.refusals import refuse_first
-from thermid.model._parts.elements import Enclosure, Surface
+from thermid.model._parts.elements import Enclosure, Surface, Take, exposed_area
 from thermid.model._parts.kinds import Law
-from thermid.model._parts.takes import Take, exposed_area
 from thermid.physics.constants import STEFAN_BOLTZMANN
 from thermid.physics.enclosure import absorbing_areas, check_view_factors, exchange_areas_of
 from thermid.physics.view_factors import SHAPES

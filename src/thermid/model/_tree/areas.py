@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from thermid.base.arguments import takes_objects
 from thermid.base.dual import value_of
-from thermid.model._parts.takes import exposed_area
+from thermid.model._parts.elements import exposed_area
 from thermid.model._tree.flat import flatten
 from thermid.model._tree.model import Model
 

@@ -16,7 +16,6 @@ from thermid.model._laws.stores import SLOPES, TABULATED
 from thermid.model._parts.controls import Control
 from thermid.model._parts.elements import CONTROLS, Conductor, MadeIn, Node, finish_emissivity, gap_scatter
 from thermid.model._parts.enclosures import enclosure_to
-from thermid.model._parts.facing import facing_to
 from thermid.model._parts.kinds import KINDS
 from thermid.model._parts.parameter import UNJUDGED, Parameter, parameter
 from thermid.model._tree.tree import Layer, M, Tree
@@ -404,7 +403,7 @@ def elements_to(model: Tree) -> dict[str, dict[str, Any]]:
             e.words,
         )
         | ({"finish": e.finish} if e.finish else {})
-        | ({"facing": facing_to(e.facing)} if e.facing else {})
+        | ({"facing": {k: angle for k, angle in vars(e.facing).items() if angle is not None}} if e.facing else {})
         | ({"sees": e.sees} if e.sees else {})
         | {k: v for what, names in e.controls.items() for k, v in _controlled(names, f"{what}_control").items()}
         | flag(e)

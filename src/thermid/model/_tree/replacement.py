@@ -319,19 +319,11 @@ def _visit(model: Tree, prefix: str, rest: str, part: str, out: Touching) -> Non
     out.settings |= {p for p in (prefix + model.canonical(raw) for raw in model.settings) if inside(p, part)}
     head, _, deeper = rest.partition(".")
     for name, inner in model.submodels.items():
-        if name != head:
-            _elsewhere(inner.model, f"{prefix}{name}.", out)
+        for other, at in inner.model.walk(f"{prefix}{name}.") if name != head else ():
+            values = [value for value, key, _ in other.own_parameters() if not key.startswith("parameters.")]
+            out.shared |= {at + value: at + value.partition(".")[0] for value in values}
     if deeper:
         _visit(model.submodels[head].model, f"{prefix}{head}.", deeper, part, out)
-
-
-def _elsewhere(model: Tree, prefix: str, out: Touching) -> None:
-    """Add the fields of every element of a model that does not hold the part to `out.shared`."""
-    for name, key, _ in model.own_parameters():
-        if not key.startswith("parameters."):
-            out.shared[prefix + name] = prefix + name.partition(".")[0]
-    for name, inner in model.submodels.items():
-        _elsewhere(inner.model, f"{prefix}{name}.", out)
 
 
 def _ends(element: Element) -> Iterable[str]:
