@@ -31,7 +31,6 @@ PLACES = {
     ("thermid.bench.benchlog", "the logger appends, line by line, each on disk before the next is read"),
     ("thermid.interop._fmu.process", "a page of memory that two processes share, in a folder of its own"),
     ("thermid.interop._fmu.child", "the same page, and the null device"),
-    ("thermid.bench.capture", "lines of a port are appended to a file that is new"),
 }
 INSIDE_REPLACING = {"savetxt", "savez", "to_netcdf", "savefig"}
 """What a library writes to a path that `replacing` gave, or into memory."""

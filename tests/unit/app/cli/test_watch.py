@@ -65,9 +65,8 @@ class TestCommand:
         assert [line["advice"] for line in lines] == ["declined"]
 
     def test_a_port_is_no_log(self, call: Call) -> None:
-        said = call("watch", "/dev/null")
-        assert said.code == 2
-        assert "Write its lines to a file" in said.err
+        said = call("watch", "/dev/null", "--json")
+        assert (said.code, said.object["code"]) == (2, "file.not-a-file")
 
     @pytest.mark.parametrize(
         ("more", "word"),
