@@ -47,7 +47,7 @@ NO_INPUT = {
     "thermid.app.cli.qualify": "the delivery of this command",
     "thermid.qualify._deliver": "the delivery of this command, or one that is checked",
     "thermid.reporting._blocks.extras": "templates of the package, and what the browser printed",
-    "thermid.campaign._start.examples": "examples of the package; originals that were fetched, checked by their sums",
+    "thermid.app.examples": "examples of the package; originals that were fetched, checked by their sums",
     "thermid.app.studio.server": "scripts of the package",
 }
 

@@ -15,6 +15,7 @@ from typing import Any, Final
 
 import numpy as np
 
+from thermid.app.examples import EXAMPLES, copies, copy_example
 from thermid.app.studio.building import Building
 from thermid.app.studio.courses import Shelf, outcome_object, profile_for, profile_object
 from thermid.app.studio.desk import ICE, MAX_SENT_POINTS, Desk, curves_object, number_of, text_of, texts_of, window_of
@@ -26,7 +27,7 @@ from thermid.base.errors import DeckError, ThermidError, refuse_unknown
 from thermid.base.files import FileKinds, command, read_text, state_folder, write_bytes
 from thermid.base.linear_algebra import Array
 from thermid.base.results import clean
-from thermid.campaign.start import EXAMPLES, copies, copy_example, word
+from thermid.campaign.start import word
 from thermid.reporting.objects import campaign_standing, swap_object
 from thermid.values.store import model_standing
 
