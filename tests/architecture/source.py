@@ -5,7 +5,7 @@ from __future__ import annotations
 import ast
 import re
 from collections.abc import Collection, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 
@@ -69,12 +69,12 @@ class Module:
 
     @cached_property
     def _own_imports(self) -> tuple[Import, ...]:
-        return tuple(self._imports(self.tree, lazy=False, typing=False))
+        return tuple(self._imports(self.nodes))
 
     @cached_property
     def stub_imports(self) -> tuple[Import, ...]:
         """The imports of its stub, which name what it offers."""
-        return tuple(self._imports(ast.parse(self.stub), lazy=False, typing=True))
+        return tuple(replace(found, typing=True) for found in self._imports(tuple(ast.walk(ast.parse(self.stub)))))
 
     def imports_by_text(self, known: Collection[str]) -> tuple[Import, ...]:
         """Modules of `known` that texts of the module name, alone or with one name in them: whoever has the text can import them.
@@ -97,7 +97,7 @@ class Module:
         """Texts that begin as names of the package do, with their lines."""
         texts = set()
         beginnings = set()
-        for node in self.nodes:
+        for node in (n for n in self.nodes if isinstance(n, ast.Constant | ast.Tuple | ast.JoinedStr)):
             match node:
                 case ast.Constant(value=str(text)) if _DOTTED.fullmatch(text):
                     texts.add((text, node.lineno))
@@ -108,22 +108,20 @@ class Module:
         texts |= {(first + text, line) for text, line in texts for first in beginnings if "." in text}
         return tuple(sorted((text, line) for text, line in texts if text.startswith("thermid.")))
 
-    def _imports(self, node: ast.AST, lazy: bool, typing: bool) -> Iterator[Import]:
-        for child in ast.iter_child_nodes(node):
-            if isinstance(child, ast.Import):
-                for alias in child.names:
-                    yield Import(alias.name, (), child.lineno, lazy, typing)
-            elif isinstance(child, ast.ImportFrom):
-                names = tuple(alias.name for alias in child.names)
-                yield Import(self.absolute(child), names, child.lineno, lazy, typing)
-            elif isinstance(child, ast.Call) and (text := _imported_by_text(child)):
-                yield Import(text, (), child.lineno, lazy, typing)
-            if isinstance(child, ast.If) and "TYPE_CHECKING" in ast.dump(child.test):
-                yield from self._imports(ast.Module(child.body, []), lazy, typing=True)
-                yield from self._imports(ast.Module(child.orelse, []), lazy, typing)
-            else:
-                inside = isinstance(child, ast.FunctionDef | ast.AsyncFunctionDef | ast.Lambda)
-                yield from self._imports(child, lazy or inside, typing)
+    def _imports(self, nodes: Collection[ast.AST]) -> Iterator[Import]:
+        inside = [(n.lineno, n.end_lineno or 0) for n in nodes if isinstance(n, ast.FunctionDef | ast.AsyncFunctionDef | ast.Lambda)]
+        checked = [n.body for n in nodes if isinstance(n, ast.If) and "TYPE_CHECKING" in ast.dump(n.test)]
+        for_types = [(body[0].lineno, body[-1].end_lineno or 0) for body in checked]
+        for node in nodes:
+            if not isinstance(node, ast.Import | ast.ImportFrom | ast.Call):
+                continue
+            lazy, typing = (any(a <= node.lineno <= b for a, b in spans) for spans in (inside, for_types))
+            if isinstance(node, ast.Import):
+                yield from (Import(alias.name, (), node.lineno, lazy, typing) for alias in node.names)
+            elif isinstance(node, ast.ImportFrom):
+                yield Import(self.absolute(node), tuple(alias.name for alias in node.names), node.lineno, lazy, typing)
+            elif text := _imported_by_text(node):
+                yield Import(text, (), node.lineno, lazy, typing)
 
     def absolute(self, node: ast.ImportFrom) -> str:
         """The module that a statement imports from, by its full name."""

@@ -31,7 +31,6 @@ PLACES = {
     ("thermid.bench.benchlog", "the logger appends, line by line, each on disk before the next is read"),
     ("thermid.interop._fmu.process", "a page of memory that two processes share, in a folder of its own"),
     ("thermid.interop._fmu.child", "the same page, and the null device"),
-    ("thermid.bench.capture", "lines of a port are appended to a file that is new"),
 }
 INSIDE_REPLACING = {"savetxt", "savez", "to_netcdf", "savefig"}
 """What a library writes to a path that `replacing` gave, or into memory."""
@@ -48,7 +47,7 @@ NO_INPUT = {
     "thermid.app.cli.qualify": "the delivery of this command",
     "thermid.qualify._deliver": "the delivery of this command, or one that is checked",
     "thermid.reporting._blocks.extras": "templates of the package, and what the browser printed",
-    "thermid.campaign._start.examples": "examples of the package; originals that were fetched, checked by their sums",
+    "thermid.app.examples": "examples of the package; originals that were fetched, checked by their sums",
     "thermid.app.studio.server": "scripts of the package",
 }
 

@@ -42,12 +42,13 @@ def functions_with_dialect_variables(modules: Mapping[str, Module]) -> dict[str,
     A function inside another counts with the one that it stands in.
     """
 
-    def uses(function: ast.AST) -> bool:
-        return any(_assigned(node) in VARIABLES for node in ast.walk(function))
+    def many(module: Module) -> int:
+        lines = [node.lineno for node in module.nodes if isinstance(node, ast.Name | ast.arg) and _assigned(node) in VARIABLES]
+        bodies = [n.body for n in module.nodes if isinstance(n, ast.Module | ast.ClassDef)] if lines else []
+        functions = [k for body in bodies for k in body if isinstance(k, FUNCTIONS)]
+        return sum(any(k.lineno <= line <= (k.end_lineno or 0) for line in lines) for k in functions)
 
-    bodies = {m.name: [n.body for n in m.nodes if isinstance(n, ast.Module | ast.ClassDef)] for m in modules.values()}
-    counts = {name: sum(isinstance(k, FUNCTIONS) and uses(k) for body in every for k in body) for name, every in bodies.items()}
-    return by_room(counts)
+    return by_room({m.name: many(m) for m in modules.values()})
 
 
 def _assigned(node: ast.AST) -> str:
@@ -102,7 +103,7 @@ def quoted_prose(tests: Mapping[str, str]) -> dict[str, int]:
         if name.startswith(OWN_PAGE):
             continue
         folder = "/".join(name.split("/")[:-1][:2]) or "."
-        checks = (_checked(node) for node in ast.walk(ast.parse(text)))
+        checks = (_checked(node) for node in ast.walk(ast.parse(text)) if isinstance(node, ast.Assert | ast.keyword))
         if many := sum(check is not None and any(map(_is_prose, ast.walk(check))) for check in checks):
             out[folder] = out.get(folder, 0) + many
     return out

@@ -1,17 +1,11 @@
-"""A first project: proposals from a log, examples, templates, improvements."""
+"""A first project: proposals from a log, templates, improvements."""
 
-from thermid.campaign._start.examples import (
-    EXAMPLES as EXAMPLES,
-    PUBLIC as PUBLIC,
-    copies as copies,
-    copy_example as copy_example,
-    example_named as example_named,
-)
 from thermid.campaign._start.improve import improve as improve
 from thermid.campaign._start.project import (
     TEMPLATES as TEMPLATES,
     VERDICT_NOISES as VERDICT_NOISES,
     VERDICT_SHARE_OF_RANGE as VERDICT_SHARE_OF_RANGE,
+    head_copies as head_copies,
     may_write_project as may_write_project,
     parted as parted,
     write_project as write_project,

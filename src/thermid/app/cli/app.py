@@ -141,7 +141,7 @@ COMMANDS = {
     "report": Place(
         "fit.report",
         "Fit",
-        "Run a campaign and write its report as a page, a PDF or both.",
+        "Run a campaign and write its report as a page or a PDF.",
         ("thermid report campaign.toml --to report.html", "thermid report campaign.toml --to report.pdf"),
     ),
     "criticise": Place(

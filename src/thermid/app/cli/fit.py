@@ -23,7 +23,6 @@ from thermid.app.cli.options import (
     Json,
     Moments,
     Page,
-    Pdf,
     Processes,
     Results,
     ScenarioPath,
@@ -41,7 +40,7 @@ from thermid.app.cli.options import (
     writable,
 )
 from thermid.app.cli.screen import Progress, show, working
-from thermid.app.cli.summary import campaign_progress, ready, show_campaign, staged, written
+from thermid.app.cli.summary import campaign_progress, check_target, named_page, show_campaign, staged
 from thermid.base.errors import ScenarioError, SolverError, ThermidError
 from thermid.base.files import FileKinds, may_write, read_bytes
 from thermid.base.toml_files import kind_of_text
@@ -128,7 +127,6 @@ def calibrate(
 def report(
     campaign: Annotated[Path | None, typer.Argument(help="A campaign (TOML); the only one of this folder without it.")] = None,
     to: Page = None,
-    pdf: Pdf = None,
     data: Data = None,
     results: Annotated[Path | None, typer.Option("--results", help="Folder for the values files.")] = None,
     audience: Audience = "all",
@@ -140,22 +138,20 @@ def report(
     force: Force = False,
     as_json: Json = False,
 ) -> None:
-    """Run a campaign and write its report as a page, a PDF or both.
+    """Run a campaign and write its report as a page or a PDF.
 
     Exit code as for calibrate.
     """
     alone = campaign is None
     campaign = campaign or _only_campaign()
-    if to is None and pdf is None:
-        if not alone:
-            raise ScenarioError("a report needs a file: --to page.html, --pdf page.pdf, or both.", "command line", code="value.incomplete")
-        to = Path("report.html")
-    to, pdf = ready(to, pdf)
+    if to is None and not alone:
+        raise ScenarioError("a report needs a file: --to page.html or --to page.pdf.", "command line", code="value.incomplete")
+    to = to or Path("report.html")
+    check_target(to)
     check_audience(audience)
     result, _ = _run(campaign, data, results, fresh, accept, executor_of(workers, cluster, job))
-    beside = tables_folder(to or pdf or "")
     with working("writing the report"):
-        files = written(lambda path: page.report(result, to=path, audience=audience, tables_to=beside), to, pdf)
+        files = named_page(page.report(result, to=to, audience=audience, tables_to=tables_folder(to)))
     taken = [f"campaign: {campaign}, the only one of this folder"] if alone else []
     text = result.standing.over("\n".join([*taken, *(f"report: {path}" for path in files.values())]), "stage")
     say(as_json, {**files, "campaign": str(campaign), "passed": result.passed, "standing": campaign_standing(result)}, text)

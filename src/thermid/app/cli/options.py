@@ -70,11 +70,10 @@ Whole = Annotated[bool, typer.Option("--verbose", "-v", help="Print all lines in
 Force = Annotated[
     bool, typer.Option("--force", callback=_force, help="Write also over an input, or over a file that thermid did not write.")
 ]
-Page = Annotated[Path | None, typer.Option("--to", help="The page to write; a PDF where the name ends in .pdf.")]
+Page = Annotated[Path | None, typer.Option("--to", help="The page to write; where its name ends in .pdf, a PDF by an installed browser.")]
 Audience = Annotated[
     str, typer.Option("--for", help="summary (2 sheets), agency (what a reviewer reads) or all; long tables are CSV files beside it.")
 ]
-Pdf = Annotated[Path | None, typer.Option("--pdf", help="The page as PDF, printed by an installed Chromium, Chrome or Edge.")]
 
 VIEW_SCHEMA = 1
 """Version of the JSON objects of commands."""

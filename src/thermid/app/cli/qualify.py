@@ -17,7 +17,6 @@ from thermid.app.cli.options import (
     KeepValues,
     Page,
     Parameters,
-    Pdf,
     Whole,
     filled_model,
     leave,
@@ -27,7 +26,7 @@ from thermid.app.cli.options import (
     writable,
 )
 from thermid.app.cli.screen import working
-from thermid.app.cli.summary import ready, written
+from thermid.app.cli.summary import check_target, named_page
 from thermid.base.errors import DeckError, RecordError, ScenarioError
 from thermid.base.files import FileKinds
 from thermid.base.linear_algebra import HALF_WIDTH_95
@@ -96,7 +95,6 @@ def _end(celsius: float, error: float) -> str:
 def qualify(
     file: PlanPath,
     to: Page = None,
-    pdf: Pdf = None,
     data: Data = None,
     accept: Accept = None,
     force: Force = False,
@@ -107,7 +105,7 @@ def qualify(
 
     Exit code 1 if something is not met, 4 if it is not decided.
     """
-    to, pdf = ready(to, pdf)
+    check_target(to)
     planned, done = load_plan(file, data), 0
 
     def notice(name: str) -> None:
@@ -118,7 +116,7 @@ def qualify(
 
     with working("") as progress:
         result = run_plan(planned, notice=notice, accept=accept or ())
-    pages = written(lambda path: qualification_report(result, to=path), to, pdf)
+    pages = named_page(qualification_report(result, to=to)) if to is not None else {}
     say(as_json, result.to_dict() | pages, _with_pages(result, pages), verbose)
     leave(result.standing, LEAVES[result.passed])
 
@@ -136,7 +134,6 @@ def correlate(
     accuracy: Annotated[str, typer.Option("--accuracy", help="Standard deviation of the sensors' constant error.")] = "0.5 [K]",
     time: Annotated[str | None, typer.Option("--time", help="The time column.")] = None,
     to: Page = None,
-    pdf: Pdf = None,
     force: Force = False,
     verbose: Whole = False,
     as_json: Json = False,
@@ -145,7 +142,7 @@ def correlate(
 
     Columns of one name are compared, with the sensors' errors. Exit code 1 if not met, 4 if not decided.
     """
-    to, pdf = ready(to, pdf)
+    check_target(to)
     windows = []
     for text in steady or []:
         begin, _, end = text.partition(":")
@@ -164,7 +161,7 @@ def correlate(
         steady={first.name: windows} if windows else None,
         title=f"{measured.name} against {simulated.name}",
     )
-    pages = written(lambda path: correlation_report(result, to=path, synthetic=first.origin.synthetic), to, pdf)
+    pages = named_page(correlation_report(result, to=to, synthetic=first.origin.synthetic)) if to is not None else {}
     say(as_json, {"title": result.title, **result.to_dict(), **pages}, _with_pages(result, pages), verbose)
     leave(result.standing, LEAVES[weigh(result.verdicts.values())])
 

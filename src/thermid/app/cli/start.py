@@ -12,19 +12,15 @@ import typer
 from thermid.app.cli.options import CampaignPath, Cluster, Data, Job, Json, Processes, Results, Whole, executor_of, leave, pairs, say
 from thermid.app.cli.screen import searching, show, working
 from thermid.app.cli.summary import show_campaign, staged
+from thermid.app.examples import EXAMPLES, PUBLIC, copies, copy_example, example_named
 from thermid.base.errors import IdentificationError, NameNotFoundError, ScenarioError, nearest, refuse_unknown
 from thermid.base.expression import amount
 from thermid.campaign import start as improved
 from thermid.campaign.start import (
     ACCURACY,
-    EXAMPLES,
-    PUBLIC,
     TEMPLATES,
     Roles,
     StatedFacts,
-    copies,
-    copy_example,
-    example_named,
     known_masses,
     may_write_project,
     parted,

@@ -4,15 +4,14 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
 from thermid.app.cli.screen import SCREEN, Progress, console, folded, severity, show_lines, width
-from thermid.base.errors import NameNotFoundError, ScenarioError, refuse_unknown, spoken
+from thermid.base.errors import NameNotFoundError, refuse_unknown, spoken
 from thermid.base.extensions import require
-from thermid.base.files import FileKinds, check_ending
 from thermid.base.sourced import VERDICTS
 from thermid.base.units import counted
 from thermid.campaign.stages import Campaign, read_campaign, run_stages
@@ -20,7 +19,7 @@ from thermid.campaign.verdicts import Check, Verdict
 from thermid.fit.calibration import FIRST, LOUD, Calibration
 from thermid.measure.amounts import digits, short
 from thermid.measure.records import open_questions
-from thermid.reporting.pages import check_page, page_to_pdf
+from thermid.reporting.pages import check_page
 from thermid.simulation.runs import Workers
 from thermid.values.fitted import FittedValue
 
@@ -108,40 +107,23 @@ def staged(
         return run_stages(source, data=data, notice=progress, cache=None if fresh else folder, accept=accept or (), executor=executor)
 
 
-def ready(to: Path | None, pdf: Path | None) -> tuple[Path | None, Path | None]:
-    """Return the page and the PDF to write; look for what they need, and at the files, before anything long begins.
-
-    A page whose name ends in .pdf is a PDF.
+def check_target(to: Path | None) -> None:
+    """Look for what a page needs, and at the file that is written, before anything long begins; a page whose name ends in .pdf is a PDF.
 
     Raises
     ------
-    ScenarioError       When two PDFs are asked for.
     MissingExtraError   When a package that draws pages is not installed.
     NoBrowserError      When a PDF is asked for and nothing can print it.
-    OutputError         When a file may not be written, or has the ending of another format.
+    OutputError         When the file may not be written, or has the ending of another format.
     """
-    if to is not None and to.suffix.lower() == ".pdf":
-        if pdf is not None:
-            raise ScenarioError(
-                f"'{to}' and '{pdf}' are both PDFs. Give one of them; the page itself ends in .html.", "--to", code="value.excludes-another"
-            )
-        to, pdf = None, to
-    if to is not None or pdf is not None:
+    if to is not None:
         require("report", "a report")
-    if pdf is not None:
-        check_ending(pdf, FileKinds.PAPER)
-    for path in (to, pdf):
-        if path is not None:
-            check_page(path)
-    return to, pdf
+        check_page(to)
 
 
-def written(write: Callable[[Path], Path], to: Path | None, pdf: Path | None) -> dict[str, str]:
-    """Write a page, its PDF, or both; return what was written by its name in the JSON object."""
-    out = {"page": str(write(to))} if to is not None else {}
-    if pdf is not None:
-        out["pdf"] = str(write(pdf) if to is None else page_to_pdf(to, pdf))
-    return out
+def named_page(to: Path) -> dict[str, str]:
+    """Return a page that was written by its name in the JSON object: a page or a PDF."""
+    return {"pdf" if to.suffix.lower() == ".pdf" else "page": str(to)}
 
 
 @dataclass(frozen=True)

@@ -4,12 +4,10 @@ from __future__ import annotations
 
 import json
 import math
-import re
 import time as clock
 from collections.abc import Iterator
-from contextlib import ExitStack
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Final
+from typing import Annotated, Any, Final
 
 import numpy as np
 import typer
@@ -33,7 +31,6 @@ from thermid.app.cli.summary import staged
 from thermid.base.codes import add_codes
 from thermid.base.errors import RecordError, refuse_unknown
 from thermid.base.expression import amount
-from thermid.base.extensions import extension
 from thermid.base.results import clean
 from thermid.base.units import TEMPERATURE
 from thermid.campaign.stages import RunningTest, running_test
@@ -50,10 +47,6 @@ from thermid.simulation.runs import Scenario, simulate
 from thermid.simulation.scenario_files import load_scenario
 from thermid.values.store import model_standing
 
-if TYPE_CHECKING:
-    from thermid.bench.capture import PortCapture
-
-PORT: Final = "a serial port that is watched"
 READ_KEYS: Final = ("time", "separator", "decimal", "clock")
 """What a log may leave open, with the keys of a record."""
 MIN_SILENCE: Final = 60.0
@@ -68,9 +61,7 @@ Channels = Annotated[
         "a name of the deck's.",
     ),
 ]
-LogPath = Annotated[
-    Path, typer.Argument(help="A log that grows: text, or of the bench as 'thermid log' writes it; or a serial port that sends lines.")
-]
+LogPath = Annotated[Path, typer.Argument(help="A log that grows: text, or of the bench as 'thermid log' writes it.")]
 LikeCampaign = Annotated[
     Path | None, typer.Option("--campaign", help="A campaign: its record has the meaning of the columns, the last stage with it the model.")
 ]
@@ -95,7 +86,6 @@ def watch(
     boundary: Boundaries = [],  # noqa: B006
     every: Annotated[str, typer.Option("--every", help="Time between two readings of the log.")] = "60 [s]",
     mode: Annotated[str, typer.Option("--look", help="How to look at the log: growing, once, or replay of one that ended.")] = "growing",
-    capture: Annotated[Path | None, typer.Option("--capture", help="File that keeps the lines of a serial port.")] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object per look and line.")] = False,
     data: Data = None,
     results: Results = None,
@@ -108,10 +98,6 @@ def watch(
     if not step > 0.0:
         raise RecordError(f"the time between two looks must be above zero, not '{every}'.", "--every", code="value.outside-range")
     refuse_unknown([mode], ("growing", "once", "replay"), "--look")
-    if capture is not None and not _is_port(log):
-        raise RecordError(
-            f"'{log}' is no serial port, whose lines could be kept. Leave --capture out.", "--capture", code="value.without-effect"
-        )
     by_hand = model is not None or values is not None or bool(channel)
     if by_hand if campaign is not None else bool(record):
         words = "give a campaign with --record, or a deck with --model, --values and --channel."
@@ -126,14 +112,17 @@ def watch(
         columns = BoundColumns({}, {}, {}, test.model, test.options | read, dict(test.table.channels), test.bound, test.remarks)
     standing = UNJUDGED if columns.model is None else model_standing(columns.model)
     request = _request(columns, test, stated, rule, within, limit, slowest, since)
-    with ExitStack() as open_:
-        line = open_.enter_context(extension("serial_port", PORT, str(log))(log, capture)) if _is_port(log) else None
-        path = log if line is None else line.path
-        if mode == "growing":
-            records = _growing(GrowingLog(path, lambda piece: columns.read(piece, path.stem)), step, since, line)
-        else:
-            records = replayed(request.read(path), step if mode == "replay" else math.inf)
-        look = _looks(records, request, standing, as_json)
+    if log.is_char_device():
+        raise RecordError(
+            "this is a port. Write its lines to a file, by `thermid log` or another logger, and watch that.",
+            str(log),
+            code="file.not-a-file",
+        )
+    if mode == "growing":
+        records = _growing(GrowingLog(log, lambda piece: columns.read(piece, log.stem)), step, since)
+    else:
+        records = replayed(request.read(log), step if mode == "replay" else math.inf)
+    look = _looks(records, request, standing, as_json)
     leave(standing, 4 if look is None else 1 if look.alarms else {"stop": 0}.get(look.advice.word, 4))
 
 
@@ -184,7 +173,7 @@ def _request(
     return WatchRequest(columns, rule_of(rule), width, decided, longest, begin, stated, conditions)
 
 
-def _growing(log: GrowingLog, step: float, since: str, line: PortCapture | None) -> Iterator[Record]:
+def _growing(log: GrowingLog, step: float, since: str) -> Iterator[Record]:
     """Yield a log every time that something came. [s]"""
     latest, came, silent = -1.0, clock.monotonic(), False
     while True:
@@ -198,15 +187,7 @@ def _growing(log: GrowingLog, step: float, since: str, line: PortCapture | None)
             silent = True
             waited = duration_text(round(clock.monotonic() - came))
             typer.echo(f"ALARM logger: no new reading for {waited}. Check the logger; the last one was at {latest:.0f} s.", err=True)
-        if line is None:
-            clock.sleep(step)
-        else:
-            line.listen(step)
-
-
-def _is_port(path: Path) -> bool:
-    """Whether a path is a serial port and no file."""
-    return path.is_char_device() or re.fullmatch(r"COM\d+", path.name) is not None
+        clock.sleep(step)
 
 
 def settle(

@@ -296,7 +296,6 @@ def _curves(conditions: Conditions) -> Iterator[dict[str, Any]]:
         yield {"node": node, "times": solution.times, "temperatures": solution[node].celsius}
 
 
-ICE = 273.15
 MIN_CURVE_POINTS = 50
 """Points of a curve that a page may ask for at least."""
 TRACK_POINTS = 400
@@ -563,7 +562,7 @@ class Desk:
             residuals = o.measured - predicted
             s = Sums.of_residuals(residuals).statistics(0.0) if statistics is None else statistics[o.sensor]
             (at, simulated), (measured_at, measured), (apart, rest) = (
-                thinned_curve(times, v, window, points) for v in (predicted - ICE, o.measured - ICE, residuals)
+                thinned_curve(times, v, window, points) for v in (predicted - ICE_POINT, o.measured - ICE_POINT, residuals)
             )
             out.append(
                 ThinnedCurve(

@@ -15,9 +15,10 @@ from typing import Any, Final
 
 import numpy as np
 
+from thermid.app.examples import EXAMPLES, copies, copy_example
 from thermid.app.studio.building import Building
 from thermid.app.studio.courses import Shelf, outcome_object, profile_for, profile_object
-from thermid.app.studio.desk import ICE, MAX_SENT_POINTS, Desk, curves_object, number_of, text_of, texts_of, window_of
+from thermid.app.studio.desk import MAX_SENT_POINTS, Desk, curves_object, number_of, text_of, texts_of, window_of
 from thermid.app.studio.draft import decks_in, kind_of, waiting
 from thermid.app.studio.follow import Follower, LiveWatch
 from thermid.app.studio.project import Project
@@ -26,7 +27,8 @@ from thermid.base.errors import DeckError, ThermidError, refuse_unknown
 from thermid.base.files import FileKinds, command, read_text, state_folder, write_bytes
 from thermid.base.linear_algebra import Array
 from thermid.base.results import clean
-from thermid.campaign.start import EXAMPLES, copies, copy_example, word
+from thermid.campaign.start import word
+from thermid.physics.constants import ICE_POINT
 from thermid.reporting.objects import campaign_standing, swap_object
 from thermid.values.store import model_standing
 
@@ -177,7 +179,7 @@ def picture(desk: Desk, values: Mapping[str, float], query: Mapping[str, Any]) -
     folded = texts_of(query, "folded")
     refuse_unknown(folded, desk.parts, desk.title, "unknown part '{}'.", DeckError)
     now = desk.moment(values, _run_of(desk, query), number_of({"time": 0.0, **query}, "time"))
-    table = {"temperatures": {n: v - ICE for n, v in now.temperatures.items()}, "flows": now.flows, "powers": now.powers}
+    table = {"temperatures": {n: v - ICE_POINT for n, v in now.temperatures.items()}, "flows": now.flows, "powers": now.powers}
     return {"svg": now.drawn(folded), "table": table}
 
 

@@ -70,15 +70,20 @@ def application(room: Room, port: int, token: str) -> Starlette:
     except ImportError:
         raise MissingExtraError(missing(["starlette", "uvicorn"], "the studio")) from None
     lock = threading.Lock()
+
+    def stored(name: str) -> Callable[[bytes], dict[str, str]]:
+        """Return what keeps a log that was dropped on the page, its bytes as they are."""
+        return lambda data: {"file": room.built().stored_log(name, data)}
+
     routes = [
         Route("/", _page(lambda: "start.html" if room.project is None else "studio.html")),
         Route("/start", _page(lambda: "start.html")),
         Route("/build", _page(lambda: "build.html")),
         # a long log is read beside what the sliders ask for, not before it
-        Route("/api/bench", _writes(lambda: {"bench": room.look}, threading.Lock()), methods=["POST"]),
-        Route("/api/draft/log/{name}", _takes(room, lock), methods=["POST"]),
-        Route("/api/{name:path}", _reads(lambda: room.answering, lock)),
-        Route("/api/{name:path}", _writes(lambda: room.ordering, lock), methods=["POST"]),
+        Route("/api/bench", _writes(lambda name: room.look, threading.Lock(), _object), methods=["POST"]),
+        Route("/api/draft/log/{name}", _writes(stored, lock, lambda request: _bytes(request, "unpacked")), methods=["POST"]),
+        Route("/api/{name:path}", _reads(lambda name: room.answering.get(name), lock)),
+        Route("/api/{name:path}", _writes(lambda name: room.ordering.get(name), lock, _object), methods=["POST"]),
         Route(f"/{BUNDLE}/{{name}}", lambda request: _file(request.path_params["name"])),
     ]
     application = Starlette(routes=routes)
@@ -91,12 +96,12 @@ def _page(name: Callable[[], str]) -> Callable[[Request], Response]:
     return lambda request: _file(name())
 
 
-def _reads(answers: Callable[[], Mapping[str, Callable[[Mapping[str, str]], Any]]], lock: threading.Lock) -> Callable[[Request], Response]:
-    """Return an endpoint that answers with JSON, errors of ours in words."""
+def _reads(answer: Callable[[str], Callable[[Mapping[str, str]], Any] | None], lock: threading.Lock) -> Callable[[Request], Response]:
+    """Return an endpoint that answers with JSON, errors of ours in words; `answer` gives by name what answers the query of an address."""
 
     def endpoint(request: Request) -> Response:
         """Answer a request that only reads."""
-        make = answers().get(request.path_params["name"])
+        make = answer(request.path_params["name"])
         if make is None:
             return _refused(NOTHING, 404)
         with lock:
@@ -106,50 +111,28 @@ def _reads(answers: Callable[[], Mapping[str, Callable[[Mapping[str, str]], Any]
 
 
 def _writes(
-    orders: Callable[[], Mapping[str, Callable[[Mapping[str, Any]], Any]]], lock: threading.Lock
+    order: Callable[[str], Callable[[Any], Any] | None], lock: threading.Lock, read: Callable[[Request], Awaitable[Any]]
 ) -> Callable[[Request], Awaitable[Response]]:
-    """Return the same for a request with a body of JSON."""
+    """Return the same for a request with a body, which `read` makes of it; one order is done at a time."""
 
     async def endpoint(request: Request) -> Response:
-        """Answer a request with a body of JSON."""
+        """Answer a request with a body."""
         from starlette.concurrency import run_in_threadpool
 
-        make = orders().get(request.path_params.get("name", "bench"))
+        make = order(request.path_params.get("name", ""))
         if make is None:
             return _refused(NOTHING, 404)
         try:
-            body = await _object(request)
+            body = await read(request)
         except _RefusedError as refused:
             return _refused(str(refused), refused.status)
 
         def locked() -> Response:
-            """Do what was ordered, one order at a time."""
+            """Do what was ordered."""
             with lock:
                 return _answer(lambda: make(body))
 
         return await run_in_threadpool(locked)
-
-    return endpoint
-
-
-def _takes(room: Room, lock: threading.Lock) -> Callable[[Request], Awaitable[Response]]:
-    """Return an endpoint for a log that was dropped on the page, its bytes as they are."""
-
-    async def endpoint(request: Request) -> Response:
-        """Take the bytes of a log."""
-        from starlette.concurrency import run_in_threadpool
-
-        try:
-            data = await _bytes(request, "unpacked")
-        except _RefusedError as refused:
-            return _refused(str(refused), refused.status)
-
-        def stored() -> Response:
-            """Keep the log, one order at a time."""
-            with lock:
-                return _answer(lambda: {"file": room.built().stored_log(request.path_params["name"], data)})
-
-        return await run_in_threadpool(stored)
 
     return endpoint
 
@@ -192,14 +175,18 @@ async def _bytes(request: Request, most: str) -> bytes:
 
     if request.headers.get(GUARD) != "1":
         raise _RefusedError("requests that change something must come from the studio's page.")
+    body, limit = bytearray(), cap(most)
     try:
-        return await _body(request, cap(most))
-    except OverflowError:
-        raise _RefusedError(f"the body has more than {cap(most) / 1e6:.3g} MB.{raising(most)}", 413) from None
+        async with asyncio.timeout(REQUEST_TIMEOUT):
+            async for part in request.stream():
+                body += part
+                if len(body) > limit:  # as soon as it is larger than anything that the page sends
+                    raise _RefusedError(f"the body has more than {limit / 1e6:.3g} MB.{raising(most)}", 413)
     except ClientDisconnect:
         raise _RefusedError("the connection was closed before the body came.") from None
-    except TimeoutError:
+    except TimeoutError:  # it comes by drops
         raise _RefusedError(f"the body did not come within {REQUEST_TIMEOUT:g} s.", 408) from None
+    return bytes(body)
 
 
 class Guard:
@@ -255,23 +242,6 @@ def _answer(make: Callable[[], Any]) -> Response:
         name = Path(str(error.filename or "")).name
         problem = {"error": f"{error.strerror or error}.", "where": name if len(name) <= LONGEST_NAME else f"{name[:LONGEST_NAME]}..."}
     return Response(as_json(problem), media_type="application/json")
-
-
-async def _body(request: Request, most: float) -> bytes:
-    """Return the body of a request.
-
-    Raises
-    ------
-    OverflowError   As soon as it is larger than anything that the page sends.
-    TimeoutError    When it comes by drops.
-    """
-    body = bytearray()
-    async with asyncio.timeout(REQUEST_TIMEOUT):
-        async for part in request.stream():
-            body += part
-            if len(body) > most:
-                raise OverflowError
-    return bytes(body)
 
 
 def _refused(why: str, status: int = 400) -> Response:

@@ -237,7 +237,7 @@ class TestReport:
     def test_it_asks_where_the_report_goes(self, call: Call, campaign: Path) -> None:
         said = call("report", campaign)
         assert said.code == 2
-        assert "a report needs a file: --to page.html, --pdf page.pdf, or both." in said.err
+        assert "a report needs a file: --to page.html or --to page.pdf." in said.err
 
     def test_a_missing_browser_is_told_before_anything_runs(
         self, call: Call, campaign: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
@@ -247,7 +247,7 @@ class TestReport:
         from thermid.reporting._blocks import extras
 
         monkeypatch.setattr(extras, "PLACES", ())
-        said = call("report", campaign, "--pdf", tmp_path / "page.pdf")
+        said = call("report", campaign, "--to", tmp_path / "page.pdf")
         assert said.code == 2
         assert "neither Chromium nor Chrome nor Edge is installed" in said.err
         assert "evaluation" not in said.err
@@ -260,7 +260,7 @@ class TestReport:
             extras.browser()
         except extras.NoBrowserError:
             pytest.skip("no Chromium, Chrome or Edge to print with")
-        said = call("report", fitted_campaign, "--pdf", tmp_path / "out" / "page.pdf", "--json")
+        said = call("report", fitted_campaign, "--to", tmp_path / "out" / "page.pdf", "--json")
         assert said.code == 0, said.out
         assert said.object["pdf"] == str(tmp_path / "out" / "page.pdf")
         assert "page" not in said.object

@@ -20,7 +20,6 @@ from .conftest import Call
             ("diagram", "DECK", "--to", "x"),
             "x: the name does not say a format, and the picture is written as .svg.",
         ),
-        (("report", "x.toml", "--pdf", "x.html"), "x.html: the ending '.html' promises a page, but the printed page is written as .pdf."),
         (
             ("report", "x.toml", "--to", "x.docx"),
             "the ending '.docx' promises a word processor's document, but the page",

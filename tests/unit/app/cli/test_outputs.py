@@ -91,18 +91,15 @@ OUTPUTS = {
     "profile --csv": ["profile", "SMC", "unit thermal cycle", "--lowest", "-5", "--highest", "40", "--on", "box.toml", "--csv"],
     "profile --picture": ["profile", "SMC", "unit thermal cycle", "--lowest", "-5", "--highest", "40", "--on", "box.toml", "--picture"],
     "correlate": ["correlate", "logs/pair_one.csv", "logs/pair_two.csv", "--to"],
-    "correlate --pdf": ["correlate", "logs/pair_one.csv", "logs/pair_two.csv", "--pdf"],
     "credibility": ["credibility", "campaign.toml", "--results", "r", "--to"],
     "predict": ["predict", "campaign.toml", "--scenario", "pair_warm.toml", "--results", "r", "--csv"],
     "report": ["report", "campaign.toml", "--results", "r", "--to"],
-    "report --pdf": ["report", "campaign.toml", "--results", "r", "--pdf"],
     "qualify": ["qualify", "plan.toml", "--to"],
     "hold --figure": ["hold", "hold.toml", "--to", "r", "--figure"],
     "deliver": ["deliver", "box.toml", "--scenario", "warm.toml", "--to"],
     "log": ["log", "--simulate", "--for", "2 [s]"],
     "look": ["look", "logs/pair_one.csv", "--svg"],
     "look --cut": ["look", "logs/pair_one.csv", "--cut"],
-    "qualify --pdf": ["qualify", "plan.toml", "--pdf"],
     "import --scenario": ["import", "net.cc", "--scenario"],
     "write-back": ["write-back", "knobs.cc", "knobs.toml", "--param", "mcp=90", "--to"],
     "swap": ["swap", "campaign.toml", "a", "cool.toml", "--results", "r", "--new-data", "logs", "--to"],
@@ -112,7 +109,6 @@ OUTPUTS = {
     "criticise --job": ["criticise", "campaign.toml", "--job"],
     "improve --job": ["improve", "campaign.toml", "--job"],
     "fleet --job": ["fleet", "fleet.toml", "--scenario", "warm.toml", "--members", "4", "--job"],
-    "watch --capture": ["watch", "/dev/null", "--every", "1 [s]", "--capture"],
     "report --results": ["report", "campaign.toml", "--to", "new.html", "--results"],
 }
 READ = frozenset(
@@ -128,16 +124,11 @@ ENDINGS = {
     "diagram": ".svg",
     "look": ".svg",
     "export --as fmu": ".fmu",
-    "qualify --pdf": ".pdf",
     "hold --figure": ".png",
     "profile --picture": ".pdf",
-    "report --pdf": ".pdf",
-    "correlate --pdf": ".pdf",
 }
 FOLDERS = ("init", "example", "calibrate")
 """What writes a folder; aimed at a file it is refused."""
-PORTS = ("watch --capture",)
-"""What writes the lines of a serial port; `tests/unit/app/cli/test_watch.py` has one."""
 TWICE = (
     "simulate --csv",
     "simulate --netcdf",
@@ -205,11 +196,9 @@ def test_no_output_destroys_any_input_by_any_name(call: Call, bench: Path, outpu
 
 
 @pytest.mark.campaign
-@pytest.mark.parametrize("output", [o for o in OUTPUTS if o not in FOLDERS and o not in PORTS])
+@pytest.mark.parametrize("output", [o for o in OUTPUTS if o not in FOLDERS])
 def test_every_one_of_these_commands_can_write(call: Call, bench: Path, output: str, tmp_path: Path) -> None:
     target = tmp_path / f"made{ENDINGS.get(output, '')}"
-    if output.endswith("--pdf"):
-        pytest.importorskip("thermid.reporting._blocks.extras").browser()
     said = call(*OUTPUTS[output], target)
     assert said.code in (0, 1, 4, 5), said.err
     assert target.exists()

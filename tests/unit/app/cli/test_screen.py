@@ -342,9 +342,6 @@ class TestReportAsPdf:
         assert said.code == 0
         assert made == [tmp_path / "x.pdf"]
         assert [p.name for p in tmp_path.glob("x.*")] == ["x.pdf"]
-        both = call("report", campaign, "--to", tmp_path / "y.pdf", "--pdf", tmp_path / "z.pdf")
-        assert both.code == 2
-        assert "are both PDFs" in both.err
 
 
 def test_a_search_says_where_it_is_and_each_tenth_of_its_budget(

@@ -3,51 +3,17 @@
 from __future__ import annotations
 
 import json
-import os
-import threading
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import pytest
 
-from thermid.bench._wire import sealed
 from thermid.campaign.stages import run_stages
 from unit.fit.planted import planted
 from unit.qualify.watch.test_watch import ICE, rising
 
 Call = Callable[..., Any]
-
-
-@contextmanager
-def board(line: Callable[[int], str]) -> Iterator[str]:
-    """Yield the name of a pseudo-terminal that plays a serial port, on which a board prints a line every 10 ms for at most 10 s."""
-    pytest.importorskip("serial")
-    pty, tty = pytest.importorskip("pty"), pytest.importorskip("tty")
-    master, port = pty.openpty()
-    tty.setraw(port)
-    done = threading.Event()
-
-    def play() -> None:
-        k = 0
-        while not done.wait(0.01) and k < 1000:
-            os.write(master, (line(k) + "\r\n").encode())
-            k += 1
-        if not done.is_set():
-            os.close(master)  # the test hangs: the port is gone
-
-    thread = threading.Thread(target=play)
-    thread.start()
-    try:
-        yield os.ttyname(port)
-    finally:
-        over = not thread.is_alive()
-        done.set()
-        thread.join()
-        os.close(port)
-        if not over:
-            os.close(master)
 
 
 @pytest.fixture(scope="module")
@@ -98,29 +64,9 @@ class TestCommand:
         lines = [json.loads(line) for line in said.out.splitlines()]
         assert [line["advice"] for line in lines] == ["declined"]
 
-    def test_a_serial_port(self, call: Call, tmp_path: Path) -> None:
-        kept = tmp_path / "lines.txt"
-        more = ("--slowest", "10 [s]", "--every", "0.6 [s]", "--capture", kept, "--json", "--within", "5 [K]")
-        with board(lambda k: f"chip: {30.0 + 0.01 * (k % 3):.2f} C  case: {25.0 + 0.01 * (k % 5):.2f} C") as port:
-            said = call("watch", port, *more)
-        looks = [json.loads(line) for line in said.out.splitlines()]
-        assert said.code == 0, said.err
-        assert looks[-1]["advice"] == "stop"
-        assert looks[-1]["ends"]["chip"]["final_C"] == pytest.approx(30.0, abs=0.2)
-        assert kept.read_text().splitlines()[1].partition(" -> ")[2].startswith("chip: 30.0")
-        with board(lambda k: "1") as port:
-            assert "exists already" in call("watch", port, "--capture", kept).err
-
-    @pytest.mark.parametrize(
-        ("line", "words"),
-        [("30.1,25.0", "Name them with --channel"), (sealed("B,0,4,atmega328p,thermid-bench 1,power"), "Start 'thermid log' on this port")],
-        ids=["values without names", "the bench"],
-    )
-    def test_lines_of_a_port_that_are_refused(self, call: Call, line: str, words: str) -> None:
-        with board(lambda k: line) as port:
-            said = call("watch", port, "--every", "0.5 [s]")
-        assert said.code not in (0, 1)
-        assert words in said.err
+    def test_a_port_is_no_log(self, call: Call) -> None:
+        said = call("watch", "/dev/null", "--json")
+        assert (said.code, said.object["code"]) == (2, "file.not-a-file")
 
     @pytest.mark.parametrize(
         ("more", "word"),

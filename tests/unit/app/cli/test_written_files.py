@@ -64,7 +64,7 @@ READERS = {
     "--programme": ["log", "logged.csv", "--simulate", "--for", "2 [s]", "--programme", "@"],
     "--sensors": ["log", "logged.csv", "--simulate", "--for", "2 [s]", "--sensors", "@"],
 }
-ENDINGS = {"--netcdf": ".nc", "sinda": ".cc", "esatan": ".d", "c": ".h", "look": ".svg", "diagram": ".svg", "fmu": ".fmu", "--pdf": ".pdf"}
+ENDINGS = {"--netcdf": ".nc", "sinda": ".cc", "esatan": ".d", "c": ".h", "look": ".svg", "diagram": ".svg", "fmu": ".fmu"}
 ENDINGS |= {"--figure": ".png", "--picture": ".pdf", **dict.fromkeys(("import", "--save", "credibility", "--scenario"), ".toml")}
 ENDINGS |= dict.fromkeys(("correlate", "report", "qualify"), ".html")
 HOLDS = (*FOLDERS, "deliver", "write-back", "swap")

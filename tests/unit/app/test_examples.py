@@ -15,12 +15,9 @@ from typer.testing import CliRunner
 
 from by_code import raises_code
 from scripts_here import script
+from thermid.app import examples
 from thermid.app.cli.app import app
-from thermid.base.errors import MissingDataError, NameNotFoundError, OutputError, RecordError
-from thermid.base.extensions import json_schema
-from thermid.campaign._file import read_campaign
-from thermid.campaign._start import examples
-from thermid.campaign._start.examples import (
+from thermid.app.examples import (
     EXAMPLES,
     MOTOR,
     TCLAB,
@@ -31,6 +28,9 @@ from thermid.campaign._start.examples import (
     samples_sum,
     thermocouples,
 )
+from thermid.base.errors import MissingDataError, NameNotFoundError, OutputError, RecordError
+from thermid.base.extensions import json_schema
+from thermid.campaign._file import read_campaign
 from thermid.campaign._start.project import kind_of
 
 DAQ = (
@@ -137,7 +137,7 @@ def test_examples_of_a_wheel_lie_in_the_package(tmp_path: Path, monkeypatch: pyt
     monkeypatch.setattr(examples, "_PLACES", (tmp_path / "none",))
     with raises_code("record.log-missing", MissingDataError):
         examples.shipped()
-    text = (Path(__file__).parents[4] / "CMakeLists.txt").read_text(encoding="utf-8")
+    text = (Path(__file__).parents[3] / "CMakeLists.txt").read_text(encoding="utf-8")
     assert "install(DIRECTORY examples/ DESTINATION thermid/_examples" in text
 
 

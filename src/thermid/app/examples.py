@@ -21,8 +21,8 @@ import numpy as np
 
 from thermid.base.errors import MissingDataError, NameNotFoundError, OutputError, RecordError, nearest
 from thermid.base.files import FileKinds, folder_replacing, write_bytes
-from thermid.campaign._file import read_campaign
-from thermid.campaign._start.project import head_copies
+from thermid.campaign.stages import read_campaign
+from thermid.campaign.start import head_copies
 from thermid.measure.readers import objects_of, series_of
 
 ADDRESS = "https://raw.githubusercontent.com/{repository}/{commit}/{path}"
@@ -253,7 +253,7 @@ def converted(source: DataSet, file: Original, folder: Path | None) -> bytes:
 
 ROOT_FILE: Final = "thermid.toml"
 _NOT_COPIED: Final = ("__pycache__", "results")
-_PLACES: Final = (Path(__file__).parents[2] / "_examples", Path(__file__).parents[4] / "examples")
+_PLACES: Final = (Path(__file__).parents[1] / "_examples", Path(__file__).parents[3] / "examples")
 """In a wheel, and in the source tree."""
 
 
