@@ -719,8 +719,9 @@ def unrounded(times: FloatArray, values: FloatArray) -> FloatArray:
 
 SENSOR_FAULT_CODES: Final = {-127.0: "sensor lost (-127)", 85.0: "reset of a DS18B20 (85)"}
 """Codes of a common sensor, and what they stand for. [degC]"""
-MIN_OVERLOAD_READING: Final = 1e6
-"""A reading beyond it is the sign of an overload or an open sensor, 9.9e37 of a Keysight logger. [the column's unit]"""
+MIN_OVERLOAD_READING: Final = 1e9
+"""A reading from it on is the sign of an overload or an open sensor, as 1e9 of a Fluke and 9.9e37 of a Keysight logger; counters of joules
+and milliseconds pass a million. [the column's unit]"""
 MAX_LEAP_OF_TEMPERATURE: Final = 2.0
 """Distance from the line between its neighbours up to which a known code may be a temperature. [the column's unit]"""
 MIN_GAP_OF_BRIEF_CODE: Final = 10.0
