@@ -12,6 +12,7 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from thermid.base.arguments import guard_methods
 from thermid.base.codes import CodedText
 from thermid.base.errors import ExpressionError, NameNotFoundError, RecordError, UnitError, errors_at, nearest, refuse_unknown
 from thermid.base.expression import Stamp, amount, instant, quantity, si_values, stated
@@ -118,6 +119,7 @@ SIZES: Final = ("noise", "accuracy", "resolution", "common")
 """Fields of a channel that are sizes of an error or of a step, in its own unit."""
 
 
+@guard_methods
 @dataclass(frozen=True, eq=False)
 class Channel(Shown):
     """Samples of one sensor or command, and what they are bound to.
@@ -478,6 +480,7 @@ class SecondClock:
         return np.min(corners, axis=0), np.max(corners, axis=0)
 
 
+@guard_methods
 @dataclass(frozen=True, eq=False, repr=False)
 class Samples:
     """The fields of a `Record` and what reads them; methods that return a changed record are added there."""
