@@ -55,8 +55,12 @@ TYPES_WITH_OWN_MESSAGE = {
     "Aim": "td.design.Aim(scenario, node)",
     "Site": "td.site.Site(latitude, longitude)",
     "Axes": "matplotlib.pyplot.subplots()[1]",
+    "Media": "td.Scenario(name).media()",
+    "Numbers": "td.simulation.compile_network(model).numbers({})",
 }
 """What a user makes and hands on, and how it is made; the braces hold the file."""
+COUNTS = ("seed", "walkers", "draws")
+"""Arguments that are counted from zero on."""
 TEXTS = ("str", "PathLike", "Path")
 LISTS = (list, tuple, range, set, frozenset)
 COLLECTIONS = ("Sequence", "Iterable", "Mapping")
@@ -87,7 +91,7 @@ def takes_objects(function: Callable[P, R], called: str = "") -> Callable[P, R]:
 
     def remember(name: str, value: Any) -> None:
         """Note that a type was accepted for an argument; what containers hold may differ from call to call."""
-        if not isinstance(value, list | tuple | Mapping | float | np.ndarray | str):  # what these hold may differ
+        if not isinstance(value, list | tuple | Mapping | float | int | np.ndarray | str):  # what these hold may differ
             passed.add((name, type(value)))
 
     @wraps(function)
@@ -141,7 +145,7 @@ def _plain(annotation: str) -> tuple[str, ...]:
         return (TWO, *(["None"] if annotation.endswith("None") else []))
     kinds = _kinds(annotation)
     none = ["None"] if annotation.endswith("| None") else []
-    return (PLAIN, *kinds, *none) if kinds in (*({kind} for kind in KINDS), {"Mapping", "str"}) else ()
+    return (PLAIN, *kinds, *none) if kinds in (*({kind} for kind in KINDS), {"Mapping", "str"}, {"Mapping", "Sequence"}) else ()
 
 
 PLAIN, NAMES, TWO, TABLE = "plain", "names", "two", "table"
@@ -155,6 +159,9 @@ KINDS: dict[str, tuple[type | tuple[type, ...], str]] = {
     "Mapping": (Mapping, "a dictionary"),
     "dict": (Mapping, "a dictionary"),
     "str": (str, "a text"),
+    "Callable": (Callable, "a function"),  # type: ignore[dict-item]
+    **dict.fromkeys(("Sequence", "Iterable", "Collection"), (Iterable, "a list")),
+    **dict.fromkeys(("Array", "FloatArray", "BoolArray", "ArrayLike"), (Iterable, "an array of numbers")),
 }
 """Word of an annotation -> what is taken, and how it is said; of several the first one is said."""
 
@@ -186,8 +193,12 @@ def _check(value: Any, words: tuple[str, ...], name: str, function: str) -> None
         return
     elif isinstance(value, str | os.PathLike):
         if any(t in words for t in TEXTS):
-            if "PathLike" in words and "\0" in os.fspath(value):
-                raise DeckError(f"`{name}` is no file's name: {_brief(value)} holds a NUL.", function, code="value.wrong-kind")
+            if "PathLike" in words and (value == "" or "\0" in os.fspath(value)):
+                raise DeckError(
+                    f"`{name}` is no file's name: {_brief(value)} {'holds a NUL' if value else 'is empty'}.",
+                    function,
+                    code="value.wrong-kind",
+                )
             return
         what = f"the text {_brief(value)}" if isinstance(value, str) else f"the path {_brief(str(value))}"
     elif isinstance(value, Mapping) and type(value).__name__ not in TYPES_WITH_OWN_MESSAGE:
@@ -234,8 +245,9 @@ def _check_plain(value: Any, words: tuple[str, ...], name: str, function: str) -
     else:
         allowed = [KINDS[w] for w in KINDS if w in words]
         plain = value[()] if isinstance(value, np.ndarray) and value.ndim == 0 else value  # as `Trace.at` returns one number
+        alone = isinstance(plain, str | bytes | Mapping) and not {"str", "Mapping", "dict"} & {*words}  # which is no list of its parts
         of_kind = isinstance(plain, bool | np.bool_) == ("bool" in words) and any(isinstance(plain, kind) for kind, _ in allowed)
-        if not (of_kind and _has_size(plain)):
+        if alone or not (of_kind and _has_size(plain)) or (name in COUNTS and plain < 0):
             raise DeckError(f"`{name}` takes {allowed[0][1]}, not {_brief(value)}.", function, code="value.wrong-kind")
 
 
@@ -263,7 +275,11 @@ def _check_names(value: Any, name: str, function: str, once: bool) -> None:
     ------
     DeckError   With what to write.
     """
-    wrong = [] if isinstance(value, Iterable) and not isinstance(value, str) and (once or not isinstance(value, Iterator)) else [value]
+    wrong = (
+        []
+        if isinstance(value, Iterable) and not isinstance(value, str | np.ndarray) and (once or not isinstance(value, Iterator))
+        else [value]
+    )
     if not wrong and not isinstance(value, Iterator):
         try:
             wrong = [item for item in value if not isinstance(item, str)]

@@ -6,15 +6,15 @@ In: a result that says its rows and its traces. Out: `repr`, HTML, axes of matpl
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence, Sized
+from collections.abc import Callable, Iterator, Mapping, Sequence, Sized
 from dataclasses import dataclass, fields, is_dataclass
 from html import escape
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any, Final, Generic, TypeVar
 
 import numpy as np
 
 from thermid.base.arguments import guard_methods
-from thermid.base.errors import ThermidError
+from thermid.base.errors import ThermidError, look_up
 from thermid.base.extensions import optional
 from thermid.base.linear_algebra import Array
 
@@ -221,6 +221,39 @@ class Result(Shown):
         """
         dataset: xarray.Dataset = optional("xarray", "to_xarray").Dataset.from_dataframe(self.to_frame())
         return dataset
+
+
+V = TypeVar("V")
+
+
+class Named(Result, Generic[V]):
+    """Base of results that are indexed by names: `result[name]`, `name in result` and iteration over the names.
+
+    A class says what it holds by `_entries`, and by `_refusal` what a name is not that is missing there.
+    """
+
+    _refusal = "no '{}'."
+
+    def _entries(self) -> Mapping[str, V]:
+        """Return name -> what the result holds under it."""
+        raise NotImplementedError
+
+    def __getitem__(self, name: str) -> V:
+        """Return what the result holds under a name.
+
+        Raises
+        ------
+        NameNotFoundError   With the nearest name.
+        """
+        return look_up(name, self._entries(), self._refusal, getattr(self, "title", ""))
+
+    def __contains__(self, name: object) -> bool:
+        """Whether the result holds something under a name."""
+        return name in self._entries()
+
+    def __iter__(self) -> Iterator[str]:
+        """Yield the names."""
+        return iter(self._entries())
 
 
 def names_of(result: object) -> list[str]:

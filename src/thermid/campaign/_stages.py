@@ -21,11 +21,10 @@ from thermid.base.errors import (
     StoppedError,
     ThermidError,
     errors_at,
-    look_up,
     quoted,
     refuse_unknown,
 )
-from thermid.base.results import Result, Row
+from thermid.base.results import Named, Row
 from thermid.base.toml_files import resolve_inside
 from thermid.base.units import counted
 from thermid.campaign._cache import changed_since, errors_kept, file_name, recall, remember
@@ -383,7 +382,7 @@ def _apart(start: float, end: float, log: Record, records: tuple[Record, ...], w
 
 
 @dataclass(frozen=True, eq=False)
-class Campaign(Result):
+class Campaign(Named[Calibration]):
     """The result of a campaign.
 
     Parameters
@@ -409,18 +408,11 @@ class Campaign(Result):
     requests: Mapping[str, Request] = field(default_factory=dict, repr=False)
     changed: Mapping[str, tuple[str, ...]] = field(default_factory=dict, repr=False)
 
-    def __getitem__(self, stage: str) -> Calibration:
-        """Return the calibration of a stage.
+    _refusal = "no stage '{}'."
 
-        Raises
-        ------
-        NameNotFoundError   With the nearest name.
-        """
-        return look_up(stage, self.stages, "no stage '{}'.", self.title)
-
-    def __iter__(self) -> Iterator[str]:
-        """Yield the names of the stages."""
-        return iter(self.stages)
+    def _entries(self) -> Mapping[str, Calibration]:
+        """Return stage -> its calibration."""
+        return self.stages
 
     def table(self, field_name: str) -> dict[str, dict[str, float]]:
         """Return part -> stage -> value of every parameter of a name, parts down, levels across: the document's Table 2. [SI]"""

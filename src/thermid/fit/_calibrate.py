@@ -35,7 +35,7 @@ from thermid.fit._error_model.kept import KEY as ERRORS, ErrorsOfFit, Keeping, w
 from thermid.fit._error_model.sizes import OUTSIDE
 from thermid.fit._inputs import inputs_of
 from thermid.fit._minimisation import Fit, KeptFit, covariances, ended, minimise
-from thermid.fit._problem.experiment import CHANCE_DEVIATIONS, FIRST_INSTANT, LEAST_NOISE, UNSAID_NOISE, Experiment
+from thermid.fit._problem.experiment import ALL_INSTANTS, CHANCE_DEVIATIONS, LEAST_NOISE, UNSAID_NOISE, Experiment
 from thermid.fit._problem.gather import build_problem
 from thermid.fit._problem.request import LocalSpec, Request, counted_twice, freed, mean_of, priors_of, weighing
 from thermid.fit._problem.residuals import Predictions, Problem, Unknown, pooled, starting_point, wanders
@@ -541,7 +541,7 @@ def _warnings(problem: Problem, minimum: Fit, total: Array, spread: Autocorrelat
         (problem.unknowns[k], float(np.sqrt(total[k, k])))
         for i in range(len(problem.experiments))
         for k, _, place in problem.ticking(i)
-        if place < FIRST_INSTANT
+        if place < ALL_INSTANTS
     ):
         if 4.0 * error > UNKNOWN_CLOCK * (u.high - u.low):
             out.append(
@@ -617,16 +617,11 @@ def _taken_as_instants(problem: Problem) -> list[str]:
 
 def _taken_as_switched(problem: Problem, minimum: Fit, total: Array) -> list[str]:
     """Return remarks on sampled powers: unknown instants that may move a value by more than its error, and a statement of no effect."""
-    seconds = {n for e in problem.experiments for c in e.record.clocks for n in c.channels}
     effective = {c.name for e in problem.experiments for c, _ in e.sampled(False).values()}
+    effective |= {n for e in problem.experiments for c in e.record.clocks for n in c.channels}
     out = [
-        f"{FIRST}prompt = false of '{n}' has no effect, "
-        + (
-            "because a fit finds its clock: it looks for the moments of its changes in any case, each in the interval before its sample."
-            if n in seconds
-            else "and its changes count from their samples. A fit looks for the moment of a change only where samples are instants, the "
-            "load has no curve, flux, cycle or control, and the model is no FMU."
-        )
+        f"{FIRST}prompt = false of '{n}' has no effect, and its changes count from their samples. A fit looks for the moment of a change "
+        "only where samples are instants, the load has no curve, flux, cycle or control, and the model is no FMU."
         for n in dict.fromkeys(n for e in problem.experiments for n, c in e.record.channels.items() if c.prompt is False)
         if n not in effective
     ]

@@ -13,7 +13,7 @@ from typing import Any, Self
 import numpy as np
 
 from thermid.base.errors import DeckError
-from thermid.base.results import PlottedTrace, Result, Row
+from thermid.base.results import Named, PlottedTrace, Row
 from thermid.base.units import counted, from_si, unit
 from thermid.fit._inputs import InputTable, input_lines, inputs_of
 from thermid.fit._minimisation import KeptFit
@@ -176,7 +176,7 @@ class FitEnd:
 
 
 @dataclass(frozen=True, eq=False)
-class Calibration(Result):
+class Calibration(Named[FittedValue]):
     """The result of a fit; it changed nothing.
 
     Parameters
@@ -402,14 +402,11 @@ class Calibration(Result):
         """Return the median over records of a sensor's RMSE. [K]"""
         return float(np.median([s[sensor].rmse for s in self.statistics.values() if sensor in s]))
 
-    def __getitem__(self, path: str) -> FittedValue:
-        """Return one value as it is to be quoted, see `estimates`; `values` has it as fitted.
+    _refusal = "'{}' was not fitted."
 
-        Raises
-        ------
-        NameNotFoundError   With the nearest path.
-        """
-        return self.estimates[path]
+    def _entries(self) -> Mapping[str, FittedValue]:
+        """Return every value as it is to be quoted, see `estimates`; `values` has it as fitted."""
+        return self.estimates
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write all that is known of the model's values, at every depth, with errors and origins, to a file of its own."""

@@ -11,7 +11,7 @@ import numpy as np
 from thermid.base.arguments import takes_objects
 from thermid.base.errors import IdentificationError, SolverError, quoted
 from thermid.base.linear_algebra import Array
-from thermid.base.results import Result
+from thermid.base.results import Named
 from thermid.base.units import counted, from_si
 from thermid.fit.calibration import (
     Calibration,
@@ -215,7 +215,7 @@ def cause(unknown: str) -> str:
 
 
 @dataclass(frozen=True, eq=False)
-class Identifiability(Result):
+class Identifiability(Named[KnownParameter]):
     """What readings determine of parameters.
 
     Parameters
@@ -241,9 +241,11 @@ class Identifiability(Result):
     problem: Problem = field(repr=False)
     inputs: InputTable = field(default=InputTable(), repr=False)
 
-    def __getitem__(self, path: str) -> KnownParameter:
-        """Return what is known of one parameter."""
-        return self.parameters[path]
+    _refusal = "no free parameter '{}'."
+
+    def _entries(self) -> Mapping[str, KnownParameter]:
+        """Return parameter -> what is known of it."""
+        return self.parameters
 
     @property
     def structural(self) -> tuple[Group, ...]:

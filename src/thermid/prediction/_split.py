@@ -18,7 +18,7 @@ from thermid.base.arguments import takes_objects
 from thermid.base.dual import value_of
 from thermid.base.errors import IdentificationError, nearest, quoted
 from thermid.base.linear_algebra import Array
-from thermid.base.results import Result
+from thermid.base.results import Named
 from thermid.fit.calibration import Calibration
 from thermid.fit.discrepancy import discrepancy_kept
 from thermid.model.elements import FINISH_CORRELATION, Standing, StatedRange, exposed_area, worst
@@ -92,7 +92,7 @@ class SplitSurface:
 
 
 @dataclass(frozen=True, eq=False)
-class Split(Result):
+class Split(Named[SplitSurface]):
     """Effective coefficients taken apart.
 
     Parameters
@@ -108,10 +108,11 @@ class Split(Result):
     model: Model
     caution: str = ""
 
-    def __getitem__(self, path: str) -> SplitSurface:
-        """Return the entry of a surface."""
-        path = self.model.canonical(path)
-        return next(s for s in self.surfaces if s.path == path)
+    _refusal = "no surface '{}' was split."
+
+    def _entries(self) -> Mapping[str, SplitSurface]:
+        """Return surface -> its entry."""
+        return {s.path: s for s in self.surfaces}
 
     def __str__(self) -> str:
         """One entry per surface, and what no error covers."""

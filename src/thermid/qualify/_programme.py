@@ -12,9 +12,9 @@ import numpy as np
 
 from thermid.base.arguments import takes_objects
 from thermid.base.dual import value_of
-from thermid.base.errors import errors_at, look_up
+from thermid.base.errors import errors_at
 from thermid.base.linear_algebra import HALF_WIDTH_95
-from thermid.base.results import Result
+from thermid.base.results import Named
 from thermid.base.sourced import VERDICTS, weigh
 from thermid.base.units import counted
 from thermid.campaign.verdicts import Limits, Margin, margins
@@ -75,7 +75,7 @@ class SmallestMargin:
 
 
 @dataclass(frozen=True, eq=False)
-class Qualification(Result):
+class Qualification(Named[Trial]):
     """A plan with all its tests predicted and judged.
 
     Parameters
@@ -99,10 +99,11 @@ class Qualification(Result):
     accepted: tuple[str, ...] = ()
     cases: Mapping[str, tuple[Margin, ...]] = field(repr=False, default_factory=dict)
 
-    def __getitem__(self, name: str) -> Trial:
-        """Return a test by its name."""
-        trials = {t.test.name: t for t in self.trials}
-        return look_up(name, trials, "the plan has no test '{}'.", self.plan.title)
+    _refusal = "the plan has no test '{}'."
+
+    def _entries(self) -> Mapping[str, Trial]:
+        """Return test -> its trial."""
+        return {t.test.name: t for t in self.trials}
 
     @property
     def service(self) -> tuple[Trial, ...]:

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from thermid.base.arguments import takes_objects
+from thermid.base.arguments import guard_methods, takes_objects
 from thermid.base.errors import RecordError, ScenarioError, refuse_unknown
 from thermid.base.expression import amount
 from thermid.base.linear_algebra import Array
@@ -33,6 +33,7 @@ FAIRING_OPENING_TIME = 1e-3
 """Time that the stream takes to reach the unit as the fairing parts. [s]"""
 
 
+@guard_methods
 @dataclass(frozen=True, eq=False)
 class Trajectory(Shown):
     """Where a vehicle flies.

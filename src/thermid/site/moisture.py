@@ -9,9 +9,9 @@ from typing import Any, Final
 import numpy as np
 
 from thermid.base.arguments import takes_objects
-from thermid.base.errors import ScenarioError, SolverError, look_up, refuse_unknown
+from thermid.base.errors import ScenarioError, SolverError, refuse_unknown
 from thermid.base.linear_algebra import Array, anderson_step
-from thermid.base.results import PlottedTrace, Result
+from thermid.base.results import Named, PlottedTrace
 from thermid.model.elements import Constant, HeatLoad, Signal, TableSignal, check_span, parameter, signal
 from thermid.model.tree import FlatConductor, Model
 from thermid.physics.constants import ICE_POINT
@@ -64,7 +64,7 @@ class SurfaceMoisture:
 
 
 @dataclass(frozen=True, eq=False)
-class Moisture(Result):
+class Moisture(Named[SurfaceMoisture]):
     """What humidity does along a solution.
 
     Parameters
@@ -95,14 +95,11 @@ class Moisture(Result):
         )
         return cls(solution, followed.dew_points, surfaces, water, (*open_, *followed.remarks))
 
-    def __getitem__(self, surface: str) -> SurfaceMoisture:
-        """Return one surface.
+    _refusal = "no surface '{}' exchanges with a gas of known humidity."
 
-        Raises
-        ------
-        ScenarioError   With the nearest name.
-        """
-        return look_up(surface, self.surfaces, "no surface '{}' exchanges with a gas of known humidity.", error=ScenarioError)
+    def _entries(self) -> Mapping[str, SurfaceMoisture]:
+        """Return surface -> its moisture."""
+        return self.surfaces
 
     def __str__(self) -> str:
         """Return the surfaces with their smallest margins, the closest first."""

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from thermid.base.arguments import guard_methods
 from thermid.base.errors import ScenarioError
 from thermid.base.linear_algebra import Array
 from thermid.base.results import Shown
@@ -29,6 +30,7 @@ BRIGHTEST = 1412.0
 """Of the sun above the air, in January; no beam that is worked out from other readings is brighter. [W/m^2]"""
 
 
+@guard_methods
 @dataclass(frozen=True, eq=False)
 class OpenSky(Shown, Sky):
     """Sun and sky over a place: falls on every surface outdoors as the surface faces it.

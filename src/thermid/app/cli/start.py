@@ -73,7 +73,8 @@ def init(
 ) -> None:
     """Propose a model for a log; write deck, scenario and campaign.
 
-    Exit code 4 if the log cannot decide between structures, or none explains it or can be built; the files are written all the same.
+    Exit code 4 if the log cannot decide between structures, or none explains it or can be built. Files are written all the same, unless
+    the log has no power and none explains it.
     """
     if not logs:
         _from_template(template, to, as_json)

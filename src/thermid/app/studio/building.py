@@ -481,14 +481,17 @@ class Building:
         return edits + self._join_edits(name, host if how == "joined" else "", table)
 
     def _join_edits(self, name: str, host: str, table: Mapping[str, Any]) -> list[Edit]:
-        """Return the edits that join a record with another one, begun as late after it as the two logs show, or with none."""
+        """Return the edits that join a record with another one, begun as late after it as the two logs show, or with none.
+
+        Where nothing shows it the offset is a gap, which a page asks to fill.
+        """
         records = self.draft.documents[CAMPAIGN].content["records"]
         after = {n: {k: t for k, t in _joined(r).items() if k != name} for n, r in records.items()}
         if host:
             clock = clocks_of([look(self._inside(t["file"]), time=t.get("time")) for t in (records[host], table)])[0]
             finds = host in self._stage().get("records", [])
             stated = stated_offset(clock)
-            late: Any = f"{round((clock.get('at', clock)['offset'] or 0.0) if stated is None else stated, 3):.10g} [s]"
+            late: Any = "... [s]" if stated is None else f"{round(stated, 3):.10g} [s]"
             if finds and "at" in clock and not clock["at"]["candidate"]:
                 late = [f"{end} [s]" for end in offset_range(clock)]
             after[host][name] = {"record": name, "offset": late}

@@ -399,7 +399,10 @@ class Proposal:
             unread = f". {', '.join(rest.silent)} has no readings there" if rest.silent else ""
             where = f"{begins}, {shown}{unread}."
         elif rest.seconds:
-            where = f"{begins}, but parts change by up to {rest.drift:.2g} K{against} there, so only the fit shows them: wait longer."
+            moves = f"parts change by up to {rest.drift:.2g} K{against} there" if rest.drift < np.inf else "with too few readings"
+            where = f"{begins}, but {moves}, so only the fit shows them: wait longer."
+        elif not self.roles.powers:
+            where = "No power is logged, which would say when the parts were at rest, so only the fit shows them."
         else:
             where = "The log does not begin at rest, so only the fit shows them: begin the next test with some minutes without power."
         return f"Offsets of thermometers, accuracy {self.known.accuracy:g} K assumed{against}: {offsets}. {where}"
@@ -466,7 +469,7 @@ class Rest:
 
     Parameters
     ----------
-    seconds : float     How long it lasts; 0 for less than `MIN_REST_READINGS` readings. [s]
+    seconds : float     How long it lasts; 0 for no reading without power, and where no power is logged. [s]
     drift : float       Largest change of a part against the surroundings, or of a temperature where these are not logged. [K]
     steady : bool       Whether no temperature changes by more than its noise there.
     shows : bool        Whether parts move with the surroundings or not at all, and by less than an offset is known before.
@@ -502,7 +505,7 @@ def beginning_rest(record: Record, roles: Roles, noise: Mapping[str, float], acc
         off &= np.abs(watts) <= 0.01 * max(float(np.max(np.abs(watts))), 1e-12)
     size = int(np.argmin(off)) or (off.size if off.all() else 0)
     if not roles.powers or size < MIN_REST_READINGS:
-        return Rest()
+        return Rest(float(record.times[max(size - 1, 0)] - record.times[0]) if roles.powers else 0.0, np.inf)
     changes: dict[str, tuple[float, float, float]] = {}  # of the mean, what noise explains of it, and the mean
     for c in (record[c] for c in (*roles.parts, roles.surroundings) if c in record.channels):
         values = c.values[:size][c.valid[:size]]
@@ -572,7 +575,7 @@ def request_of(
         free += [p.share for p in roles.powers if p.share and not p.rest]
         if _ratios_only(roles, facts):
             first = next(iter(deck["nodes"]))
-            deck["nodes"][first]["capacitance"] = f"{ASSUMED!r} [J/K]"
+            deck["nodes"][first]["capacitance"] = {"value": f"{ASSUMED!r} [J/K]", "source": "assumed", "note": "ratios to it are fitted"}
             free.remove(f"{first}.capacitance")
         model = model_from_dict(deck)
     scenario = Scenario("log", boundaries={roles.boundary: roles.surroundings} if roles.surroundings and not roles.logged else {})
@@ -649,7 +652,7 @@ def propose(
 
     Raises
     ------
-    IdentificationError     When nothing in the log moves: no part's temperature changes by more than its noise.
+    IdentificationError     When no part's temperature changes by more than its noise, or a log without a power is not explained.
     """
     sizes, budget = dict[str, float](), EvaluationBudget(evaluations, progress)
     for record in records:
@@ -678,7 +681,10 @@ def propose(
             f"{first}.capacitance = {ASSUMED:g} J/K, because no column gives a power in watts, so the log determines ratios to it "
             f"only. Give --full-scale COLUMN='... [W]', or a mass: --mass {first}='1.2 [kg]'."
         )
-    return Proposal(roles, search, sizes, assumed, facts, instants)
+    proposal = Proposal(roles, search, sizes, assumed, facts, instants)
+    if not roles.powers and proposal.unexplained:
+        raise IdentificationError(" ".join([proposal.unexplained, *roles.questions]), prepared[0].name, code="fit.not-determined")
+    return proposal
 
 
 def _within(roles: Roles, facts: StatedFacts) -> Any:

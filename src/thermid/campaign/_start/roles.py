@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import re
 import unicodedata
 from collections.abc import Mapping, Sequence
@@ -244,7 +245,11 @@ def roles_of(
     used = {n for text in formulas.values() for n in columns if re.search(rf"(?<!\w){re.escape(n)}(?!\w)", text)}
     others = {n: c for n, c in columns.items() if n not in taken | used and c.guess != "time"}
     rest = {n: "never on" if _idle(c.values) and c.guess in ("power", "duty") else c.why for n, c in others.items()}
-    questions = tuple(q for n in rest if (q := _question(columns[n])))
+    volts, amperes = ([n for n, c in others.items() if (of := _asked_unit(c)) and of[0] == slot] for slot in ("V", "A"))
+    by = {n: p.column for v, n in itertools.product(volts, amperes) for p in logged_powers if _is_product(columns, v, n, p.column)}
+    rest |= {n: f"{by[n]} is this times its voltage" for n in by}
+    asked = {n: _question(c, volts) for n, c in others.items() if n not in by and not (n in volts and amperes)}
+    questions = tuple(filter(None, asked.values()))
     return Roles(parts, around, logged_powers, units, time, {n: columns[n].why for n in taken if n in columns}, rest, questions=questions)
 
 
@@ -282,26 +287,47 @@ def _with_shares(powers: Sequence[Power], path: Path) -> tuple[Power, ...]:
     return tuple(out)
 
 
-def _question(column: Column) -> str:
-    """Return what to ask about a column that a power may follow from, such as a current, or whose changes a model would have to know."""
-    if _idle(column.values) or not column.unit:
-        return ""
+def _asked_unit(column: Column) -> tuple[str, str] | None:
+    """Return the unit of `_QUESTIONS` that a column that is not idle has the dimension of, and its own; None for any other."""
+    text = column.unit or ("1/min" if _SPEED.search(column.name) else "")
+    if _idle(column.values) or not text:
+        return None
     try:
-        of = unit(re.sub(r"(?<=[A-Za-z])(?=\d)", "^", column.unit)).dimension  # loggers write A2 and kW/m2
+        of = unit(re.sub(r"(?<=[A-Za-z])(?=\d)", "^", text)).dimension  # loggers write A2 and kW/m2
     except ThermidError:
+        return None
+    return next(((slot, text) for slot in _QUESTIONS if of == unit(slot).dimension), None)
+
+
+def _is_product(columns: Mapping[str, Column], volts: str, amperes: str, power: str) -> bool:
+    """Whether a column is the product of two, to a twentieth of its largest value in most rows."""
+    if power not in columns:
+        return False
+    apart = columns[volts].values * columns[amperes].values - columns[power].values
+    return bool(np.nanmedian(np.abs(apart)) < 0.05 * np.nanmax(np.abs(columns[power].values)))
+
+
+def _question(column: Column, volts: Sequence[str]) -> str:
+    """Return what to ask about a column that a power may follow from, such as a current, or whose changes a model would have to know.
+
+    Parameters
+    ----------
+    column : Column
+    volts : sequence    Columns of voltages, of which the only one is named beside a current.
+    """
+    if (asked := _asked_unit(column)) is None:
         return ""
-    for slot, (what, ask) in _QUESTIONS.items():
-        if of == unit(slot).dimension:
-            name = column.name if column.name.isidentifier() else f"`{column.name}`"
-            return f"{column.name} is {what} [{column.unit}]: {ask.format(name)}."
-    return ""
+    what, ask = _QUESTIONS[asked[0]]
+    names = [n if n.isidentifier() else f"`{n}`" for n in (column.name, *volts[:1])]
+    return f"{column.name} is {what} [{asked[1]}]: {ask.format(names[0], names[1] if len(volts) == 1 else 'V')}."
 
 
+_SPEED = re.compile(r"rpm|(?<![a-z])fan(?![a-z])|tacho|drehzahl", re.IGNORECASE)
 _QUESTIONS = {
-    "A": ("a current", "is it a power? If so, give --formula P='V * {}', V the column of its voltage"),
-    "A^2": ("the square of a current", "is it a power? If so, give --formula P='{} * 4.7 [ohm]', with its resistance"),
-    "V": ("a voltage", "is it a power? If so, give --formula P='{} * I', I the column of its current"),
-    "W/m^2": ("a power by area", "is it a power? If so, give --formula P='{} * 20 [cm^2]', with the area that it falls on"),
+    "A": ("a current", "is it a power with its voltage? If so, give --formula P='{1} * {0}'"),
+    "A^2": ("the square of a current", "is it a power? If so, give --formula P='{0} * 4.7 [ohm]', with its resistance"),
+    "V": ("a voltage", "is it a power? If so, give --formula P='{0} * I', I the column of its current"),
+    "W/m^2": ("a power by area", "is it a power? If so, give --formula P='{0} * 20 [cm^2]', with the area that it falls on"),
     "J": ("an energy", "is it a power? If so, give power = {{ energy = ... }} of a channel in the campaign"),
     "1/s": ("a speed or a frequency", "is it a fan's? Losses change with it, which no structure tried here does: give logs of one speed"),
 }

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from thermid.base.errors import IdentificationError, refuse_unknown
+from thermid.base.errors import IdentificationError, look_up, refuse_unknown
 from thermid.base.expression import seconds
 from thermid.base.linear_algebra import HALF_WIDTH_95, Array, symmetric_inverse
 from thermid.base.results import Result
@@ -114,7 +114,7 @@ class States:
 
     def __getitem__(self, name: str) -> tuple[Array, Array]:
         """Return mean and standard deviation (times,) of one."""
-        k = self.names.index(name)
+        k = look_up(name, {n: k for k, n in enumerate(self.names)}, "no state '{}'.")
         return self.mean[:, k], self.sd[:, k]
 
     def __str__(self) -> str:

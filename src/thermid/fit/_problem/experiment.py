@@ -597,7 +597,7 @@ class InputNoise:
 
 CLOCK = "clock"
 """Begin of the names in the wiring of what a fit has to find of a second clock, before its number and a place in `Ticks.at`."""
-OFFSET, RATE, FIRST_INSTANT = 0, 1, 2
+OFFSET, RATE, ALL_INSTANTS, FIRST_INSTANT = 0, 1, 2, 3
 """Places in `Ticks.at`."""
 
 
@@ -627,11 +627,13 @@ class Ticks:
     clock : SecondClock             Where its offset and rate are looked for.
     driven : tuple of (str, str)    Table of the scenario and path of every signal that was logged on it.
     zero : float                    Time on the record's own clock at which the experiment begins. [s]
-    at : tuple of float             Offset [s] and rate [-] at which the scenario holds these signals, and of each of `changes` how far it
-                                    is from the middle of its interval, -0.5 to 0.5. [-]
-    changes : tuple of SampledChange       The largest changes of powers and commands that were sampled, not logged when they changed. Their
-                                    instants share the offset, so that a fit looks for them beside it; the others stand in the middle.
+    at : tuple of float             Offset [s] and rate [-] at which the scenario holds these signals, how far all `unstated` changes are
+                                    from the middles of their intervals, and the first of `changes` beside that. [-]
+    changes : tuple of SampledChange       Changes of powers and commands that were sampled, the largest first. A sum of their instants is
+                                    what the offset is, so that a fit looks for them beside it.
     read : tuple of str             Channels on it whose readings are compared.
+    middles : dict                  Path -> times of its table on the clock, changes in the middle of their intervals (samples,). [s]
+    unstated : frozenset of str     Paths of powers of which nobody states whether they were logged as they changed.
     """
 
     clock: SecondClock
@@ -640,6 +642,8 @@ class Ticks:
     at: tuple[float, ...]
     changes: tuple[SampledChange, ...] = ()
     read: tuple[str, ...] = ()
+    middles: Mapping[str, Array] = field(default_factory=dict)
+    unstated: frozenset[str] = frozenset()
 
     def read_at(self, times: Array) -> Array:
         """Return when readings happened that the experiment holds at some times, as if its clock were right (times,). [s]"""
@@ -650,17 +654,14 @@ class Ticks:
         """Return the tabled signal of a path where a second clock and the instants of changes stand otherwise; any other as it is."""
         if not isinstance(signal, TableSignal):
             return signal
-
-        def law(times: Array) -> Array:
-            """Return times on the other clock. [s]"""
-            ticks = (times + self.zero - self.at[OFFSET]) / self.at[RATE]
-            for change, now, then in zip(self.changes, self.at[FIRST_INSTANT:], at[FIRST_INSTANT:], strict=True):
-                if change.path == path:
-                    ticks[change.row] += (then - now) * change.interval
-            # to the nanosecond, so that rounding does not part an instant from the start of the run or from a reading
-            return np.round(at[OFFSET] + at[RATE] * ticks - self.zero, 9)
-
-        return signal.retimed(law)
+        ticks, order = self.middles[path].copy(), TICK * np.arange(self.middles[path].size)
+        for k, change in enumerate(self.changes):
+            if change.path == path:
+                common = at[ALL_INSTANTS] if path in self.unstated else 0.0
+                ticks[change.row] += (common + (at[FIRST_INSTANT + k] if FIRST_INSTANT + k < len(at) else 0.0)) * change.interval
+        ticks = np.maximum.accumulate(ticks - order) + order  # a late change does not pass the sample after it
+        # to the nanosecond, so that rounding does not part an instant from the start of the run or from a reading
+        return signal.retimed(lambda _: np.round(at[OFFSET] + at[RATE] * ticks - self.zero, 9))
 
     @property
     def shift(self) -> float:
@@ -676,7 +677,7 @@ class Ticks:
         """
         return {
             f"{CLOCK} {number} {FIRST_INSTANT + k}": (path, tables[path].pulse(row, self.shift, self.at[RATE] * interval))
-            for k, (path, row, interval) in enumerate(self.changes)
+            for k, (path, row, interval) in enumerate(self.changes[: len(self.at) - FIRST_INSTANT])
         }
 
     @property
@@ -685,11 +686,13 @@ class Ticks:
         return max(abs(t - self.at[0]) for t in self.clock.times) / self.at[1]
 
 
+TICK = 1e-6
+"""Least time between two samples of a table on another clock. [s]"""
 SHIFT = 0.1
 """Shift over which differences are taken, in samples of the second log: smaller ones drown in the integrator's own error."""
 SWITCH = "switch"
 """Begin of the name of a load that stands for what an instant does to a power."""
-MAX_SWITCHES = 12
+MAX_SWITCHES = 24
 """The largest changes of the powers of a record that have an instant of their own."""
 INSTANT_SD, LAST_INSTANT = 12.0**-0.5, 0.499
 """Standard deviation, and the farthest from the middle, of a change that is anywhere in its interval as likely. [-]"""
@@ -1028,9 +1031,11 @@ def _ticks(record: Record, second: SecondClock, zero: float, inputs: Inputs, obs
                 change, intervals = _changes(driving_channel, table), np.diff(table.times) / second.at[RATE]
                 sampled += [(-abs(change[k]), SampledChange(path, int(k) + 1, float(intervals[k]))) for k in np.flatnonzero(change)]
                 held[path] = table.changed_within()
-    changes = tuple(sorted(change for _, change in sorted(sampled)[:MAX_SWITCHES]))
-    at = (*second.at, *(0.0 for _ in changes))
-    return Ticks(second, followed, zero, at, changes, tuple(n for n in observed if n in second.channels))
+    changes = tuple(change for _, change in sorted(sampled))
+    at = (*second.at, 0.0, *(0.0 for _ in changes[:MAX_SWITCHES]))
+    unstated = frozenset(p for c, p in inputs.driven.items() if record.channels[c].prompt is None)
+    middles = {p: (held[p].times + zero - at[OFFSET]) / at[RATE] for name, held in tables for n, p in followed if n == name}
+    return Ticks(second, followed, zero, at, changes, tuple(n for n in observed if n in second.channels), middles, unstated)
 
 
 def _read_within(channel: Channel, record: Record) -> Channel:

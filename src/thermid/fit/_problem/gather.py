@@ -12,6 +12,7 @@ from thermid.base.errors import IdentificationError, RecordError, nearest, refus
 from thermid.base.expression import Kelvin
 from thermid.base.units import TEMPERATURE, require
 from thermid.fit._problem.experiment import (
+    ALL_INSTANTS,
     CLOCK,
     FIRST_INSTANT,
     INSTANT_SD,
@@ -19,6 +20,7 @@ from thermid.fit._problem.experiment import (
     OFFSET,
     RATE,
     SCALE,
+    SOME_SAMPLE,
     SWITCH,
     Experiment,
     Switch,
@@ -374,8 +376,12 @@ def clock_unknowns(experiments: Sequence[Experiment]) -> list[Unknown]:
                 if low < high:
                     acts = (Influence(i, f"{CLOCK} {n} {place}"),)
                     out.append(Unknown(f"{e.record.name}: {name}{of}", "local", acts, at, low=low, high=high, unit=unit))
-            for k, change in enumerate(ticks.changes):
-                acts, name = (Influence(i, f"{CLOCK} {n} {FIRST_INSTANT + k}"),), f"{SWITCH} {change.row} of {change.path}"
-                prior, last = Prior(0.0, INSTANT_SD), LAST_INSTANT
-                out.append(Unknown(f"{e.record.name}: {name}{of}", "local", acts, 0.0, low=-last, high=last, prior=prior))
+            common, alone = SOME_SAMPLE
+            instants = [(ALL_INSTANTS, "every", Prior(*common))] if any(c.path in ticks.unstated for c in ticks.changes) else []
+            for k, change in enumerate(ticks.changes[: len(ticks.at) - FIRST_INSTANT], FIRST_INSTANT):
+                sd = alone[1] if change.path in ticks.unstated else INSTANT_SD
+                instants.append((k, f"{change.row} of {change.path}", Prior(0.0, sd)))
+            for place, name, prior in instants:
+                acts, last = (Influence(i, f"{CLOCK} {n} {place}"),), LAST_INSTANT
+                out.append(Unknown(f"{e.record.name}: {SWITCH} {name}{of}", "local", acts, 0.0, low=-last, high=last, prior=prior))
     return out

@@ -15,7 +15,7 @@ from thermid.base.dual import Dual, Number, gradient_of, value_of
 from thermid.base.errors import DeckError, SolverError
 from thermid.base.linear_algebra import HALF_WIDTH_95, Array
 from thermid.base.memo import Memo
-from thermid.fit._problem.experiment import FIRST_INSTANT, OFFSET, RATE, SCALE, SHIFT, SWITCH, Experiment, Observation, clock_target
+from thermid.fit._problem.experiment import ALL_INSTANTS, OFFSET, RATE, SCALE, SHIFT, SWITCH, Experiment, Observation, clock_target
 from thermid.simulation.solver import Engine, Options, Squares, Traces, Weighing, Wiring, kept_for
 
 
@@ -89,7 +89,7 @@ class Unknown:
     def is_instant(self) -> bool:
         """Whether it says when a power changed: it is looked for only for the sake of other values."""
         at = [clock_target(t.name) for t in self.targets]
-        return any(of is not None and of[1] >= FIRST_INSTANT for of in at) or any(t.name.startswith(SCALE + SWITCH) for t in self.targets)
+        return any(of is not None and of[1] >= ALL_INSTANTS for of in at) or any(t.name.startswith(SCALE + SWITCH) for t in self.targets)
 
     @property
     def scale(self) -> float:

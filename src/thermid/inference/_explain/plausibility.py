@@ -12,7 +12,7 @@ import numpy as np
 from thermid.base.arguments import takes_objects
 from thermid.base.dual import value_of
 from thermid.base.errors import IdentificationError, NameNotFoundError, nearest
-from thermid.base.results import Result
+from thermid.base.results import Named
 from thermid.fit.calibration import Calibration, power_while_on
 from thermid.inference._explain.thresholds import (
     BARE_CONTACT,
@@ -80,7 +80,7 @@ class RangeCheck:
 
 
 @dataclass(frozen=True, eq=False)
-class Plausibility(Result):
+class Plausibility(Named[RangeCheck]):
     """What is physical of a fit.
 
     Parameters
@@ -96,17 +96,11 @@ class Plausibility(Result):
     unjudged: tuple[str, ...]
     undecided: tuple[str, ...] = ()
 
-    def __getitem__(self, path: str) -> RangeCheck:
-        """Return the finding on a parameter.
+    _refusal = "no finding for '{}'."
 
-        Raises
-        ------
-        NameNotFoundError   When there is none.
-        """
-        checks = {f.path: f for f in self.findings}
-        if path not in checks:
-            raise NameNotFoundError(f"no finding for '{path}'.{nearest(path, checks)}", self.title)
-        return checks[path]
+    def _entries(self) -> Mapping[str, RangeCheck]:
+        """Return parameter -> the finding on it."""
+        return {f.path: f for f in self.findings}
 
     @property
     def physical(self) -> bool:

@@ -12,6 +12,7 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from thermid.base.arguments import guard_methods
 from thermid.base.codes import CodedText
 from thermid.base.errors import ExpressionError, NameNotFoundError, RecordError, UnitError, errors_at, nearest, refuse_unknown
 from thermid.base.expression import Stamp, amount, instant, quantity, si_values, stated
@@ -118,6 +119,7 @@ SIZES: Final = ("noise", "accuracy", "resolution", "common")
 """Fields of a channel that are sizes of an error or of a step, in its own unit."""
 
 
+@guard_methods
 @dataclass(frozen=True, eq=False)
 class Channel(Shown):
     """Samples of one sensor or command, and what they are bound to.
@@ -478,6 +480,7 @@ class SecondClock:
         return np.min(corners, axis=0), np.max(corners, axis=0)
 
 
+@guard_methods
 @dataclass(frozen=True, eq=False, repr=False)
 class Samples:
     """The fields of a `Record` and what reads them; methods that return a changed record are added there."""
@@ -719,8 +722,9 @@ def unrounded(times: FloatArray, values: FloatArray) -> FloatArray:
 
 SENSOR_FAULT_CODES: Final = {-127.0: "sensor lost (-127)", 85.0: "reset of a DS18B20 (85)"}
 """Codes of a common sensor, and what they stand for. [degC]"""
-MIN_OVERLOAD_READING: Final = 1e6
-"""A reading beyond it is the sign of an overload or an open sensor, 9.9e37 of a Keysight logger. [the column's unit]"""
+MIN_OVERLOAD_READING: Final = 1e9
+"""A reading from it on is the sign of an overload or an open sensor, as 1e9 of a Fluke and 9.9e37 of a Keysight logger; counters of joules
+and milliseconds pass a million. [the column's unit]"""
 MAX_LEAP_OF_TEMPERATURE: Final = 2.0
 """Distance from the line between its neighbours up to which a known code may be a temperature. [the column's unit]"""
 MIN_GAP_OF_BRIEF_CODE: Final = 10.0

@@ -10,6 +10,7 @@ from typing import Any, Final
 
 import numpy as np
 
+from thermid.base.arguments import guard_methods
 from thermid.base.errors import DeckError, NameNotFoundError, cap, raising, refuse_unknown
 from thermid.base.expression import amount
 from thermid.base.linear_algebra import Array, Ints
@@ -63,6 +64,7 @@ class Exchange:
     contact: float = math.inf
 
 
+@guard_methods
 @dataclass(frozen=True, eq=False)
 class Block(Shown):
     """A regular block of cells; a plate is a block of one cell in one direction.

@@ -149,10 +149,21 @@ def test_a_log_without_its_power_is_explained_by_no_structure(tmp_path: Path) ->
     log = bench(tmp_path / "test.csv")
     rows = [row.rpartition(",")[0] for row in log.read_text().splitlines()]
     log.write_text("\n".join(rows) + "\n")
-    made = run("init", str(log), "--to", str(tmp_path / "q"), "--name", "plate", "--evaluations", "800")
-    assert made["unexplained"].startswith("No structure explains this log: its residuals are ")
-    assert "It has no power" in made["unexplained"]
-    assert made["unexplained"] in (tmp_path / "q" / "plate.toml").read_text()
+    found = run("init", str(log), "--to", str(tmp_path / "q"), "--name", "plate", "--evaluations", "800", code=4)
+    assert "No structure explains this log: its residuals are " in found["message"]
+    assert "It has no power" in found["message"]
+    assert not (tmp_path / "q").exists()  # a deck of 4.5e-4 J/K was written
+
+
+def test_a_current_is_asked_about_with_its_voltage_unless_a_power_is_their_product(tmp_path: Path) -> None:
+    """Volts, amperes and revolutions were two questions and none."""
+    rows = [f"{10 * k},{22 + 0.1 * k},12,{0.1 * (k > 20)},{1.2 * (k > 20)},{3000 * (k > 40)}" for k in range(80)]
+    head = "time_s,T_box_C,V_IN [V],I_IN [A],P_IN [W],FAN_RPM"
+    for cut, asked in ((slice(None), ["FAN_RPM"]), (slice(4), ["I_IN"])):
+        (tmp_path / "log.csv").write_text("\n".join(",".join(row.split(",")[cut]) for row in (head, *rows)))
+        questions = roles_of(tmp_path / "log.csv").questions
+        assert [q.partition(" ")[0] for q in questions] == asked
+    assert questions[0].endswith("--formula P='V_IN * I_IN'.")
 
 
 def test_roles_by_names_units_and_by_hand(tmp_path: Path) -> None:
