@@ -153,19 +153,11 @@ class Qualification(Result):
     @cached_property
     def worst(self) -> SmallestMargin | None:
         """The smallest of what is asked: of margins with all that they add up, and of the bare distances to limits; None without any."""
-        every = [
-            SmallestMargin(
-                c.point, t.test.name, c.highest_time if c.limits[1] - c.highest <= c.lowest - c.limits[0] else c.lowest_time, c.room
-            )
-            for t in self.trials
-            for c in t.checks
-        ]
-        for m in self.margins:
-            policy = m.policy.acceptance.value + m.policy.qualification.value
-            every.append(
-                SmallestMargin(m.point, m.run, m.time, m.margin, f", {m.side}, with ± {m.printed:.1f} K of the model and {policy:g} K")
-            )
-        return min((x for x in every if np.isfinite(x.left)), key=lambda x: x.left, default=None)
+        return _smallest(self.trials, self.margins)
+
+    def smallest(self, test: str) -> SmallestMargin | None:
+        """Return the same of one test, with the margins of its own run; None without any limit in it."""
+        return _smallest([self[test]], self.cases.get(test, ()))
 
     def to_dict(self) -> dict[str, Any]:
         """Return verdicts, limits, margins and assumptions as plain numbers, temperatures in Celsius where a key ends in ``_C``."""
@@ -218,6 +210,19 @@ class Qualification(Result):
     def _ipython_key_completions_(self) -> list[str]:
         """Return the tests."""
         return [t.test.name for t in self.trials]
+
+
+def _smallest(trials: Sequence[Trial], margins: Sequence[Margin]) -> SmallestMargin | None:
+    """Return the smallest of margins and of the bare distances to limits in some tests; None without a finite one."""
+    every = [
+        SmallestMargin(c.point, t.test.name, c.highest_time if c.limits[1] - c.highest <= c.lowest - c.limits[0] else c.lowest_time, c.room)
+        for t in trials
+        for c in t.checks
+    ]
+    for m in margins:
+        policy = m.policy.acceptance.value + m.policy.qualification.value
+        every.append(SmallestMargin(m.point, m.run, m.time, m.margin, f", {m.side}, with ± {m.printed:.1f} K of the model and {policy:g} K"))
+    return min((x for x in every if np.isfinite(x.left)), key=lambda x: x.left, default=None)
 
 
 def _margin_as_dict(m: Margin) -> dict[str, Any]:

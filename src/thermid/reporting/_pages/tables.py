@@ -483,8 +483,8 @@ def inputs(calibration: Calibration) -> Table:
     return Table.of_rows(columns, rows, "Inputs of the fit and their sources.")
 
 
-MAX_VALUES_AT_TOP, LINES = 12, 5
-"""Fitted values, and remarks of each kind, at the top; the rest stands below."""
+LINES = 5
+"""Remarks of each kind at the top; the rest stands below."""
 MAX_KNOWN_HALF_WIDTH = 0.25
 """Relative half-width of an interval from which a value counts as hardly known."""
 
@@ -564,17 +564,13 @@ def _fitted(campaign: Campaign) -> Table:
         Head("95 % interval", True),
         Head("unit"),
     ]
-    every = list(_values(campaign))
     rows: list[Line] = []
-    for c, v in every[:MAX_VALUES_AT_TOP]:
+    for c, v in _values(campaign):
         error = v.shown(v.error)
         ends = Cell("not determined", "", "bad")
         if math.isfinite(error):
             ends = Cell(" .. ".join(significant(v.converted(end), error) for end in interval(v)))
         rows.append([Cell(v.path, v.origin, "main"), c.stage, Cell(significant(v.in_unit, error), "", "main"), ends, pretty(v.unit)])
-    more = len(every) - MAX_VALUES_AT_TOP
-    if more > 0:
-        rows.append([Cell(f"and {counted(more, 'other value')}: the report for an agency lists all", "", "soft wrap"), "", "", "", ""])
     return Table.of_rows(columns, rows, "Intervals include the constant errors of sensors and powers.", "Fitted values")
 
 
@@ -646,7 +642,7 @@ def _todo(campaign: Campaign, named: Sequence[CampaignPrediction]) -> Iterator[t
             )
     for p in named:
         if p.within is False:
-            yield f"{capitalised(p.head)}. {_remedy(p)}", "predictions"
+            yield f"Predicted for {p.head}. {_remedy(p)}", "predictions"
     for c in _fits(campaign):
         for m in c.moved.values:
             if m.verdict == MOVED:
