@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import platform
+import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
@@ -669,7 +670,7 @@ def _todo(campaign: Campaign, named: Sequence[CampaignPrediction]) -> Iterator[t
         )
     for c in _fits(campaign):
         if c.warnings:
-            first = f"{c.warnings[0].partition('. ')[0].rstrip('.')}."
+            first = re.split(r"(?<=[^.])(?:\. |\.$)", c.warnings[0], maxsplit=1)[0] + "."  # the dots of "a ... b" end no sentence
             count = counted(len(c.warnings), "warning")
             yield f"{count} of {c.stage}{'. The first' if len(c.warnings) > 1 else ''}: {first}", c.stage
 
