@@ -40,11 +40,11 @@ from thermid.prediction._budget import (
     first_line,
     in_order,
 )
-from thermid.prediction._known import Knowledge, Rows
+from thermid.prediction._known import Knowledge
 from thermid.prediction._setting import PROBE_MEMBERS, Drawn, Linear, Setting
 from thermid.simulation.runs import Scenario, Solution, simulate
 from thermid.simulation.solver import Options
-from thermid.values.store import LeftOut, Normal, Source, State
+from thermid.values.store import LeftOut, State
 
 ROUNDING = 1e-9
 """Scatter of members below which they are one temperature, and rounding. [K]"""
@@ -973,11 +973,9 @@ def _before(budget: Budget, knowledge: Knowledge, nodes: Sequence[str], times: A
     sizes = {path: size for path, s in states.items() if (size := _size_before(s))}
     if not sizes:
         return {}
-    sources = tuple(Source(path, "stated", Normal(), f"{path} before any fit") for path in sizes)
-    log, also = tuple(states[path].log for path in sizes), {path: states[path].acts[1:] for path in sizes}
-    rows = Rows(tuple(sizes), log, also, sources, ("before any fit",) * len(sizes), np.diag(list(sizes.values())))
-    setting = Setting.of_budget(Budget.of_rows(rows, budget.model, budget.scenario), times=times, options=options)
-    return {n: np.linalg.norm(column[:-1], axis=1) for n, column in setting.linear(nodes).columns.items()}
+    log, also = [path for path in sizes if states[path].log], {path: states[path].acts[1:] for path in sizes}
+    why = "before any fit"
+    return Setting.of_sizes(budget.model, budget.scenario, sizes, why, log=log, also=also, times=times, options=options).errors(nodes)
 
 
 def _size_before(v: State) -> float:

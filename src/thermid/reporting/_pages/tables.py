@@ -650,7 +650,7 @@ def _todo(campaign: Campaign, named: Sequence[CampaignPrediction]) -> Iterator[t
                 yield (
                     (
                         f"{m.path} differs significantly from the result of {m.stage}. Check contacts, radiation and powers that the "
-                        "part has only in the assembly."
+                        "part has only in the assembly, and lags and clocks of its logs."
                     ),
                     c.stage,
                 )
