@@ -22,7 +22,7 @@ from thermid.campaign._stages import Campaign, Notice, progress_of, request_of
 from thermid.fit.calibration import MOVED, Calibration, Request, as_found, fit, moved_instruments
 from thermid.fit.error_model import KEY as ERRORS, errors_after, errors_without
 from thermid.model.deck import load_model
-from thermid.model.elements import Constant, Standing, exact
+from thermid.model.elements import Constant, Standing, exact, parameter
 from thermid.model.identity import PlaceStart, Replacement, definition_of, inside, instances, short_text, touching
 from thermid.model.tree import Model, Names, ParameterSet, ledger
 from thermid.physics.constants import ICE_POINT
@@ -398,33 +398,35 @@ def _touches(done: Calibration, level: Level, inner: str, new: Model) -> tuple[l
     fitted = done.values.assignments
     behind = {s.path: [p for p in fitted if s.path in values.downstream([p])] for s in what.starts if s.path in values.table}
     starts = tuple(s for s in what.starts if behind.get(s.path))
-    anew = {p: s for s in starts for p in behind[s.path]}
+    start_of = {p: s for s in starts for p in behind[s.path]}
+    spreads = {s.path: s.log_sd for s in starts}
     rest = _at_rest(done, inner)
     still = _observed(_steady(after, rest), done)
     out = []
-    for path in dict.fromkeys((*(s.path for s in starts), *fitted)):
+    for path in dict.fromkeys((*spreads, *fitted)):
         through, elsewhere = touched.why(values, path)
-        inside = path.startswith(f"{inner}.") and path not in touched.settings
-        if path not in parameters.table or not (through or inside) or (path in anew and anew[path].path != path and not elsewhere):
+        of_part = path.startswith(f"{inner}.") and path not in touched.settings
+        stays = path in start_of and start_of[path].path != path
+        if path not in parameters.table or not (through or of_part) or (stays and not elsewhere):
             continue
         parameter = parameters.table[path].parameter
         high = parameter.maximum if parameter.maximum is not None else np.inf
-        change = anew[path].log_sd if path in anew else CHANGE_WITHOUT_SPREAD
+        change = spreads.get(path, CHANGE_WITHOUT_SPREAD)
         number = float(numbers[path]) * (1.0 + change if (1.0 + change) * float(numbers[path]) <= high else 1.0 / (1.0 + change))
         words = f"a change of {100 * change:.0f} %"
         changed = after.with_values({path: exact(number, parameter.unit)}, words) if parameter.is_literal else after
         moved = _observed(_steady(changed, rest), done)
         kelvin = max(abs(t - still[o]) for o, t in moved.items())
         held = ""
-        if path in anew and anew[path].path != path:
-            held = f"stays with {', '.join(elsewhere)}; {anew[path].path} now has a separate value"
-        elif elsewhere and path not in anew:
+        if stays:
+            held = f"stays with {', '.join(elsewhere)}; {start_of[path].path} now has a separate value"
+        elif elsewhere and path not in spreads:
             held = f"shared with {', '.join(elsewhere)}, which the swap does not affect"
-        elif kelvin < MIN_EFFECT and not inside:
+        elif kelvin < MIN_EFFECT and not of_part:
             held = f"{words} moves no sensor by {MIN_EFFECT} K"
         out.append(Touch(level.name, path, tuple(through) or ("the part itself",), kelvin, change, held))
     if any(not t.held for t in out):  # in a test that is due anyway, what starts again is no longer what it was
-        out = [replace(t, held="") if t.path in anew and anew[t.path].path == t.path else t for t in out]
+        out = [replace(t, held="") if t.path in spreads else t for t in out]
     return out, starts
 
 
@@ -722,7 +724,7 @@ def _local(request: Request, stage: StagePlan, before: Calibration, plan: Retune
     old = before.model
     what = old.replaced(stage.part, plan.model)[1]
     states = known_below(request.store, what).states
-    starts = {s.path: s.text for s in what.starts if s.path not in states}
+    starts = {s.path: replace(parameter(s.text), standing=before.standing) for s in what.starts if s.path not in states}
     gone = [*(s.path for s in what.starts), stage.part]
     stood = {p: v for p, v in before.values.assignments.items() if not any(inside(p, place) for place in gone)}
     model = request.model.with_values(stood, f"stage '{stage.name}' before the swap").with_values(starts, START)

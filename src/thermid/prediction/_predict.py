@@ -40,11 +40,11 @@ from thermid.prediction._budget import (
     first_line,
     in_order,
 )
-from thermid.prediction._known import Knowledge, Rows
+from thermid.prediction._known import Knowledge
 from thermid.prediction._setting import PROBE_MEMBERS, Drawn, Linear, Setting
 from thermid.simulation.runs import Scenario, Solution, simulate
 from thermid.simulation.solver import Options
-from thermid.values.store import LeftOut, Normal, Source, State
+from thermid.values.store import LeftOut, State
 
 ROUNDING = 1e-9
 """Scatter of members below which they are one temperature, and rounding. [K]"""
@@ -76,6 +76,8 @@ NARROWS = {
 """Cause -> what would narrow a band that comes from it."""
 DRAWN_MEMBERS = 2000
 """Members drawn where derivatives do not do."""
+SETTLED_MEMBERS = 128
+"""Of these settled one by one; each costs as much as 20 of its run."""
 MAX_MEAN_MISS, MAX_WIDTH_MISS = 0.1, 0.1
 """What the mean may be off by, in half-widths of the 95 % band, and its half-width, relative, before derivatives do not do."""
 NEGLIGIBLE_HALF_WIDTH = 0.05
@@ -765,14 +767,25 @@ def drawn_members(ways: Sequence[WayAnswer], chosen: NDArray[np.int64], sources:
 
 
 def _member_rest(way: WayAnswer, sources: Array) -> dict[str, Array]:
-    """Return node -> where members settle (members,) [K], as `_member_temperatures`; empty where some members settle nowhere."""
+    """Return node -> where members settle (members,) [K], as `_member_temperatures`; empty where some members settle nowhere.
+
+    The first `SETTLED_MEMBERS` are settled. T = a + b s + c s^2 + e, s the straight line, is fitted to them and gives the others, each
+    with the e of one of them (control variates, as in `missed`).
+    """
     setting, linear = way.setting, way.linear
-    straight = setting.cancelled(linear)[:, None] * sources
+    few = sources[:, :SETTLED_MEMBERS]
+    straight = setting.cancelled(linear)[:, None] * few
     try:
-        rest = setting.rest(sources - straight, list(linear.settled and linear.columns))
+        rest = setting.rest(few - straight, list(linear.settled and linear.columns))
     except SolverError:
         return {}
-    return {n: t + linear.columns[n][-1] @ straight for n, t in rest.items()}
+    out = {}
+    for n, t in rest.items():
+        line, settled = linear.columns[n][-1] @ sources, t + linear.columns[n][-1] @ straight
+        powers = np.vander(line, 3)
+        curve = powers @ np.linalg.lstsq(powers[: t.size], settled, rcond=None)[0]
+        out[n] = curve + np.resize(settled - curve[: t.size], line.size)
+    return out
 
 
 def _member_temperatures(setting: Setting, linear: Linear, sources: Array, nodes: Sequence[str]) -> Drawn:
@@ -973,11 +986,9 @@ def _before(budget: Budget, knowledge: Knowledge, nodes: Sequence[str], times: A
     sizes = {path: size for path, s in states.items() if (size := _size_before(s))}
     if not sizes:
         return {}
-    sources = tuple(Source(path, "stated", Normal(), f"{path} before any fit") for path in sizes)
-    log, also = tuple(states[path].log for path in sizes), {path: states[path].acts[1:] for path in sizes}
-    rows = Rows(tuple(sizes), log, also, sources, ("before any fit",) * len(sizes), np.diag(list(sizes.values())))
-    setting = Setting.of_budget(Budget.of_rows(rows, budget.model, budget.scenario), times=times, options=options)
-    return {n: np.linalg.norm(column[:-1], axis=1) for n, column in setting.linear(nodes).columns.items()}
+    log, also = [path for path in sizes if states[path].log], {path: states[path].acts[1:] for path in sizes}
+    why = "before any fit"
+    return Setting.of_sizes(budget.model, budget.scenario, sizes, why, log=log, also=also, times=times, options=options).errors(nodes)
 
 
 def _size_before(v: State) -> float:

@@ -6,7 +6,7 @@ values, powers and temperatures, of which members are drawn.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
@@ -16,10 +16,12 @@ import numpy as np
 from thermid.base.errors import SolverError
 from thermid.base.linear_algebra import Array, Bools
 from thermid.fit.error_model import DepartureHeat, course_of, deviation, with_heats, with_laws
+from thermid.model.tree import Model
 from thermid.prediction._budget import Budget, Target, combined
+from thermid.prediction._known import Rows
 from thermid.simulation.runs import Ensemble, Scenario, Simulator, Solution, prepare
 from thermid.simulation.solver import Engine, MemberTurnings, Wiring
-from thermid.values.store import Shifted, deviated
+from thermid.values.store import Normal, Shifted, Source, deviated
 
 MAX_EFFECT_LEFT = 0.3
 """Part of the effect of an assumed value alone that is left with the fit solved again, below which the fit has taken it back. [-]"""
@@ -123,6 +125,32 @@ class Setting:
         wide = Wiring(*with_heats(network, conditions, heats.values()), (*ready.free, *(s for names in scales.values() for s in names)))
         return cls(budget, ready, carriers, at, replace(ready, wiring=wide, engine=Engine(wide)), sizes)
 
+    @classmethod
+    def of_sizes(
+        cls,
+        model: Model,
+        scenario: Scenario,
+        sizes: Mapping[str, float],
+        why: str,
+        *,
+        log: Collection[str] = (),
+        also: Mapping[str, tuple[str, ...]] | None = None,
+        times: Any = None,
+        options: Any = None,
+    ) -> Setting:
+        """Return values that are independent of each other made ready for a scenario, each by a source of its own.
+
+        Parameters
+        ----------
+        sizes : dict    Path -> standard deviation; SI, or of the logarithm for those in `log`.
+        why : str       What the sources are.
+        also : dict     Path -> others that share its value.
+        """
+        sources = tuple(Source(path, "stated", Normal(), f"{path} {why}") for path in sizes)
+        logs = tuple(path in log for path in sizes)
+        rows = Rows(tuple(sizes), logs, also or {}, sources, (why,) * len(sizes), np.diag(list(sizes.values())))
+        return cls.of_budget(Budget.of_rows(rows, model, scenario), times=times, options=options)
+
     @cached_property
     def switches(self) -> bool:
         """Whether temperatures switch anything, in the run with the best values or in one of `PROBE_MEMBERS`.
@@ -166,6 +194,26 @@ class Setting:
             rest = moves.get(n, np.full(size[1], np.nan)) if size[1] else np.zeros(0)
             columns[n] = np.vstack([slopes, rest[None, :]]) @ chain + self._added_after_run(n)[None, :]
         return Linear(run, settled, columns)
+
+    def errors(self, nodes: Sequence[str]) -> dict[str, Array]:
+        """Return node -> standard error (times,): by derivatives, and of `PROBE_MEMBERS` members where anything switches. [K]"""
+        if not self.switches:
+            return {n: np.linalg.norm(column[:-1], axis=1) for n, column in self.linear(nodes).columns.items()}
+        sources = self.budget.drawn(self.budget.numbers(0, 0, PROBE_MEMBERS))
+        return {n: np.nanstd(traces, axis=1) for n, traces in self.temperatures(sources, nodes, extremes=False).kelvin.items()}
+
+    def largest_effects(self, nodes: Sequence[str]) -> dict[str, Array]:
+        """Return node -> largest change over the run by a standard deviation of each source (sources,). [K]
+
+        By derivatives; where anything switches that of the highest and of the lowest temperature, since at an instant runs differ by their
+        switching times.
+        """
+        linear = self.linear(nodes)
+        if not self.switches:
+            return {n: np.abs(column[:-1]).max(axis=0) for n, column in linear.columns.items()}
+        members = self.temperatures(np.eye(len(self.budget.sources)), nodes, extremes=False).kelvin
+        ends = {n: (linear.run[n].kelvin, traces) for n, traces in members.items()}
+        return {n: np.max([np.abs(end(of, axis=0) - end(best)) for end in (np.max, np.min)], axis=0) for n, (best, of) in ends.items()}
 
     def cancelled(self, linear: Linear) -> Bools:
         """Return which sources (sources,) are values whose effect the values of a fit take back, solved again for each, in this scenario.

@@ -22,4 +22,5 @@ from thermid.prediction._records import (
     record_bands as record_bands,
     record_request as record_request,
 )
+from thermid.prediction._setting import Setting as Setting
 from thermid.prediction._split import Split as Split, split as split

@@ -379,7 +379,9 @@ class LockStatus:
         """The status as a sentence."""
         keys = quoted(self.changed)
         return {
-            "open": "the plan is not locked. Lock it before any log is read: thermid plan PLAN --lock",
+            "open": f"the plan was never locked, and logs were read on {self.looked}: nothing shows that the criteria were set in advance"
+            if self.looked
+            else "the plan is not locked. Lock it before any log is read: thermid plan PLAN --lock",
             "locked": f"the plan is unchanged since it was locked on {self.date} (hash {self.sha256[:12]})"
             + (", before any log was read" if self.looked else ". No log has been read since"),
             "changed": f"the plan was changed after it was locked on {self.date}: {keys}. No log has been read since; lock it again",
@@ -475,7 +477,7 @@ def lock_status(plan: Plan) -> LockStatus:
     looked = looks[0]["date"] if looks else ""
     before = locks[: looks[0]["locks_before"]] if looks else locks
     if not before:
-        return LockStatus("late" if looks else "open", "", looked, (), plan.sha256)
+        return LockStatus("late" if locks else "open", "", looked, (), plan.sha256)
     base = before[-1]
     if {look["sha256"] for look in looks} & {*base.get("looked_beside", [])}:
         return LockStatus("late", base["date"], looked, (), plan.sha256)

@@ -11,7 +11,6 @@ from typing import Any
 import numpy as np
 
 from thermid.base.arguments import takes_objects
-from thermid.base.dual import value_of
 from thermid.base.errors import errors_at
 from thermid.base.linear_algebra import HALF_WIDTH_95
 from thermid.base.results import Named
@@ -19,10 +18,9 @@ from thermid.base.sourced import VERDICTS, weigh
 from thermid.base.units import counted
 from thermid.campaign.verdicts import Limits, Margin, margins
 from thermid.model.elements import Standing
-from thermid.prediction.bands import IN_TESTS, SILENT, UNFITTED, Foresight, Knowledge, assumed_values, open_ranges
+from thermid.prediction.bands import IN_TESTS, SILENT, UNFITTED, Foresight, Knowledge, Setting, assumed_values, open_ranges
 from thermid.qualify._plan import LockStatus, Plan, load_plan, lock_status, note_look
 from thermid.qualify._trial import Trial, run_test
-from thermid.simulation.runs import prepare
 
 
 @dataclass(frozen=True)
@@ -154,19 +152,11 @@ class Qualification(Named[Trial]):
     @cached_property
     def worst(self) -> SmallestMargin | None:
         """The smallest of what is asked: of margins with all that they add up, and of the bare distances to limits; None without any."""
-        every = [
-            SmallestMargin(
-                c.point, t.test.name, c.highest_time if c.limits[1] - c.highest <= c.lowest - c.limits[0] else c.lowest_time, c.room
-            )
-            for t in self.trials
-            for c in t.checks
-        ]
-        for m in self.margins:
-            policy = m.policy.acceptance.value + m.policy.qualification.value
-            every.append(
-                SmallestMargin(m.point, m.run, m.time, m.margin, f", {m.side}, with ± {m.printed:.1f} K of the model and {policy:g} K")
-            )
-        return min((x for x in every if np.isfinite(x.left)), key=lambda x: x.left, default=None)
+        return _smallest(self.trials, self.margins)
+
+    def smallest(self, test: str) -> SmallestMargin | None:
+        """Return the same of one test, with the margins of its own run; None without any limit in it."""
+        return _smallest([self[test]], self.cases.get(test, ()))
 
     def to_dict(self) -> dict[str, Any]:
         """Return verdicts, limits, margins and assumptions as plain numbers, temperatures in Celsius where a key ends in ``_C``."""
@@ -219,6 +209,19 @@ class Qualification(Named[Trial]):
     def _ipython_key_completions_(self) -> list[str]:
         """Return the tests."""
         return [t.test.name for t in self.trials]
+
+
+def _smallest(trials: Sequence[Trial], margins: Sequence[Margin]) -> SmallestMargin | None:
+    """Return the smallest of margins and of the bare distances to limits in some tests; None without a finite one."""
+    every = [
+        SmallestMargin(c.point, t.test.name, c.highest_time if c.limits[1] - c.highest <= c.lowest - c.limits[0] else c.lowest_time, c.room)
+        for t in trials
+        for c in t.checks
+    ]
+    for m in margins:
+        words = f", {m.side}, with ± {m.printed:.1f} K of the model and {m.policy.acceptance.value + m.policy.qualification.value:g} K"
+        every.append(SmallestMargin(m.point, m.run, m.time, m.margin, words))
+    return min((x for x in every if np.isfinite(x.left)), key=lambda x: x.left, default=None)
 
 
 def _margin_as_dict(m: Margin) -> dict[str, Any]:
@@ -348,9 +351,9 @@ def by_largest_effect(effects_: Sequence[Assumption]) -> tuple[Assumption, ...]:
 def assumption_effects(knowledge: Knowledge, name: str, run: Foresight, nodes: Mapping[str, str]) -> list[Assumption]:
     """Return the effect of every assumed value on every reference point in one run.
 
-    It is the largest over time of |dT/dp| s, with the sensitivity dT/dp of the run and the standard deviation s of the value. [K] Values
-    with
-    a stated range, which the bands include already, are left out.
+    It is the largest over time of |dT/dp| s, with the sensitivity dT/dp of the run and the standard deviation s of the value. [K] Where
+    temperatures switch the run, it is the change of the highest or lowest temperature by s. Values with a stated range, which the bands
+    include already, are left out.
 
     Parameters
     ----------
@@ -368,16 +371,14 @@ def assumption_effects(knowledge: Knowledge, name: str, run: Foresight, nodes: M
     if not loose:
         return []
     times = run.solution.times[:: max(1, run.solution.times.size // 60)]
-    ready = prepare(model, run.scenario, [a.path for a in loose], times=times)
-    solution = ready.run(sensitivities=True)
-    slopes = {n: np.abs(solution.slopes(n)).max(axis=0) for n in nodes}
+    setting = Setting.of_sizes(model, run.scenario, {a.path: a.size for a in loose}, "as assumed", times=times)
+    effects = setting.largest_effects([*nodes])
     out = []
-    numbers = ready.wiring.network.numbers().values
     for k, one in enumerate(loose):
-        path, parameter, value = one.path, table[one.path].parameter, abs(float(value_of(numbers[one.path])))
+        path, parameter, value = one.path, table[one.path].parameter, abs(setting.ready.nominal[one.path])
         key, around = path.removeprefix(ahead), bool(fitted) and path.startswith(ahead)
         for node, point in nodes.items():
-            effect = float(slopes[node][k]) * one.size
+            effect = float(effects[node][k])
             out.append(Assumption(key, parameter.text, parameter.basis, one.size / value, effect, point, name, one.ranged, around))
     return out
 

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import thermid as td
+from thermid.campaign._retune import MIN_EFFECT
 from thermid.campaign._stages import Campaign
 from thermid.model.deck import load_model
 from thermid.model.tree import Model, identities
@@ -186,6 +187,17 @@ def test_a_deck_of_six_watts(project: Path, campaign: Campaign, tmp_path: Path) 
     assert rise > 10.0
 
 
+def test_a_joint_that_the_twin_shared_is_fitted_again_in_a_test_that_is_due(project: Path, campaign: Campaign, tmp_path: Path) -> None:
+    """It moved no sensor by its tenth and stayed as the twin's: the new part's own values went to their bounds in its place."""
+    path = tmp_path / "weak.toml"
+    path.write_text(GYRO.format(title="Weak", power=0.3, mass=0.9))
+    plan = td.design.plan_retune(campaign, "y", path)
+    (foot,) = (t for t in plan.touched if t.path == "foot_y.contact_conductance")
+    assert (foot.change, foot.held) == (0.25, "")
+    assert foot.kelvin < MIN_EFFECT
+    assert plan.freed == (f"unit: y.{HTC}", "unit: foot_y.contact_conductance")
+
+
 def test_values_shared_with_the_twin_are_those_of_the_new_part(project: Path, campaign: Campaign, tmp_path: Path) -> None:
     """A new unit of the very same deck: its own log gives it a mass of its own, and the twin keeps the old one."""
     new = planted(project, tmp_path, 3)
@@ -205,8 +217,9 @@ def tried(project: Path, campaign: Campaign, folder: Path, seed: int) -> tuple[b
     at = int(np.argmax(band.kelvin))
     low, high = (float(end[at]) + 273.15 for end in band.interval())
     measured = peak(new.truth) + 0.03 * float(np.random.default_rng(seed).standard_normal())
-    local, full = (plan.run(new.folder, everything=e)["unit"].model for e in (False, True))
-    apart = abs(peak(local) - peak(full))
+    local, full = (plan.run(new.folder, everything=e)["unit"] for e in (False, True))
+    assert local.standing.state == campaign["unit"].standing.state, "starts have the standing of the fit that they are from"
+    apart = abs(peak(local.model) - peak(full.model))
     return low <= measured <= high, 0.5 * (high - low) / (float(band.kelvin[at]) - 308.15), apart
 
 

@@ -112,6 +112,21 @@ def test_what_is_left_out_does_not_depend_on_the_route() -> None:
     assert [x.listed for x in weighed if x.what == "1 measured value without a stated spread ('skin.area')"] == [True]
 
 
+def test_few_settled_members_and_their_line_say_what_all_would(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Where a bent model settles: 2,000 steady states a prediction took 83 % of its time, 7.4 of 9.4 minutes of a unit of 13 masses."""
+    area = {"value": "0.05 [m^2]", "min": 0.03, "max": 0.07, "source": "assumed"}
+    known = td.design.Knowledge(plate({"htc": HTC, "area": area}))
+    spread = {"air": "1 [K]", "scale.heat": "15 [%]", "skin.area": "range"}
+    few = td.predict(known, BENCH, spread=spread, draws=1000).settled["plate"]
+    monkeypatch.setattr(predict, "SETTLED_MEMBERS", 1000)
+    whole = td.predict(known, BENCH, spread=spread, draws=1000).settled["plate"]
+    wide = whole.high - whole.low
+    assert wide > 5.0
+    assert few.error != whole.error
+    for one, other in ((few.celsius, whole.celsius), (few.low, whole.low), (few.high, whole.high), (few.error, whole.error)):
+        assert one == pytest.approx(other, abs=0.04 * wide)
+
+
 def test_values_of_one_record_are_listed_and_no_headline() -> None:
     case = CASES["natural"]()
     told = td.predict(case.fit, case.inside, nodes=[case.node])

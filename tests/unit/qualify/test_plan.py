@@ -114,6 +114,14 @@ def test_a_lock_that_comes_after_the_look_is_late(tmp_path: Path) -> None:
     assert "before the plan was locked" in str(late)
 
 
+def test_a_plan_that_was_never_locked_is_not_called_late(tmp_path: Path) -> None:
+    plan = load_plan(project(tmp_path))
+    note_look(plan, "hot", "abc", date="2026-02-01")
+    never = lock_status(plan)
+    assert (never.state, never.looked) == ("open", "2026-02-01")
+    assert "never locked" in str(never)
+
+
 def test_a_damaged_lock_is_no_fresh_start(tmp_path: Path) -> None:
     file = project(tmp_path)
     file.with_suffix(".lock.json").write_text("{", encoding="utf-8")

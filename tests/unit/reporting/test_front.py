@@ -107,10 +107,10 @@ def test_a_small_residual_is_seen_beside_a_wide_limit() -> None:
 
 
 def test_the_next_steps_name_a_broken_limit_and_the_warnings(campaign: Campaign) -> None:
-    warned = replace(campaign.stages["submodel"], warnings=("the residuals are large. Look for missing physics.", "another."))
+    warned = replace(campaign.stages["submodel"], warnings=("the residuals a ... b are large. Look for missing physics.", "another."))
     told = replace(campaign, stages={**campaign.stages, "submodel": warned}, verdicts=())
     said = [r.text for r in glance(told, {}).next]
-    words = "2 warnings of submodel. The first: the residuals are large."
+    words = "2 warnings of submodel. The first: the residuals a ... b are large."
     assert words in said
     loads = {"a.heat": "4 [W]", "b.heat": "0.5 [W]"}
     hot = td.Scenario("hot", boundaries={"room": "40 [degC]"}, loads=loads, start="40 [degC]", duration=7200.0)

@@ -165,10 +165,10 @@ def test_what_was_done_to_samples_stands_in_a_table_of_its_own(campaign: Campaig
     assert column(table, "prepared by") == ["read as UTF-16", "joined with b.csv"]
 
 
-def test_values_left_out_at_the_top_are_counted_there(campaign: Campaign, monkeypatch: pytest.MonkeyPatch) -> None:
-    assert len(tables.glance(campaign, {}).fitted.rows) == 3
-    monkeypatch.setattr(tables, "MAX_VALUES_AT_TOP", 2)
-    assert column(tables.glance(campaign, {}).fitted, "value")[2].startswith("and 1 other value: ")
+def test_every_value_stands_at_the_top(campaign: Campaign) -> None:
+    """Twelve were shown, and the rest counted: seven of a unit's nineteen were nowhere on the page of one look."""
+    many = replace(campaign, stages={f"{k}{n}": c for n in range(5) for k, c in campaign.stages.items()})
+    assert len(tables.glance(many, {}).fitted.rows) == 5 * sum(len(c.values.parameters) for c in campaign.stages.values()) == 15
 
 
 def test_hidden_values_are_told(campaign: Campaign) -> None:

@@ -108,7 +108,8 @@ class _Deck:
         """Return the table of a source; None where its power is constant."""
         if source.curve is not None:
             raise DeckError(
-                f"the load '{source.load}' depends on temperature, which is not written to {self.tool}.",
+                f"the load '{source.load}' depends on temperature, which is not written to {self.tool}. Give its power: --load "
+                f"{source.load}=0 leaves it out.",
                 self.w.network.title,
                 code="output.not-expressible",
             )

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import platform
+import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
@@ -483,8 +484,8 @@ def inputs(calibration: Calibration) -> Table:
     return Table.of_rows(columns, rows, "Inputs of the fit and their sources.")
 
 
-MAX_VALUES_AT_TOP, LINES = 12, 5
-"""Fitted values, and remarks of each kind, at the top; the rest stands below."""
+LINES = 5
+"""Remarks of each kind at the top; the rest stands below."""
 MAX_KNOWN_HALF_WIDTH = 0.25
 """Relative half-width of an interval from which a value counts as hardly known."""
 
@@ -564,17 +565,13 @@ def _fitted(campaign: Campaign) -> Table:
         Head("95 % interval", True),
         Head("unit"),
     ]
-    every = list(_values(campaign))
     rows: list[Line] = []
-    for c, v in every[:MAX_VALUES_AT_TOP]:
+    for c, v in _values(campaign):
         error = v.shown(v.error)
         ends = Cell("not determined", "", "bad")
         if math.isfinite(error):
             ends = Cell(" .. ".join(significant(v.converted(end), error) for end in interval(v)))
         rows.append([Cell(v.path, v.origin, "main"), c.stage, Cell(significant(v.in_unit, error), "", "main"), ends, pretty(v.unit)])
-    more = len(every) - MAX_VALUES_AT_TOP
-    if more > 0:
-        rows.append([Cell(f"and {counted(more, 'other value')}: the report for an agency lists all", "", "soft wrap"), "", "", "", ""])
     return Table.of_rows(columns, rows, "Intervals include the constant errors of sensors and powers.", "Fitted values")
 
 
@@ -646,14 +643,14 @@ def _todo(campaign: Campaign, named: Sequence[CampaignPrediction]) -> Iterator[t
             )
     for p in named:
         if p.within is False:
-            yield f"{capitalised(p.head)}. {_remedy(p)}", "predictions"
+            yield f"Predicted for {p.head}. {_remedy(p)}", "predictions"
     for c in _fits(campaign):
         for m in c.moved.values:
             if m.verdict == MOVED:
                 yield (
                     (
                         f"{m.path} differs significantly from the result of {m.stage}. Check contacts, radiation and powers that the "
-                        "part has only in the assembly."
+                        "part has only in the assembly, and lags and clocks of its logs."
                     ),
                     c.stage,
                 )
@@ -673,7 +670,7 @@ def _todo(campaign: Campaign, named: Sequence[CampaignPrediction]) -> Iterator[t
         )
     for c in _fits(campaign):
         if c.warnings:
-            first = f"{c.warnings[0].partition('. ')[0].rstrip('.')}."
+            first = re.split(r"(?<=[^.])(?:\. |\.$)", c.warnings[0], maxsplit=1)[0] + "."  # the dots of "a ... b" end no sentence
             count = counted(len(c.warnings), "warning")
             yield f"{count} of {c.stage}{'. The first' if len(c.warnings) > 1 else ''}: {first}", c.stage
 

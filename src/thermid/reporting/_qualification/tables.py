@@ -40,7 +40,7 @@ def tests(q: Qualification) -> Table:
         Head("correlation"),
         Head("smallest margin"),
         Head("at", True),
-        Head("left, K", True, "from the prediction to the limit, without uncertainty and margins"),
+        Head("left, K", True, "less the uncertainty of the model and the margins of the policy"),
         Head("state"),
         Head("lasts", True),
         Head("course", wrapped=True),
@@ -50,12 +50,11 @@ def tests(q: Qualification) -> Table:
         course = Cell(t.foresight.scenario.title)
         if t.course is not None:
             course = Cell(t.course.profile.title, t.course.trust, "" if t.course.decides else "warn")
-        worst, why = t.worst, "; ".join(t.open)
+        worst, why = q.smallest(t.test.name), "; ".join(t.open)
         where = [Cell(DASH), Cell(DASH), Cell(DASH)]
         if worst is not None:
-            hot = worst.limits[1] - worst.highest <= worst.lowest - worst.limits[0]
-            where = [Cell(f"{worst.point}, {worst.state}"), Cell(hours(worst.highest_time if hot else worst.lowest_time))]
-            where.append(Cell(f"{worst.room:.1f}", "", "bad" if worst.room < 0 else "main"))
+            left = Cell(f"{worst.left:.1f}", worst.counted.removeprefix(", ") or "bare", "bad" if worst.left < 0 else "main")
+            where = [Cell(worst.point), Cell(hours(worst.time)), left]
         judged = verdict_cell(t.correlated, why)
         if t.correlation is None:
             judged = Cell("not decided: no log", "", "warn") if t.test.criteria else Cell("analysis", "", "soft")
