@@ -13,12 +13,11 @@ from thermid.base.arguments import takes_objects
 from thermid.base.errors import IdentificationError, ThermidError
 from thermid.base.linear_algebra import Array, one_thread
 from thermid.base.results import Result
-from thermid.fit.calibration import Calibration, Request, fit as refit
+from thermid.fit.calibration import Calibration, Request, SensorStatistics, fit as refit
 from thermid.inference._explain.candidates import missing_elements
 from thermid.inference._explain.heats import unlogged_powers
 from thermid.inference._explain.structures import EvaluationBudget, FittedStructure, fitted_structure, fitted_structures
 from thermid.inference._explain.thresholds import (
-    MAX_LAGS,
     MAX_REFITTED_ELEMENTS,
     MIN_RECORDS_COMPARED,
     MIN_SLOPE_DEVIATIONS,
@@ -34,44 +33,6 @@ from thermid.simulation.solver import refuse_unseen
 _Item = TypeVar("_Item")
 
 
-def ljung_box(residuals: Array) -> tuple[float, float]:
-    """Return the lag-one autocorrelation of residuals (samples,), and the probability of the Ljung-Box statistic by chance. [-]
-
-    (0, 1) for fewer than five samples or constant ones.
-    """
-    from scipy.special import gammaincc
-
-    z, n = residuals - residuals.mean(), residuals.size
-    lags = min(MAX_LAGS, n // 5)
-    power = float(z @ z)
-    if lags < 1 or power <= 0:
-        return 0.0, 1.0
-    rho = np.array([float(z[k:] @ z[:-k]) / power for k in range(1, lags + 1)])
-    # Q = n (n + 2) sum rho_k^2 / (n - k), chi-squared with as many degrees of freedom as lags (Ljung and Box, Biometrika 65 (1978) 297);
-    # its upper tail is gammaincc(lags / 2, Q / 2)
-    statistic = n * (n + 2) * float(np.sum(rho**2 / (n - np.arange(1, lags + 1))))
-    return float(rho[0]), float(gammaincc(0.5 * lags, 0.5 * statistic))
-
-
-def cumulated_periodogram(residuals: Array) -> Array:
-    """Return the share of the variance below each frequency (frequencies,), a straight line for white noise. [-]"""
-    z = residuals - residuals.mean()
-    power = np.abs(np.fft.rfft(z))[1 : (z.size + 1) // 2] ** 2
-    total = float(power.sum())
-    return np.cumsum(power) / total if total > 0 else np.linspace(0.0, 1.0, power.size)
-
-
-def periodogram(residuals: Array) -> tuple[float, float]:
-    """Return the largest excess of the cumulated periodogram over white noise, and that allowed at 95 %; (0, 1) for few samples. [-]"""
-    share = cumulated_periodogram(residuals)
-    if share.size < 3:
-        return 0.0, 1.0
-    line = np.arange(1, share.size + 1) / share.size
-    # noise that changes sign too often lies below the line, and no element is missing for that
-    # 1.36 / sqrt(m): 95 % point of Kolmogorov's distribution
-    return max(0.0, float((share - line).max())), float(1.36 / np.sqrt(share.size - 1))
-
-
 @dataclass(frozen=True, eq=False)
 class TraceCriticism:
     """The residuals of one sensor in one record.
@@ -80,13 +41,8 @@ class TraceCriticism:
     ----------
     record, sensor : str
     times, temperature, power, residuals : array (samples,)     [s], [K], [W] (all loads together), [K]
-    rmse : float            [K]
     noise : float           What was stated of the readings; the RMSE where nothing was. [K]
-    lag_one : float         Autocorrelation of neighbours. [-]
-    ljung_box : float       Probability of correlations as large by chance, over up to 20 lags. [-]
-    periodogram : float     Largest distance of the cumulated periodogram from that of white noise. [-]
-    band : float            What chance allows at 95 % (Bartlett). [-]
-    effective : float       Independent samples that the readings are worth.
+    statistics : SensorStatistics   Their size, correlation of neighbours, and what they are worth: those of the fit.
     slopes : dict           'temperature' [K/K], 'power' [K/W], 'time' [K/s] -> (slope, standard error), correlation counted.
     """
 
@@ -96,49 +52,35 @@ class TraceCriticism:
     temperature: Array
     power: Array
     residuals: Array
-    rmse: float
     noise: float
-    lag_one: float
-    ljung_box: float
-    periodogram: float
-    band: float
-    effective: float
+    statistics: SensorStatistics
     slopes: Mapping[str, tuple[float, float]]
-
-    @property
-    def white(self) -> bool:
-        """Whether the residuals are not rejected as independent noise: Ljung and Box at 1 %, periodogram below 1.2 times its band."""
-        return self.ljung_box > 0.01 and self.periodogram < 1.2 * self.band
 
     @property
     def loud(self) -> bool:
         """Whether the mean square exceeds the stated noise variance by more than 4 sqrt(2 / n) of it; a few bad readings suffice."""
-        return bool(self.rmse**2 > self.noise**2 * (1.0 + 4.0 * (2.0 / self.residuals.size) ** 0.5))
+        return bool(self.statistics.rmse**2 > self.noise**2 * (1.0 + 4.0 * (2.0 / self.residuals.size) ** 0.5))
 
     @property
     def is_noise(self) -> bool:
-        """Whether the residuals are independent noise of the stated size: `white` and not `loud`."""
-        return self.white and not self.loud
+        """Whether the residuals are independent noise of the stated size: white, by `SensorStatistics.white`, and not `loud`."""
+        return self.statistics.white and not self.loud
 
     def to_dict(self) -> dict[str, Any]:
         """Return its figures, in SI."""
-        keys = ("record", "sensor", "rmse", "noise", "lag_one", "ljung_box", "periodogram", "band", "effective", "white", "loud")
+        own = {k: getattr(self.statistics, k) for k in ("rmse", "lag_one", "effective_samples", "white")}
         slopes = {n: {"slope": slope, "error": error} for n, (slope, error) in self.slopes.items()}
-        return {**{k: getattr(self, k) for k in keys}, "slopes": slopes}
+        return {"record": self.record, "sensor": self.sensor, "noise": self.noise, **own, "loud": self.loud, "slopes": slopes}
 
     def __str__(self) -> str:
         """RMSE, autocorrelation, and what the residuals go with, in words."""
-        head = f"{self.sensor} in {self.record}: RMSE {short(self.rmse, 3)} K"
+        s = self.statistics
+        head = f"{self.sensor} in {self.record}: RMSE {short(s.rmse, 3)} K"
         if self.loud:
             head += f" for a noise of {self.noise:.3g} K"
-        if self.white:
+        if s.white:
             return f"{head}, independent from reading to reading"
-        chance = "below 1e-6" if self.ljung_box < 1e-6 else short(self.ljung_box)
-        text = (
-            f"{head}, autocorrelated: lag-one correlation {self.lag_one:.2f} (by chance: {chance}), the cumulated periodogram leaves "
-            f"white noise by {self.periodogram:.2f} where {self.band:.2f} is allowed; for a mean, {self.residuals.size} readings are worth "
-            f"{short(self.effective, 3)}"
-        )
+        text = f"{head}, autocorrelated (lag-1 {s.lag_one:.2f}): for a mean, {s.samples} readings are worth {short(s.effective_samples, 3)}"
         units = {"temperature": ("K per K of temperature", 1.0), "power": ("K per W", 1.0), "time": ("K per hour", 3600.0)}
         for name, (slope, error) in self.slopes.items():
             if abs(slope) > MIN_SLOPE_DEVIATIONS * error:
@@ -270,8 +212,7 @@ def criticise(
 
     Notes
     -----
-    Ljung and Box, Biometrika 65 (1978) 297-303, DOI 10.1093/biomet/65.2.297; Bartlett's test of the cumulated periodogram, in Box, Jenkins
-    and Reinsel, Time Series Analysis, 3rd ed., section 8.2.5. The Bayes factor allows the model as it is to have its residuals by chance:
+    Residuals are white by the criterion that a fit states (`SensorStatistics.white`). The Bayes factor allows the model as it is to have its residuals by chance:
     on either side they are independent errors and a part that wanders, as large and as slow as makes them likeliest. Values that an element
     adds are integrated over the widths of their priors.
     """
@@ -333,8 +274,8 @@ def running_locals(fit: Calibration) -> list[str]:
 def _criticise_traces(fit: Calibration) -> list[TraceCriticism]:
     """Return residual statistics of every sensor in every record.
 
-    Each has Ljung and Box's test, the cumulated periodogram, and the least-squares slope of the residuals z over predicted temperature
-    [K/K], sum of all load powers [K/W] and time [K/s]: b = sum (x - mean x) z / sum (x - mean x)^2, its error widened by sqrt(n / n_eff).
+    Each has the least-squares slope of the residuals z over predicted temperature [K/K], sum of all load powers [K/W] and time [K/s]:
+    b = sum (x - mean x) z / sum (x - mean x)^2, its error widened by sqrt(n / n_eff).
     """
     out = []
     powers = {}
@@ -345,7 +286,7 @@ def _criticise_traces(fit: Calibration) -> list[TraceCriticism]:
     for b in fit.blocks:
         at, watts = powers[b.record]
         z, n = b.residuals, b.residuals.size
-        effective = float(fit.statistics[b.record][b.sensor].effective_samples)
+        statistics = fit.statistics[b.record][b.sensor]
         power = np.interp(b.times, at, watts)
         slopes = {}
         for name, x in (("temperature", b.predicted), ("power", power), ("time", b.times)):
@@ -355,27 +296,11 @@ def _criticise_traces(fit: Calibration) -> list[TraceCriticism]:
                 slope = float(spread @ z) / square
                 residuals = z - z.mean() - slope * spread
                 # standard error of a slope, widened by sqrt(n / n_eff) because neighbours repeat each other
-                slopes[name] = slope, float(np.sqrt(residuals @ residuals / max(n - 2, 1) / square * n / max(effective, 3.0)))
-        lag, chance = ljung_box(z)
-        distance, band = periodogram(z)
-        out.append(
-            TraceCriticism(
-                b.record,
-                b.sensor,
-                b.times,
-                b.predicted,
-                power,
-                z,
-                float(np.sqrt(z @ z / n)),
-                b.noise,
-                lag,
-                chance,
-                distance,
-                band,
-                effective,
-                slopes,
-            )
-        )
+                slopes[name] = (
+                    slope,
+                    float(np.sqrt(residuals @ residuals / max(n - 2, 1) / square * n / max(statistics.effective_samples, 3.0))),
+                )
+        out.append(TraceCriticism(b.record, b.sensor, b.times, b.predicted, power, z, b.noise, statistics, slopes))
     return out
 
 

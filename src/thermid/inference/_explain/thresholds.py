@@ -30,8 +30,8 @@ VERY_STRONG, WORTH_A_WORD = 10.0, 2.0
 773-795, DOI 10.1080/01621459.1995.10476572. [-]"""
 MIN_SLOPE_DEVIATIONS: Final = 3.0
 """Standard errors from which residuals are said to go with temperature, power or time. [-]"""
-MAX_LAGS, MAX_REFITTED_ELEMENTS = 20, 10
-"""Lags that a test of whiteness sums, and elements that are refitted: those that one evaluation promises most of."""
+MAX_REFITTED_ELEMENTS: Final = 10
+"""Elements that are refitted: those that one evaluation promises most of."""
 MIN_RECORDS_COMPARED: Final = 6
 """Records from which a value of single records is compared with an input."""
 

@@ -13,7 +13,6 @@ import pytest
 import thermid as td
 from by_code import raises_code
 from thermid.inference._explain.candidates import MissingElement, missing_elements
-from thermid.inference._explain.criticism import ljung_box, periodogram
 from unit.fit.bench import HTC, MASS, box, log
 
 BARE = {"surfaces/skin/effective_htc": "6 [W/(m^2 K)]", "nodes/case/mass": "1.5 [kg]"}
@@ -37,7 +36,7 @@ def fitted(truth: td.Model, node: str = "case", **more: Any) -> td.Calibration:
 
 def test_noise_is_left_alone() -> None:
     found = td.inference.criticise(fitted(box(BARE)))
-    assert found.traces[0].white
+    assert found.traces[0].statistics.white
     assert (found.candidates, found.suggested) == ((), None)
     assert "1 of 1 traces have white residuals" in str(found)
 
@@ -72,9 +71,8 @@ def suggests(found: td.inference.Criticism, name: str) -> None:
 
 
 def test_a_few_bad_readings_are_seen_by_their_size() -> None:
-    """At 181 readings the lag shows in the first few alone: too few to colour the whole, too large for noise."""
+    """At 181 readings the lag shows in the first few alone: too large for noise."""
     (trace,) = td.inference.criticise(fitted(box(LAG), "bulb", samples=181), elements=False).traces
-    assert trace.white
     assert trace.loud
     assert "RMSE 0.06 K for a noise of 0.05 K" in str(trace)
 
@@ -105,23 +103,13 @@ def test_nothing_speaks_for_an_element_that_the_log_cannot_tell() -> None:
     ]
 
 
-class TestMeasures:
-    def test_hold_their_level_on_white_noise(self) -> None:
-        rng = np.random.default_rng(3)
-        found = [(ljung_box(z)[1] < 0.05, (lambda d: d[0] > d[1])(periodogram(z))) for z in rng.standard_normal((400, 200))]
-        ljung, bartlett = np.mean(found, axis=0)
-        # 5 % of 400 have an error of 1.1 %; one side of Bartlett's band holds half as many
-        assert ljung == pytest.approx(0.05, abs=0.035)
-        assert bartlett < 0.05
-
-    def test_see_colour(self) -> None:
-        rng = np.random.default_rng(4)
-        z = np.cumsum(rng.standard_normal(200))
-        lag, chance = ljung_box(z)
-        assert lag > 0.9
-        assert chance < 1e-6
-        distance, band = periodogram(z)
-        assert distance > 3 * band
+def test_a_fit_and_its_criticism_call_the_same_residuals_white() -> None:
+    """`-v` said "residuals white: no (lag-1 0.13)" where `criticise` said "independent from reading to reading"."""
+    for seed in range(12):
+        fit = fitted(box(BARE), samples=181, seed=seed)
+        (line,) = [x for x in str(fit).splitlines() if "residuals white:" in x]
+        (trace,) = td.inference.criticise(fit, elements=False).traces
+        assert ("white: yes" in line) == ("independent from reading to reading" in str(trace))
 
 
 def test_picture(tmp_path: Path) -> None:
