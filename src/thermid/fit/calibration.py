@@ -84,6 +84,7 @@ from thermid.fit._uncertainty.moved import (
     part_of as part_of,
 )
 from thermid.fit._uncertainty.noise import (
+    Binned as Binned,
     TraceNoise as TraceNoise,
     answers_to_inputs as answers_to_inputs,
     autocorrelation as autocorrelation,

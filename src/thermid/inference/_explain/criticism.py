@@ -320,7 +320,7 @@ def _tried(fit: Calibration, request: Request, executor: Workers, progress: Call
         before, refused = base.rmse, list[tuple[str, str]]()
         tried_structures: list[tuple[str, FittedStructure | None]] = []
         progress("heat that no log gives", 0.0)
-        elements = [*missing_elements(fit, request), *unlogged_powers(request)]
+        elements = [*missing_elements(fit, request), *unlogged_powers(base)]
         scores = base.promises(_with_progress(elements, len(elements), "element", 0.2, progress), refused)
         tries = [((s.change,), s.change.request, s.start) for s in scores[:MAX_REFITTED_ELEMENTS]]
         refits = chain(

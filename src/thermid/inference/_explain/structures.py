@@ -158,7 +158,7 @@ class FittedStructure:
             promises_of_starts = []
             for start in change.starts or ({},):
                 try:
-                    after, larger = _promised(problem, _starting_values(problem, values_before, start), values_before, change.additive)
+                    after, larger = _promised(problem, starting_values(problem, values_before, start), values_before, change.additive)
                     promises_of_starts.append((before - after, {**start, **larger}))
                 except ThermidError:
                     continue
@@ -516,7 +516,7 @@ def _pair(a: PromisedChange, b: PromisedChange) -> PromisedChange:
     return PromisedChange(a.change.beside(b.change), {**a.start, **b.start}, a.gain + b.gain)
 
 
-def _starting_values(problem: Problem, values_before: Mapping[str, float], start: Mapping[str, float]) -> Array:
+def starting_values(problem: Problem, values_before: Mapping[str, float], start: Mapping[str, float]) -> Array:
     """Return where a refit begins (unknowns,), fitted form: at `start` [SI], else `values_before` (fitted form), else the deck."""
     at = starting_point(problem.unknowns)
     for k, u in enumerate(problem.unknowns):
@@ -535,12 +535,12 @@ def _promised(problem: Problem, at: Array, values_before: Mapping[str, float], a
     values_before : dict  Unknowns of the fit before.
     additive : bool     Whether the others are small values whose effect is proportional to them; none of them may turn negative.
     """
-    rows, matrix = _linearised(problem, at)
+    rows, matrix = linearised(problem, at)
     new = np.array([additive and u.name not in values_before for u in problem.unknowns], dtype=bool)
     return _stepped(problem.unknowns, at, rows, matrix, new)
 
 
-def _linearised(problem: Problem, at: Array) -> tuple[Array, Array]:
+def linearised(problem: Problem, at: Array) -> tuple[Array, Array]:
     """Return residuals (rows,) and their derivatives (rows, unknowns), priors below the readings."""
     compressed = problem.compressed(at)
     priors, slopes = problem.prior_rows(at)
@@ -589,8 +589,8 @@ def _promised_together(
         try:
             problem = build_problem(request)
             begun = {u.name: u.to_value(u.to_fitted(u.start)) * IDLE_SHARE for u in problem.unknowns if u.name in names}
-            at = np.maximum(_starting_values(problem, structure.fitted, begun), [u.fitted_bounds()[0] for u in problem.unknowns])
-            rows, matrix = _linearised(problem, at)
+            at = np.maximum(starting_values(problem, structure.fitted, begun), [u.fitted_bounds()[0] for u in problem.unknowns])
+            rows, matrix = linearised(problem, at)
         except ThermidError:
             continue
         before = _cost_with((), names, problem.unknowns, at, rows, matrix)[0]
@@ -718,7 +718,7 @@ def _ended(
     rounds: int = MOST_EVALUATIONS,
 ) -> tuple[Fit, CauseScore]:
     """Return where a fit ended, and how likely readings are there."""
-    begun, at = time.process_time(), _starting_values(problem, values_before, start)
+    begun, at = time.process_time(), starting_values(problem, values_before, start)
     end = minimise(problem, request.loss, request.loss_scale, at, budget.watch(request.name), SEARCH_DONE_STEP, rounds)
     budget.pace = min(budget.pace, (time.process_time() - begun) / max(end.evaluations, 1))
     if not np.isfinite(end.cost):

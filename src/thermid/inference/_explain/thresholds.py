@@ -88,7 +88,7 @@ MAX_TRIED_LOADS: Final = 3
 """Most nodes and loads at which a course of an unlogged power is tried."""
 MAX_WINDOW_SEARCHES: Final = 3
 """How often a window is looked for again, from where the last one led."""
-START_UP_TIMES, START_UP_PRECISION = 5, 0.03
+START_UP_TIMES, START_UP_PRECISION = 8, 0.02
 """Times that a start-up is first tried with at every load, and how well that of the best is found, in logarithms. [-]"""
 TELLING_DIFFERENCE: Final = 0.2
 """Difference below which a measured temperature says nothing of the heat that leaves by it. [K]"""

@@ -8,13 +8,13 @@ ended the model is linear in its values (Laplace: MacKay, Information Theory, In
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from thermid.base.errors import SolverError
 from thermid.base.linear_algebra import Array
-from thermid.fit.calibration import Problem, binned, evidences
+from thermid.fit.calibration import Binned, Problem, binned, evidences
 from thermid.inference._explain.causes import SizedValue
 from thermid.inference._explain.thresholds import CONFIRMED_GAIN, MAX_CONFIRMED_STEPS, MAX_SEEN_STRETCHES, WIDTHS
 
@@ -27,9 +27,11 @@ class CauseScore:
     ----------
     logs : array (widths, noises)   Logarithms of the evidence, but for a constant that all models of the same readings share: a row for
                                     each factor of `WIDTHS` on the priors, a column for each noise of a grid.
+    squares : array (noises,)       Mean square of the residuals in units of the stated noise, weighed as each noise weighs them. [-]
     """
 
     logs: Array
+    squares: Array = field(default_factory=lambda: np.zeros(0))
 
     @property
     def best(self) -> float:
@@ -43,7 +45,7 @@ class CauseScore:
 
     def less(self, amount: float | Array) -> CauseScore:
         """Return the score with `amount`, one number or (widths, noises), taken off the logarithms. [-]"""
-        return CauseScore(self.logs - amount)
+        return replace(self, logs=self.logs - amount)
 
 
 def noise_of(weighings: Iterable[CauseScore]) -> int:
@@ -62,7 +64,12 @@ def weighed_at(
     loss_scale: float = 1.0,
 ) -> CauseScore:
     """Return the score of a problem where its fit ended; see `_weighed`."""
-    return _weighed(problem, fitted, sizes, loss, loss_scale)[0]
+    return _weighed(problem, fitted, sizes, seen_in_stretches(problem, fitted, loss, loss_scale))[0]
+
+
+def seen_in_stretches(problem: Problem, fitted: Array, loss: str, loss_scale: float) -> Sequence[Binned]:
+    """Return the traces of a problem at some values in stretches of time; see `binned`. `SolverError` when a record cannot be run."""
+    return [*binned(problem, fitted, loss, loss_scale, MAX_SEEN_STRETCHES).values()]
 
 
 def weighed_in_noise(
@@ -85,23 +92,29 @@ def weighed_in_noise(
     """
     low, high = np.array([u.fitted_bounds() for u in problem.unknowns]).reshape(-1, 2).T
     at = fitted
-    best, moves, gains = _weighed(problem, at, sizes, loss, loss_scale)
+    pieces = seen_in_stretches(problem, at, loss, loss_scale)
+    best, move, gains = _weighed(problem, at, sizes, pieces, noise)
     share = 1.0
     for _ in range(MAX_CONFIRMED_STEPS):
-        if gains[1, noise] < CONFIRMED_GAIN:
+        if gains[1, 0] < CONFIRMED_GAIN:
             break
-        there = np.clip(at + share * moves[noise], low, high)
+        there = np.clip(at + share * move[0], low, high)
         try:
-            score, further, ahead = _weighed(problem, there, sizes, loss, loss_scale)
-            better = (score.logs - ahead)[1, noise] > (best.logs - gains)[1, noise]
+            readings = seen_in_stretches(problem, there, loss, loss_scale)
+            score, further, ahead = _weighed(problem, there, sizes, readings, noise)
+            better = (score.logs - ahead)[1, 0] > (best.logs - gains)[1, 0]
         except SolverError:
             better = False
-        at, best, moves, gains, share = (there, score, further, ahead, 1.0) if better else (at, best, moves, gains, 0.3 * share)
-    return best.less(gains), at
+        if better:
+            at, pieces, best, move, gains, share = there, readings, score, further, ahead, 1.0
+        else:
+            share *= 0.3
+    whole, _, gains = _weighed(problem, at, sizes, pieces)
+    return whole.less(gains), at
 
 
 def _weighed(
-    problem: Problem, fitted: Array, sizes: Mapping[str, SizedValue], loss: str, loss_scale: float
+    problem: Problem, fitted: Array, sizes: Mapping[str, SizedValue], pieces: Sequence[Binned], noise: int | None = None
 ) -> tuple[CauseScore, Array, Array]:
     """Return the logarithms (widths, noises) of the evidence of a problem: all unknowns integrated out, readings linear about `fitted`.
 
@@ -110,21 +123,17 @@ def _weighed(
     problem : Problem           Its own priors count for unknowns without an entry in `sizes`.
     fitted : array (unknowns,)  Where readings and priors are linearised; in the fitted form.
     sizes : dict                Unknown -> the prior that takes the place of its own.
-    loss, loss_scale            As in `calibrate`.
+    pieces : sequence of Binned The readings there.
+    noise : int                 The only one of the grid that is asked for; all by default.
 
     Returns
     -------
     CauseScore
     array (noises, unknowns)    How far each unknown would move in each noise, by the widths of the table.
     array (widths, noises)      What of the logarithms that way promises. [-]
-
-    Raises
-    ------
-    SolverError   When a record cannot be run.
     """
     from scipy.special import log_ndtr
 
-    pieces = [*binned(problem, fitted, loss, loss_scale, MAX_SEEN_STRETCHES).values()]
     is_sized = np.array([u.name in sizes for u in problem.unknowns], dtype=bool)
     values, slopes = problem.prior_rows(fitted)
     stated = ~slopes[:, is_sized].any(axis=1) if values.size else np.zeros(0, dtype=bool)
@@ -138,11 +147,11 @@ def _weighed(
         priors.append(matrix.T @ matrix)
         pulls.append(-matrix.T @ stated_values)
         spent.append(0.5 * float(stated_values @ stated_values))
-    logs, moves, errors, gains = evidences(pieces, np.array(priors), np.array(pulls))
+    logs, moves, errors, gains, squares = evidences(pieces, np.array(priors), np.array(pulls), noise)
     one_sided = [k for k in np.flatnonzero(is_sized) if problem.unknowns[k].log and not sizes[problem.unknowns[k].name].middle]
     for k in one_sided:  # of a normal about nothing only the upper half is possible: twice the density, times what lies above
         logs = logs + np.log(2.0) + log_ndtr((1.0 + moves[..., k]) / errors[..., k])
-    return CauseScore(logs - np.array(spent)[:, None]), moves[1], gains
+    return CauseScore(logs - np.array(spent)[:, None], squares), moves[1], gains
 
 
 def shares(weighings: Sequence[CauseScore]) -> Array:
