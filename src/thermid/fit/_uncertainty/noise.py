@@ -725,13 +725,22 @@ def _bases(time_bytes: bytes, counts: bytes) -> tuple[Array, Array]:
     `time_bytes` are the times of its stretches and `counts` their samples: sensors of one log share them, and so do logs of one kind.
     """
     times, count = np.frombuffer(time_bytes), np.frombuffer(counts)
-    spacing, span = float(np.median(np.diff(times))), float(times[-1] - times[0])
-    tried = np.geomspace(spacing, max(span, 2.0 * spacing), GRID_TIMES)
-    typical = float(np.median(count))
+    spacing, typical = float(np.median(np.diff(times))), float(np.median(count))
     root = np.sqrt(count / typical)
-    ties = [correlation_of_means(times, max(round(typical), 1), spacing, time) for time in tried]
+    ties = [correlation_of_means(times, max(round(typical), 1), spacing, time) for time in _grid_times(times)]
     sizes, vectors = np.linalg.eigh(np.array([root[:, None] * tie * root for tie in ties]))
     return np.maximum(sizes, 0.0), vectors
+
+
+def _grid_times(times: Array) -> Array:
+    """Return the correlation times (times,) that are tried for a trace in stretches at some times. [s]"""
+    spacing, span = float(np.median(np.diff(times))), float(times[-1] - times[0])
+    return np.geomspace(spacing, max(span, 2.0 * spacing), GRID_TIMES)
+
+
+def wander_times(times: Array) -> Array:
+    """Return the correlation time of what wanders in each noise of the grid of `evidences` (noises,), zero in the calmest ones. [s]"""
+    return (_grid_times(times)[:, None] * (np.arange(GRID_RATIOS) > 0)).ravel()
 
 
 def correlation_of_means(times: Array, samples: int, spacing: float, time: float) -> Array:
@@ -796,9 +805,8 @@ def evidences(pieces: Sequence[Binned], priors: Array, pulls: Array, noise: int 
     pieces : sequence of Binned                     The traces in stretches of time, at any values of the unknowns.
     priors : array (several, unknowns, unknowns)    Information that is known beside the data.
     pulls : array (several, unknowns)               Its scores where the unknowns stand.
-    noise : int                                     The only one that is asked for; all of the grid by default.
     """
-    of_time, of_ratio = np.divmod(np.arange(GRID_TIMES * GRID_RATIOS) if noise is None else np.array([noise]), GRID_RATIOS)
+    of_time, of_ratio = np.divmod(np.arange(GRID_TIMES * GRID_RATIOS), GRID_RATIOS)
     seen = [(b, max(1.0, b.within)) for b in pieces if b.count.size >= MIN_SPARE_STRETCHES]
     calm = [replace(b, mean=b.mean / size**0.5, slopes=b.slopes / size**0.5) for b, size in seen]
     count = priors.shape[-1]
@@ -828,6 +836,23 @@ def evidences(pieces: Sequence[Binned], priors: Array, pulls: Array, noise: int 
         moves.append(scale * move)
         errors.append(scale * np.sqrt(np.diagonal(covariances_of, axis1=-2, axis2=-1)))
     return np.array(logs), np.array(moves), np.array(errors), np.array(gains), squares / np.maximum(weights, 1.0)
+
+
+def white_rows(pieces: Sequence[Binned], noise: int, like: Sequence[Binned]) -> tuple[Array, Array]:
+    """Return residuals (rows,) of traces, and derivatives (rows, unknowns), made white in one noise of the grid of `evidences`.
+
+    White noise is as stated, or as large as it is inside the stretches of `like`, the same traces at other values.
+    """
+    rows, slopes = [], []
+    for b, other in zip(pieces, like, strict=True):
+        if b.count.size >= MIN_SPARE_STRETCHES:
+            t = _TraceBasis.of_trace(b, np.ones(b.slopes.shape[1]))
+            of_time, of_ratio = divmod(noise, GRID_RATIOS)
+            root = np.sqrt(t.shrunk[of_time, of_ratio] / max(1.0, other.within))
+            rows.append(root * t.residuals[of_time])
+            slopes.append(np.zeros(b.slopes.shape))
+            slopes[-1][:, t.acting] = -root[:, None] * t.slopes[of_time]
+    return np.concatenate(rows), np.concatenate(slopes)
 
 
 def _scales(pieces: Sequence[Binned], priors: Array) -> Array:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
-from itertools import chain, repeat
 from typing import Any, TypeVar
 
 import numpy as np
@@ -26,7 +25,7 @@ from thermid.inference._explain.thresholds import (
     WORTH_A_WORD,
 )
 from thermid.inference._explain.weighing import noise_of
-from thermid.measure.amounts import short
+from thermid.measure.amounts import duration_text, short
 from thermid.simulation.runs import Workers, simulate
 from thermid.simulation.solver import refuse_unseen
 
@@ -99,17 +98,19 @@ class Candidate:
     possible : bool         Whether that is physically possible.
     evidence : float        Twice the logarithm of the Bayes factor over the model as it is, averaged over the widths of its prior. [-]
     widths : (float, float) The same with half and with twice the widths of the table.
-    rmse : (float, float)   Before and after, all sensors. [K]
+    rmse : (float, float)   Before and after, all sensors, at the values that are likeliest in the noise of the comparison. [K]
+    weighted : (float, float)   The same in units of the stated noise, weighed by the inverse of that noise: what the evidence rests on. [-]
     fit : Calibration       The full fit of what is suggested; None of all others.
     refused : str           Why it could not be tried; empty where it was.
     """
 
     name: str
-    found: str
-    possible: bool
-    evidence: float
-    widths: tuple[float, float]
-    rmse: tuple[float, float]
+    found: str = ""
+    possible: bool = True
+    evidence: float = -np.inf
+    widths: tuple[float, float] = (-np.inf, -np.inf)
+    rmse: tuple[float, float] = (np.nan, np.nan)
+    weighted: tuple[float, ...] = (np.nan, np.nan)
     fit: Calibration | None = None
     refused: str = ""
 
@@ -119,9 +120,10 @@ class Candidate:
         return min(self.evidence, *self.widths) > VERY_STRONG
 
     def to_dict(self) -> dict[str, Any]:
-        """Return its figures, in SI; `tried` is whether it could be laid over the model."""
+        """Return its figures, in SI; `tried` is whether it was refitted."""
         keys = ("name", "found", "possible", "evidence", "refused")
-        return {**{k: getattr(self, k) for k in keys}, "widths": list(self.widths), "rmse": list(self.rmse), "tried": not self.refused}
+        pairs = {k: list(getattr(self, k)) for k in ("widths", "rmse", "weighted")}
+        return {**{k: getattr(self, k) for k in keys}, **pairs, "tried": bool(self.found)}
 
     def __str__(self) -> str:
         """The candidate in words."""
@@ -133,7 +135,8 @@ class Candidate:
             f"and {self.widths[1]:+.3g} with twice the prior's width)"
         )
         word = "" if self.possible else ", which is not physically possible"
-        return f"{text}; found {self.found}{word}; RMSE {short(self.rmse[0], 3)} -> {short(self.rmse[1], 3)} K"
+        rmse, weighted = (" -> ".join(short(x, 3) for x in pair) for pair in (self.rmse, self.weighted))
+        return f"{text}; found {self.found}{word}; RMSE {rmse} K, {weighted} of the stated noise as the comparison weighs residuals"
 
 
 @dataclass(frozen=True, eq=False)
@@ -146,12 +149,14 @@ class Criticism(Result):
     traces : tuple of TraceCriticism    Per record and sensor.
     candidates : tuple of Candidate     Elements that were tried, the best supported first.
     checks : tuple of str               Failed checks: values of single records that run with an input.
+    wander : float                      Over what time residuals that count as noise wander; zero where all noise is independent. [s]
     """
 
     title: str
     traces: tuple[TraceCriticism, ...]
     candidates: tuple[Candidate, ...]
     checks: tuple[str, ...] = ()
+    wander: float = 0.0
 
     @property
     def suggested(self) -> Candidate | None:
@@ -176,10 +181,14 @@ class Criticism(Result):
         lines += [f"  failed check: {check}" for check in self.checks]
         lines += [f"  {t}" for t in (coloured or self.traces)[:8]]
         if self.candidates:
-            lines.append("  candidates, each alone:")
+            about = duration_text(float(short(self.wander, 2)))
+            wander = f" what wanders over about {about} counts as noise, so RMSE need not fall" if self.wander else ""
+            lines.append(f"  candidates, each alone:{wander}")
             lines += [f"    {c}" for c in self.candidates if c.refused or c.evidence > WORTH_A_WORD]
-            idle = [c.name for c in self.candidates if not c.refused and c.evidence <= WORTH_A_WORD]
+            idle = [c.name for c in self.candidates if c.found and c.evidence <= WORTH_A_WORD]
             lines += [f"    no evidence for {'; '.join(idle)}"] if idle else []
+            left = [c.name for c in self.candidates if not (c.found or c.refused)]
+            lines += [f"    not refitted, as one evaluation promises less of them: {'; '.join(left)}"] if left else []
             best = self.suggested
             if best is not None:
                 others = [c for c in self.candidates if c is not best and c.found and c.possible and c.proved]
@@ -212,7 +221,9 @@ def criticise(
 
     Notes
     -----
-    Residuals are white by the criterion that a fit states (`SensorStatistics.white`). The Bayes factor allows the model as it is to have its residuals by chance:
+    Residuals are white by the criterion that a fit states (`SensorStatistics.white`).
+
+    The Bayes factor allows the model as it is to have its residuals by chance:
     on either side they are independent errors and a part that wanders, as large and as slow as makes them likeliest. Values that an element
     adds are integrated over the widths of their priors.
     """
@@ -226,7 +237,8 @@ def criticise(
         refuse_unseen(fit.given_model, "a search for missing elements")
     if not wanted:
         return Criticism(fit.stage, traces, (), checks)
-    return Criticism(fit.stage, traces, tuple(_tried(fit, fit.request, executor, progress or (lambda words, share: None))), checks)
+    candidates, wander = _tried(fit, fit.request, executor, progress or (lambda words, share: None))
+    return Criticism(fit.stage, traces, tuple(candidates), checks, wander)
 
 
 def running_locals(fit: Calibration) -> list[str]:
@@ -312,50 +324,51 @@ def _with_progress(items: Iterable[_Item], count: int, words: str, begin: float,
         yield next(made)
 
 
-def _tried(fit: Calibration, request: Request, executor: Workers, progress: Callable[[str, float], None]) -> list[Candidate]:
-    """Return every missing element, the best supported first; those that promise most are refitted, and what is suggested in full."""
+def _tried(fit: Calibration, request: Request, executor: Workers, progress: Callable[[str, float], None]) -> tuple[list[Candidate], float]:
+    """Return every missing element, the best supported first, and over what time residuals that count as noise wander. [s]
+
+    Those that one evaluation promises most of are refitted, all in the noise that is the likeliest with the best of them; what is suggested
+    is fitted in full.
+    """
     with one_thread():
-        budget = EvaluationBudget()
-        base = fitted_structure((), request, fit.fitted, budget=budget)
-        before, refused = base.rmse, list[tuple[str, str]]()
-        tried_structures: list[tuple[str, FittedStructure | None]] = []
+        budget, refused = EvaluationBudget(), list[tuple[str, str]]()
+        base = fitted_structure((), request, fit.fitted, rounds=0)
         progress("heat that no log gives", 0.0)
         elements = [*missing_elements(fit, request), *unlogged_powers(base)]
         scores = base.promises(_with_progress(elements, len(elements), "element", 0.2, progress), refused)
         tries = [((s.change,), s.change.request, s.start) for s in scores[:MAX_REFITTED_ELEMENTS]]
-        refits = chain(
-            _with_progress(fitted_structures(tries, base.fitted, budget, executor), len(tries), "refit", 0.5, progress), repeat(None)
-        )
-        for score, outcome in zip(scores, refits, strict=False):
-            if isinstance(outcome, str):
-                refused.append((score.change.name, outcome))
-            else:
-                tried_structures.append((score.change.name, outcome))
-    noise = noise_of([base.weighing, *(one.weighing for _, one in tried_structures if one is not None)])
-    base = base.in_noise(noise)
-    before = base.rmse
-    out: list[tuple[Candidate, FittedStructure | None]] = []
-    for name, one in tried_structures:
-        if one is None:
-            out.append((Candidate(name, "", True, 0.0, (0.0, 0.0), (before, before)), None))
-            continue
-        one = one.in_noise(noise)
-        words, possible = one.judged()[0]
-        halved, _, doubled = 2.0 * (one.weighing.logs - base.weighing.logs)[:, noise]
-        averaged = 2.0 * float(one.weighing.averaged[noise] - base.weighing.averaged[noise])
-        out.append((Candidate(name, words, possible, averaged, (float(halved), float(doubled)), (before, one.rmse)), one))
+        first = [*fitted_structures(tries[:1], base.fitted, budget, None)]
+        noise = noise_of(one.weighing for one in (base, *first) if not isinstance(one, str))
+        refits = fitted_structures(tries, base.fitted, budget, executor, noise=noise)
+        outcomes = [*_with_progress(refits, len(tries), "refit", 0.5, progress)]
+        refused += [(changes[0].name, why) for (changes, _, _), why in zip(tries, outcomes, strict=True) if isinstance(why, str)]
+        refitted = [one for one in outcomes if not isinstance(one, str)]
+        likeliest = noise_of(one.weighing for one in (base, *refitted))
+        refitted = [one if noise == likeliest else one.in_noise(likeliest) for one in refitted]
+        base = base.in_noise(likeliest)
+    out = [(_weighed(one, base, likeliest), one) for one in refitted]
     out.sort(key=lambda row: -row[0].evidence)
-    out += [(Candidate(name, "", False, -np.inf, (-np.inf, -np.inf), (before, before), refused=why), None) for name, why in refused]
     for n, (candidate, one) in enumerate(out):
-        if one is not None and candidate.possible and candidate.proved:
+        if candidate.possible and candidate.proved:
+            progress(f"full fit with {candidate.name}", 0.8)
             try:
-                progress(f"full fit with {candidate.name}", 0.8)
-                refitted = refit(one.full_request)
-                locals_by_name = {f"{v.record}: {v.name}": v for v in refitted.local}
-                words, possible = one.changes[0].judge({**refitted.values.assignments, **locals_by_name})
-                out[n] = replace(candidate, found=words, possible=possible, fit=refitted), one
+                whole = refit(one.full_request)
             except ThermidError as error:
-                out[n] = replace(candidate, refused=error.message, found=""), None
-            if out[n][0].fit is not None and out[n][0].possible:
+                out[n] = replace(candidate, refused=error.message, found=""), one
+                continue
+            locals_by_name = {f"{v.record}: {v.name}": v for v in whole.local}
+            words, possible = one.changes[0].judge({**whole.values.assignments, **locals_by_name})
+            out[n] = replace(candidate, found=words, possible=possible, fit=whole), one
+            if possible:
                 break
-    return [candidate for candidate, _ in out]
+    left = [Candidate(s.change.name) for s in scores[MAX_REFITTED_ELEMENTS:]] + [Candidate(name, refused=why) for name, why in refused]
+    return [*(candidate for candidate, _ in out), *left], float(base.weighing.wander[likeliest])
+
+
+def _weighed(one: FittedStructure, base: FittedStructure, noise: int) -> Candidate:
+    """Return a refitted element beside the model as it is, both in one noise."""
+    words, possible = one.judged()[0]
+    halved, _, doubled = 2.0 * (one.weighing.logs - base.weighing.logs)[:, noise]
+    averaged = 2.0 * float(one.weighing.averaged[noise] - base.weighing.averaged[noise])
+    rmse, weighted = (base.rmse, one.rmse), tuple(float(s.weighing.squares[noise] ** 0.5) for s in (base, one))
+    return Candidate(one.name, words, possible, averaged, (float(halved), float(doubled)), rmse, weighted)

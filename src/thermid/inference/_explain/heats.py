@@ -464,7 +464,7 @@ def _stretch(request: Request, heat: Heat) -> MissingElement:
 
 
 def _regulated(base: FittedStructure, load: str) -> Iterator[MissingElement]:
-    """Yield a load as a proportional heater, P = gain (setpoint - T), at most five times the deck's power; none where nobody reads its node."""
+    """Yield a load as a proportional heater, P = gain (setpoint - T), at most five times the deck's power; none without readings there."""
     request, problem = base.request, base.problem
     heat_load = request.model.loads[load]
     readings = [o.measured for o in problem.observations() if o.seat == heat_load.into]

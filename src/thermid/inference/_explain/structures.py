@@ -60,6 +60,7 @@ class FittedStructure:
     end : Fit                           Where its fit ended.
     weighing : CauseScore                 How likely the readings are with it.
     nodes : int                         Masses of the model, sensors that lag among them.
+    noise : int                         Column of the score in which its values are the likeliest; None where that is white noise.
     """
 
     changes: tuple[MissingElement, ...]
@@ -68,6 +69,7 @@ class FittedStructure:
     end: Fit
     weighing: CauseScore
     nodes: int
+    noise: int | None = None
 
     @property
     def name(self) -> str:
@@ -92,8 +94,9 @@ class FittedStructure:
 
     def judged(self) -> list[tuple[str, bool]]:
         """Return what each change found, in words, and whether that is physically possible."""
-        errors, pairs = self.errors(), zip(self.problem.unknowns, self.end.fitted, strict=True)
-        values = {u.name: _ValueWithError(u.to_value(float(x)), float(u.slope(float(x)) * errors[u.name])) for u, x in pairs}
+        errors = [*self.errors().values()] if self.noise is None else self.weighing.errors[self.noise]
+        several = zip(self.problem.unknowns, self.end.fitted, errors, strict=True)
+        values = {u.name: _ValueWithError(u.to_value(float(x)), float(u.slope(float(x)) * error)) for u, x, error in several}
         return [c.judge(values) for c in self.changes]
 
     @property
@@ -129,14 +132,10 @@ class FittedStructure:
 
     def in_noise(self, noise: int) -> FittedStructure:
         """Return the structure at the values that are likeliest in one noise, a column of the score; see `weighed_in_noise`."""
-        sizes, chosen = _added(self.changes)
-        loss, scale = self.request.loss, self.request.loss_scale
         try:
-            score, at = weighed_in_noise(self.problem, np.asarray(self.end.fitted), sizes, noise, loss, scale)
-            end = ended(self.problem, at, loss, scale)
+            return fitted_structure(self.changes, self.request, self.fitted, noise=noise)
         except (ThermidError, np.linalg.LinAlgError):
             return self
-        return replace(self, end=end, weighing=score.less(chosen))
 
     def promises(self, changes: Iterable[MissingElement], refused: list[tuple[str, str]]) -> list[PromisedChange]:
         """Return what one evaluation promises of each change from its best start, the most first; `refused` takes what cannot be built.
@@ -615,6 +614,7 @@ def fitted_structure(
     start: Mapping[str, float] | None = None,
     budget: EvaluationBudget | None = None,
     rounds: int = MOST_EVALUATIONS,
+    noise: int | None = None,
 ) -> FittedStructure:
     """Fit one structure and weigh it.
 
@@ -625,7 +625,8 @@ def fitted_structure(
     values_before : dict  Unknown -> value in the fitted form, from a fit before.
     start : dict        Path -> value of new unknowns. [SI]
     budget : EvaluationBudget     What its evaluations are taken from; it is given up where none is left.
-    rounds : int        Its rough and its fine descent end after so many evaluations each in any case.
+    rounds : int        Its rough and its fine descent end after so many evaluations each in any case; 0 leaves it where it begins.
+    noise : int         Column of the score in whose noise its values are the likeliest; white noise by default.
 
     Raises
     ------
@@ -634,8 +635,8 @@ def fitted_structure(
     """
     sizes, chosen = _added(changes)
     problem = _with_loose_priors(build_problem(request), sizes)
-    end, weighing = _ended(problem, request, sizes, chosen, values_before, start or {}, budget or EvaluationBudget(), rounds)
-    return _structure_at(changes, request, problem, end, weighing)
+    end, weighing = _ended(problem, request, sizes, chosen, values_before, start or {}, budget or EvaluationBudget(), rounds, noise)
+    return _structure_at(changes, request, problem, end, weighing, noise)
 
 
 def fitted_structures(
@@ -644,6 +645,7 @@ def fitted_structures(
     budget: EvaluationBudget,
     executor: Workers,
     rounds: int = 1,
+    noise: int | None = None,
 ) -> Iterator[FittedStructure | str]:
     """Yield structures as `fitted_structure` does, or why one could not be fitted, in order, until the budget is used up.
 
@@ -653,20 +655,21 @@ def fitted_structures(
     values_before, budget   As there; what is fitted in tasks counts in order, so that the same is given up.
     executor : see `Workers`
     rounds : int        How often as much may be asked for: processes of this machine begin where all of it is worth them.
+    noise : int         As there.
     """
     if executor is None:
         for changes, request, start in tries:
             if budget.over:
                 return
             try:
-                yield fitted_structure(changes, request, values_before, start, budget)
+                yield fitted_structure(changes, request, values_before, start, budget, noise=noise)
             except (ThermidError, np.linalg.LinAlgError) as error:
                 yield str(error)
         return
     allowed = budget.allowed - budget.spent
     added = [_added(changes) for changes, _, _ in tries]
     tasks = [
-        (f"the refit of {changes[-1].name}", (request, *sizes_and_chosen, values_before, start, allowed))
+        (f"the refit of {changes[-1].name}", (request, *sizes_and_chosen, values_before, start, allowed, noise))
         for (changes, request, start), sizes_and_chosen in zip(tries, added, strict=True)
     ]
     ahead = EVALUATIONS_OF_A_REFIT * budget.pace * len(tasks) * rounds
@@ -681,7 +684,7 @@ def fitted_structures(
         if isinstance(outcome, str):
             yield outcome
         else:
-            yield _structure_at(changes, request, _with_loose_priors(build_problem(request), sizes), *outcome)
+            yield _structure_at(changes, request, _with_loose_priors(build_problem(request), sizes), *outcome, noise)
 
 
 def _added(changes: Sequence[MissingElement]) -> tuple[dict[str, SizedValue], float]:
@@ -696,13 +699,14 @@ def _ended_in_task(
     values_before: Mapping[str, float],
     start: Mapping[str, float],
     allowed: float,
+    noise: int | None,
 ) -> tuple[tuple[Fit, CauseScore] | str, int]:
     """Return where a fit ended, or why it did not, and the evaluations that it took."""
     budget = EvaluationBudget(allowed)
     try:
         with one_thread():
             problem = _with_loose_priors(build_problem(request), sizes)
-            return _ended(problem, request, sizes, chosen, values_before, start, budget), budget.spent
+            return _ended(problem, request, sizes, chosen, values_before, start, budget, noise=noise), budget.spent
     except (ThermidError, np.linalg.LinAlgError) as error:
         return str(error), budget.spent
 
@@ -716,9 +720,16 @@ def _ended(
     start: Mapping[str, float],
     budget: EvaluationBudget,
     rounds: int = MOST_EVALUATIONS,
+    noise: int | None = None,
 ) -> tuple[Fit, CauseScore]:
     """Return where a fit ended, and how likely readings are there."""
     begun, at = time.process_time(), starting_values(problem, values_before, start)
+    if noise is not None:
+        score, at = weighed_in_noise(problem, at, sizes, noise, request.loss, request.loss_scale)
+        return ended(problem, at, request.loss, request.loss_scale), score.less(chosen)
+    if not rounds:
+        score = weighed_at(problem, at, sizes, request.loss, request.loss_scale)
+        return ended(problem, at, request.loss, request.loss_scale), score.less(chosen)
     end = minimise(problem, request.loss, request.loss_scale, at, budget.watch(request.name), SEARCH_DONE_STEP, rounds)
     budget.pace = min(budget.pace, (time.process_time() - begun) / max(end.evaluations, 1))
     if not np.isfinite(end.cost):
@@ -727,12 +738,12 @@ def _ended(
 
 
 def _structure_at(
-    changes: tuple[MissingElement, ...], request: Request, problem: Problem, end: Fit, weighing: CauseScore
+    changes: tuple[MissingElement, ...], request: Request, problem: Problem, end: Fit, weighing: CauseScore, noise: int | None
 ) -> FittedStructure:
     """Return a fitted structure with the number of its masses."""
     numbers = problem.experiments[0].network.numbers()
     nodes = sum(c is not None and float(value_of(c)) > 0 for c in numbers.capacitances.values())
-    return FittedStructure(changes, request, problem, end, weighing, nodes)
+    return FittedStructure(changes, request, problem, end, weighing, nodes, noise)
 
 
 def _with_loose_priors(problem: Problem, sizes: Mapping[str, SizedValue]) -> Problem:
