@@ -335,7 +335,8 @@ def _tried(fit: Calibration, request: Request, executor: Workers, progress: Call
         base = fitted_structure((), request, fit.fitted, rounds=0)
         progress("heat that no log gives", 0.0)
         elements = [*missing_elements(fit, request), *unlogged_powers(base)]
-        scores = base.promises(_with_progress(elements, len(elements), "element", 0.2, progress), refused)
+        alone = noise_of([base.weighing])
+        scores = base.promises(_with_progress(elements, len(elements), "element", 0.2, progress), refused, alone)
         tries = [((s.change,), s.change.request, s.start) for s in scores[:MAX_REFITTED_ELEMENTS]]
         first = [*fitted_structures(tries[:1], base.fitted, budget, None)]
         noise = noise_of(one.weighing for one in (base, *first) if not isinstance(one, str))

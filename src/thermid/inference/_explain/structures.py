@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Container, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from operator import itemgetter
 from typing import Any
@@ -22,7 +22,20 @@ from thermid.base.dual import value_of
 from thermid.base.errors import IdentificationError, ThermidError
 from thermid.base.linear_algebra import Array, one_thread
 from thermid.base.units import from_si, unit
-from thermid.fit.calibration import MOST_EVALUATIONS, Fit, Prior, Problem, Request, Unknown, build_problem, ended, minimise, starting_point
+from thermid.fit.calibration import (
+    MOST_EVALUATIONS,
+    Binned,
+    Fit,
+    Prior,
+    Problem,
+    Request,
+    Unknown,
+    build_problem,
+    ended,
+    minimise,
+    starting_point,
+    white_rows,
+)
 from thermid.inference._explain.candidates import Fitted, MissingElement
 from thermid.inference._explain.causes import SizedValue
 from thermid.inference._explain.thresholds import (
@@ -42,7 +55,7 @@ from thermid.inference._explain.thresholds import (
     TIE,
     WIDE_ERRORS,
 )
-from thermid.inference._explain.weighing import CauseScore, noise_of, weighed_at, weighed_in_noise
+from thermid.inference._explain.weighing import CauseScore, noise_of, seen_in_stretches, weighed_at, weighed_in_noise
 from thermid.measure.amounts import duration_text, short
 from thermid.model.elements import Constant, TableSignal, exact
 from thermid.simulation.runs import Scenario, Workers, in_tasks, simulate
@@ -137,35 +150,38 @@ class FittedStructure:
         except (ThermidError, np.linalg.LinAlgError):
             return self
 
-    def promises(self, changes: Iterable[MissingElement], refused: list[tuple[str, str]]) -> list[PromisedChange]:
-        """Return what one evaluation promises of each change from its best start, the most first; `refused` takes what cannot be built.
+    def promises(self, changes: Iterable[MissingElement], refused: list[tuple[str, str]], noise: int | None = None) -> list[PromisedChange]:
+        """Return what one evaluation promises of each change from its best start, the most first; `refused` takes what cannot be run.
 
-        It says which changes are worth a refit, and no more: where a step leads too far, nothing of it may come true.
+        It says which changes are worth a refit, and no more: where a step leads too far, nothing of it may come true. With `noise`, a
+        column of the score, what is promised in that noise counts as well as in white noise, each beside the most of all.
         """
+        at, every_change = np.asarray(self.end.fitted), list(changes)
+        like = [] if noise is None else seen_in_stretches(self.problem, at, "linear", 1.0)
+        systems, unchanged = _systems(self.problem, at, noise, like), np.zeros(at.size, dtype=bool)
+        before = [_stepped(self.problem.unknowns, at, rows, matrix, unchanged)[0] for rows, matrix in systems]
         reduced = max(self.end.chi_square / max(self.problem.freedom, 1.0), 1e-12)
-        values_before = self.fitted
-        before = _promised(self.problem, self.end.fitted, values_before, False)[0]
-        every_change = list(changes)
-        out = [PromisedChange(c, start, gain / reduced) for c, start, gain in _promised_together(self, every_change)]
+        out = [*_promised_together(self, every_change, noise, like)]
         done = [p.change for p in out]
         for change in (c for c in every_change if c not in done):
-            try:
-                problem = build_problem(change.request)
-            except ThermidError as error:
-                refused.append((change.name, error.message))
-                continue
-            promises_of_starts = []
+            why, count = "", len(out)
             for start in change.starts or ({},):
                 try:
-                    after, larger = _promised(problem, starting_values(problem, values_before, start), values_before, change.additive)
-                    promises_of_starts.append((before - after, {**start, **larger}))
-                except ThermidError:
+                    problem = build_problem(change.request)
+                    at = starting_values(problem, self.fitted, start)
+                    systems = _systems(problem, at, noise, like)
+                except ThermidError as error:
+                    why = error.message
                     continue
-            out += [
-                PromisedChange(change, start, gain / reduced)
-                for gain, start in sorted(promises_of_starts, key=lambda promise: -promise[0])[:1]
-            ]
-        return sorted(out, key=lambda s: -s.gain)
+                new = np.array([change.additive and u.name not in self.fitted for u in problem.unknowns], dtype=bool)
+                stepped = [_stepped(problem.unknowns, at, rows, matrix, new) for rows, matrix in systems]
+                gains = tuple(b - after for b, (after, _) in zip(before, stepped, strict=True))
+                out.append(PromisedChange(change, {**start, **stepped[-1][1]}, gains))
+            refused += [(change.name, why)] if len(out) == count else []
+        most = [max(max(gains), 1e-12) for gains in zip(*(p.gains for p in out), strict=True)]
+        ranked = sorted(out, key=lambda p: -max(gain / top for gain, top in zip(p.gains, most, strict=True)))
+        best = {id(p.change): p for p in reversed(ranked)}  # of several starts the best
+        return [replace(p, gains=tuple(gain / reduced for gain in p.gains)) for p in ranked if best[id(p.change)] is p]
 
     @property
     def full_request(self) -> Request:
@@ -214,12 +230,17 @@ class PromisedChange:
     ----------
     change : MissingElement
     start : dict        Path -> value that the refit begins from. [SI]
-    gain : float        Promised fall of the cost, in log-likelihood at the noise of the fit before. [-]
+    gains : tuple       Promised fall of the cost, in log-likelihood at the noise of the fit before: in white noise, and in another. [-]
     """
 
     change: MissingElement
     start: Mapping[str, float]
-    gain: float
+    gains: tuple[float, ...]
+
+    @property
+    def gain(self) -> float:
+        """That in white noise. [-]"""
+        return self.gains[0]
 
 
 @dataclass(frozen=True, eq=False)
@@ -512,7 +533,7 @@ def _noise_of(structures: Sequence[FittedStructure]) -> int:
 
 def _pair(a: PromisedChange, b: PromisedChange) -> PromisedChange:
     """Return two changes as one, whose promise is the sum of both."""
-    return PromisedChange(a.change.beside(b.change), {**a.start, **b.start}, a.gain + b.gain)
+    return PromisedChange(a.change.beside(b.change), {**a.start, **b.start}, (a.gain + b.gain,))
 
 
 def starting_values(problem: Problem, values_before: Mapping[str, float], start: Mapping[str, float]) -> Array:
@@ -526,24 +547,24 @@ def starting_values(problem: Problem, values_before: Mapping[str, float], start:
     return at
 
 
-def _promised(problem: Problem, at: Array, values_before: Mapping[str, float], additive: bool) -> tuple[float, dict[str, float]]:
-    """Return the cost that one step of Gauss and Newton promises, half a sum of squares whatever the loss, and what small values become.
-
-    Parameters
-    ----------
-    values_before : dict  Unknowns of the fit before.
-    additive : bool     Whether the others are small values whose effect is proportional to them; none of them may turn negative.
-    """
-    rows, matrix = linearised(problem, at)
-    new = np.array([additive and u.name not in values_before for u in problem.unknowns], dtype=bool)
-    return _stepped(problem.unknowns, at, rows, matrix, new)
-
-
 def linearised(problem: Problem, at: Array) -> tuple[Array, Array]:
     """Return residuals (rows,) and their derivatives (rows, unknowns), priors below the readings."""
-    compressed = problem.compressed(at)
+    return _systems(problem, at, None, [])[0]
+
+
+def _systems(problem: Problem, at: Array, noise: int | None, like: Sequence[Binned]) -> list[tuple[Array, Array]]:
+    """Return residuals (rows,) and derivatives (rows, unknowns), priors below the readings: in white noise, and in `noise` where given.
+
+    `like` are the traces of the structure before, by which white noise is as large as it is inside their stretches.
+    """
+    if noise is None:
+        compressed = problem.compressed(at)
+        readings = [(compressed.rows, compressed.slopes)]
+    else:
+        pieces = seen_in_stretches(problem, at, "linear", 1.0)
+        readings = [white_rows(pieces, n, like) for n in (0, noise)]
     priors, slopes = problem.prior_rows(at)
-    return np.concatenate([compressed.rows, priors]), np.concatenate([compressed.slopes, slopes])
+    return [(np.concatenate([rows, priors]), np.concatenate([matrix, slopes])) for rows, matrix in readings]
 
 
 def _stepped(
@@ -567,9 +588,9 @@ def _stepped(
 
 
 def _promised_together(
-    structure: FittedStructure, changes: Iterable[MissingElement]
-) -> Iterator[tuple[MissingElement, dict[str, float], float]]:
-    """Yield what small elements promise, each alone, with its start [SI] and the fall of the cost: all of one run of every record.
+    structure: FittedStructure, changes: Iterable[MissingElement], noise: int | None, like: Sequence[Binned]
+) -> Iterator[PromisedChange]:
+    """Yield what small elements promise, each alone: all of one run of every record; see `FittedStructure.promises`.
 
     All lie over the model together, so small that they do not act: a derivative says what each would do. None are yielded of those that
     cannot be laid over it so.
@@ -589,22 +610,19 @@ def _promised_together(
             problem = build_problem(request)
             begun = {u.name: u.to_value(u.to_fitted(u.start)) * IDLE_SHARE for u in problem.unknowns if u.name in names}
             at = np.maximum(starting_values(problem, structure.fitted, begun), [u.fitted_bounds()[0] for u in problem.unknowns])
-            rows, matrix = linearised(problem, at)
+            systems = _systems(problem, at, noise, like)
         except ThermidError:
             continue
-        before = _cost_with((), names, problem.unknowns, at, rows, matrix)[0]
-        for change in laid:
-            after, larger = _cost_with(change.sizes, names, problem.unknowns, at, rows, matrix)
-            yield change, larger, before - after
-
-
-def _cost_with(
-    own: Container[str], added: Container[str], unknowns: Sequence[Unknown], at: Array, rows: Array, matrix: Array
-) -> tuple[float, dict[str, float]]:
-    """Return what the fit promises with an element that has its `own` unknowns of those that were `added`; see `_stepped`."""
-    taken = [j for j, u in enumerate(unknowns) if u.name in own or u.name not in added]
-    new = np.array([unknowns[j].name in own for j in taken], dtype=bool)
-    return _stepped([unknowns[j] for j in taken], at[taken], rows, matrix[:, taken], new, IDLE_SHARE)
+        before: list[float] = []
+        for change in (None, *laid):
+            own = change.sizes if change else {}
+            taken = [j for j, u in enumerate(problem.unknowns) if u.name in own or u.name not in names]
+            unknowns, new = [problem.unknowns[j] for j in taken], np.array([problem.unknowns[j].name in own for j in taken], dtype=bool)
+            stepped = [_stepped(unknowns, at[taken], rows, matrix[:, taken], new, IDLE_SHARE) for rows, matrix in systems]
+            if change:
+                yield PromisedChange(change, stepped[-1][1], tuple(b - after for b, (after, _) in zip(before, stepped, strict=True)))
+            else:
+                before = [after for after, _ in stepped]
 
 
 def fitted_structure(
