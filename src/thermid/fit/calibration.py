@@ -84,6 +84,7 @@ from thermid.fit._uncertainty.moved import (
     part_of as part_of,
 )
 from thermid.fit._uncertainty.noise import (
+    Binned as Binned,
     TraceNoise as TraceNoise,
     answers_to_inputs as answers_to_inputs,
     autocorrelation as autocorrelation,
@@ -91,4 +92,6 @@ from thermid.fit._uncertainty.noise import (
     evidences as evidences,
     score_excess as score_excess,
     stretch_means as stretch_means,
+    wander_times as wander_times,
+    white_rows as white_rows,
 )

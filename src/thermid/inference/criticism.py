@@ -4,7 +4,6 @@ from thermid.inference._explain.candidates import Fitted as Fitted, MissingEleme
 from thermid.inference._explain.criticism import (
     Criticism as Criticism,
     criticise as criticise,
-    cumulated_periodogram as cumulated_periodogram,
 )
 from thermid.inference._explain.defects import ExplainedFit as ExplainedFit, asks as asks, explained as explained, summary as summary
 from thermid.inference._explain.mistakes import Mistakes as Mistakes, find_mistakes as find_mistakes

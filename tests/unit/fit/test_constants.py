@@ -162,8 +162,8 @@ class TestAdequacy:
         assert found.standing.state == "not adequate"
 
     def test_neighbours_of_white_residuals_correlate_by_chance(self) -> None:
-        """1.96 / sqrt(n) in 95 of 100 cases."""
-        for lag, white in ((1.9 / 20.0, True), (2.0 / 20.0, False)):
+        """2.576 / sqrt(n) in 99 of 100 cases."""
+        for lag, white in ((2.5 / 20.0, True), (2.65 / 20.0, False)):
             assert SensorStatistics(0.1, 0.0, 0.3, 400, 0.0, lag, 400.0).white is white
 
     @pytest.mark.parametrize(("times", "said"), [(1.47, False), (1.54, True)])

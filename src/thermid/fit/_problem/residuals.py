@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from thermid.base.dual import Dual, Number, gradient_of, value_of
 from thermid.base.errors import DeckError, SolverError
-from thermid.base.linear_algebra import HALF_WIDTH_95, Array
+from thermid.base.linear_algebra import Array
 from thermid.base.memo import Memo
 from thermid.fit._problem.experiment import ALL_INSTANTS, OFFSET, RATE, SCALE, SHIFT, SWITCH, Experiment, Observation, clock_target
 from thermid.simulation.solver import Engine, Options, Squares, Traces, Weighing, Wiring, kept_for
@@ -119,6 +119,8 @@ def starting_point(unknowns: Sequence[Unknown]) -> Array:
     return np.array([u.to_fitted(u.start) for u in unknowns])
 
 
+HALF_WIDTH_99 = 2.576
+"""Standard deviations of a normal variable in half of its middle 99 %: one white trace in a hundred is called autocorrelated. [-]"""
 WHITE = 0.9
 """Share of the samples that residuals must be worth as independent ones to count as white."""
 
@@ -151,8 +153,8 @@ class SensorStatistics:
 
     @property
     def white(self) -> bool:
-        """Whether residuals are uncorrelated: neighbours at the 95 % level (1.96 / sqrt n), and none that wander over longer times."""
-        return bool(abs(self.lag_one) < HALF_WIDTH_95 / np.sqrt(self.samples)) and not self.wanders
+        """Whether residuals are uncorrelated: neighbours at the 99 % level (2.58 / sqrt n), and none that wander over longer times."""
+        return bool(abs(self.lag_one) < HALF_WIDTH_99 / np.sqrt(self.samples)) and not self.wanders
 
     @property
     def wanders(self) -> bool:

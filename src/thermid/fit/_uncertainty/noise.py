@@ -725,13 +725,22 @@ def _bases(time_bytes: bytes, counts: bytes) -> tuple[Array, Array]:
     `time_bytes` are the times of its stretches and `counts` their samples: sensors of one log share them, and so do logs of one kind.
     """
     times, count = np.frombuffer(time_bytes), np.frombuffer(counts)
-    spacing, span = float(np.median(np.diff(times))), float(times[-1] - times[0])
-    tried = np.geomspace(spacing, max(span, 2.0 * spacing), GRID_TIMES)
-    typical = float(np.median(count))
+    spacing, typical = float(np.median(np.diff(times))), float(np.median(count))
     root = np.sqrt(count / typical)
-    ties = [correlation_of_means(times, max(round(typical), 1), spacing, time) for time in tried]
+    ties = [correlation_of_means(times, max(round(typical), 1), spacing, time) for time in _grid_times(times)]
     sizes, vectors = np.linalg.eigh(np.array([root[:, None] * tie * root for tie in ties]))
     return np.maximum(sizes, 0.0), vectors
+
+
+def _grid_times(times: Array) -> Array:
+    """Return the correlation times (times,) that are tried for a trace in stretches at some times. [s]"""
+    spacing, span = float(np.median(np.diff(times))), float(times[-1] - times[0])
+    return np.geomspace(spacing, max(span, 2.0 * spacing), GRID_TIMES)
+
+
+def wander_times(times: Array) -> Array:
+    """Return the correlation time of what wanders in each noise of the grid of `evidences` (noises,), zero in the calmest ones. [s]"""
+    return (_grid_times(times)[:, None] * (np.arange(GRID_RATIOS) > 0)).ravel()
 
 
 def correlation_of_means(times: Array, samples: int, spacing: float, time: float) -> Array:
@@ -782,13 +791,14 @@ def weighed(pieces: Sequence[Binned], priors: Array, pulls: Array, level: float 
     return Weighed(weights, information * back - priors, scores / scale - pulls)
 
 
-def evidences(pieces: Sequence[Binned], priors: Array, pulls: Array) -> tuple[Array, Array, Array, Array]:
+def evidences(pieces: Sequence[Binned], priors: Array, pulls: Array, noise: int | None = None) -> tuple[Array, Array, Array, Array, Array]:
     """Return the log-likelihood of traces, but for a constant of their readings alone, with all unknowns integrated out (several, noises).
 
-    Beside it stand how far each unknown would move, and its standard error (several, noises, unknowns), and what of the log-likelihood is
-    promised by that way (several, noises). White noise of each trace is as
-    stated, or as large as it is inside its stretches; what wanders has one ratio to it and one time in all traces, those of each noise on
-    a grid. Models of the same readings are compared with the same unknowns first, those of `priors` zero flat, and more behind them.
+    Beside it stand how far each unknown would move, and its standard error (several, noises, unknowns), what of the log-likelihood is
+    promised by that way (several, noises), and the mean square of the residuals in units of the stated noise, weighed by the inverse of
+    their covariance (noises,). White noise of each trace is as stated, or as large as it is inside its stretches, where residuals are
+    independent; what wanders has one ratio to it and one time in all traces, those of each noise on a grid. Models of the same readings are
+    compared with the same unknowns first, those of `priors` zero flat, and more behind them.
 
     Parameters
     ----------
@@ -796,34 +806,53 @@ def evidences(pieces: Sequence[Binned], priors: Array, pulls: Array) -> tuple[Ar
     priors : array (several, unknowns, unknowns)    Information that is known beside the data.
     pulls : array (several, unknowns)               Its scores where the unknowns stand.
     """
-    calm = [
-        replace(b, mean=b.mean / s, slopes=b.slopes / s)
-        for b in pieces
-        for s in [max(1.0, b.within) ** 0.5]
-        if b.count.size >= MIN_SPARE_STRETCHES
-    ]
+    of_time, of_ratio = np.divmod(np.arange(GRID_TIMES * GRID_RATIOS), GRID_RATIOS)
+    seen = [(b, max(1.0, b.within)) for b in pieces if b.count.size >= MIN_SPARE_STRETCHES]
+    calm = [replace(b, mean=b.mean / size**0.5, slopes=b.slopes / size**0.5) for b, size in seen]
     count = priors.shape[-1]
     scale = _scales(calm, priors[0])
     prior_information = priors * np.outer(scale, scale) + ZERO_INFORMATION * np.eye(count)
-    information, scores = np.zeros((GRID_TIMES, GRID_RATIOS, count, count)), np.zeros((GRID_TIMES, GRID_RATIOS, count))
-    alone = np.zeros((GRID_TIMES, GRID_RATIOS))
-    for t in (_TraceBasis.of_trace(b, scale) for b in calm):
-        taken = t.shrunk[..., None] * t.slopes[:, None]
-        information[..., t.acting[:, None], t.acting] += np.swapaxes(taken, 2, 3) @ t.slopes[:, None]
-        scores[..., t.acting] += (np.swapaxes(taken, 2, 3) @ t.residuals[:, None, :, None])[..., 0]
-        alone += 0.5 * (np.log(t.shrunk).sum(axis=2) - np.sum(t.shrunk * t.residuals[:, None] ** 2, axis=2))
+    information, scores = np.zeros((of_time.size, count, count)), np.zeros((of_time.size, count))
+    alone, squares, weights = np.zeros((3, of_time.size))
+    for (b, size), trace in zip(seen, calm, strict=True):
+        t = _TraceBasis.of_trace(trace, scale)
+        shrunk, residuals, slopes = t.shrunk[of_time, of_ratio], t.residuals[of_time], t.slopes[of_time]
+        taken = np.swapaxes(shrunk[..., None] * slopes, 1, 2)
+        information[:, t.acting[:, None], t.acting] += taken @ slopes
+        scores[:, t.acting] += (taken @ residuals[..., None])[..., 0]
+        square = np.sum(shrunk * residuals**2, axis=1)
+        inside = b.inner * b.within
+        alone += 0.5 * (np.log(shrunk).sum(axis=1) - square - inside / size - (b.inner + b.count.size) * np.log(size))
+        squares += size * square + inside
+        weights += shrunk.sum(axis=1) + b.inner
     logs, moves, errors, gains = [], [], [], []
     for prior_of_member, pull in zip(prior_information, pulls * scale, strict=True):
         # integral of a normal likelihood over normal unknowns: |P|^(1/2) |A|^(-1/2) exp(b'A^-1 b / 2)
         covariances_of = np.linalg.inv(information + prior_of_member)
         move = (covariances_of @ (scores + pull)[..., None])[..., 0]
         gain = 0.5 * np.sum((scores + pull) * move, axis=-1)
-        gains.append(gain.ravel())
-        whole = gain + 0.5 * np.linalg.slogdet(covariances_of)[1]
-        logs.append((alone + whole).ravel() + 0.5 * float(np.linalg.slogdet(prior_of_member)[1]))
-        moves.append((scale * move).reshape(-1, count))
-        errors.append((scale * np.sqrt(np.diagonal(covariances_of, axis1=-2, axis2=-1))).reshape(-1, count))
-    return np.array(logs), np.array(moves), np.array(errors), np.array(gains)
+        gains.append(gain)
+        logs.append(alone + gain + 0.5 * np.linalg.slogdet(covariances_of)[1] + 0.5 * float(np.linalg.slogdet(prior_of_member)[1]))
+        moves.append(scale * move)
+        errors.append(scale * np.sqrt(np.diagonal(covariances_of, axis1=-2, axis2=-1)))
+    return np.array(logs), np.array(moves), np.array(errors), np.array(gains), squares / np.maximum(weights, 1.0)
+
+
+def white_rows(pieces: Sequence[Binned], noise: int, like: Sequence[Binned]) -> tuple[Array, Array]:
+    """Return residuals (rows,) of traces, and derivatives (rows, unknowns), made white in one noise of the grid of `evidences`.
+
+    White noise is as stated, or as large as it is inside the stretches of `like`, the same traces at other values.
+    """
+    rows, slopes = [], []
+    for b, other in zip(pieces, like, strict=True):
+        if b.count.size >= MIN_SPARE_STRETCHES:
+            t = _TraceBasis.of_trace(b, np.ones(b.slopes.shape[1]))
+            of_time, of_ratio = divmod(noise, GRID_RATIOS)
+            root = np.sqrt(t.shrunk[of_time, of_ratio] / max(1.0, other.within))
+            rows.append(root * t.residuals[of_time])
+            slopes.append(np.zeros(b.slopes.shape))
+            slopes[-1][:, t.acting] = -root[:, None] * t.slopes[of_time]
+    return np.concatenate(rows), np.concatenate(slopes)
 
 
 def _scales(pieces: Sequence[Binned], priors: Array) -> Array:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
-from itertools import chain, repeat
 from typing import Any, TypeVar
 
 import numpy as np
@@ -13,12 +12,11 @@ from thermid.base.arguments import takes_objects
 from thermid.base.errors import IdentificationError, ThermidError
 from thermid.base.linear_algebra import Array, one_thread
 from thermid.base.results import Result
-from thermid.fit.calibration import Calibration, Request, fit as refit
+from thermid.fit.calibration import Calibration, Request, SensorStatistics, fit as refit
 from thermid.inference._explain.candidates import missing_elements
 from thermid.inference._explain.heats import unlogged_powers
 from thermid.inference._explain.structures import EvaluationBudget, FittedStructure, fitted_structure, fitted_structures
 from thermid.inference._explain.thresholds import (
-    MAX_LAGS,
     MAX_REFITTED_ELEMENTS,
     MIN_RECORDS_COMPARED,
     MIN_SLOPE_DEVIATIONS,
@@ -27,49 +25,11 @@ from thermid.inference._explain.thresholds import (
     WORTH_A_WORD,
 )
 from thermid.inference._explain.weighing import noise_of
-from thermid.measure.amounts import short
+from thermid.measure.amounts import duration_text, short
 from thermid.simulation.runs import Workers, simulate
 from thermid.simulation.solver import refuse_unseen
 
 _Item = TypeVar("_Item")
-
-
-def ljung_box(residuals: Array) -> tuple[float, float]:
-    """Return the lag-one autocorrelation of residuals (samples,), and the probability of the Ljung-Box statistic by chance. [-]
-
-    (0, 1) for fewer than five samples or constant ones.
-    """
-    from scipy.special import gammaincc
-
-    z, n = residuals - residuals.mean(), residuals.size
-    lags = min(MAX_LAGS, n // 5)
-    power = float(z @ z)
-    if lags < 1 or power <= 0:
-        return 0.0, 1.0
-    rho = np.array([float(z[k:] @ z[:-k]) / power for k in range(1, lags + 1)])
-    # Q = n (n + 2) sum rho_k^2 / (n - k), chi-squared with as many degrees of freedom as lags (Ljung and Box, Biometrika 65 (1978) 297);
-    # its upper tail is gammaincc(lags / 2, Q / 2)
-    statistic = n * (n + 2) * float(np.sum(rho**2 / (n - np.arange(1, lags + 1))))
-    return float(rho[0]), float(gammaincc(0.5 * lags, 0.5 * statistic))
-
-
-def cumulated_periodogram(residuals: Array) -> Array:
-    """Return the share of the variance below each frequency (frequencies,), a straight line for white noise. [-]"""
-    z = residuals - residuals.mean()
-    power = np.abs(np.fft.rfft(z))[1 : (z.size + 1) // 2] ** 2
-    total = float(power.sum())
-    return np.cumsum(power) / total if total > 0 else np.linspace(0.0, 1.0, power.size)
-
-
-def periodogram(residuals: Array) -> tuple[float, float]:
-    """Return the largest excess of the cumulated periodogram over white noise, and that allowed at 95 %; (0, 1) for few samples. [-]"""
-    share = cumulated_periodogram(residuals)
-    if share.size < 3:
-        return 0.0, 1.0
-    line = np.arange(1, share.size + 1) / share.size
-    # noise that changes sign too often lies below the line, and no element is missing for that
-    # 1.36 / sqrt(m): 95 % point of Kolmogorov's distribution
-    return max(0.0, float((share - line).max())), float(1.36 / np.sqrt(share.size - 1))
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,13 +40,8 @@ class TraceCriticism:
     ----------
     record, sensor : str
     times, temperature, power, residuals : array (samples,)     [s], [K], [W] (all loads together), [K]
-    rmse : float            [K]
     noise : float           What was stated of the readings; the RMSE where nothing was. [K]
-    lag_one : float         Autocorrelation of neighbours. [-]
-    ljung_box : float       Probability of correlations as large by chance, over up to 20 lags. [-]
-    periodogram : float     Largest distance of the cumulated periodogram from that of white noise. [-]
-    band : float            What chance allows at 95 % (Bartlett). [-]
-    effective : float       Independent samples that the readings are worth.
+    statistics : SensorStatistics   Their size, correlation of neighbours, and what they are worth: those of the fit.
     slopes : dict           'temperature' [K/K], 'power' [K/W], 'time' [K/s] -> (slope, standard error), correlation counted.
     """
 
@@ -96,49 +51,35 @@ class TraceCriticism:
     temperature: Array
     power: Array
     residuals: Array
-    rmse: float
     noise: float
-    lag_one: float
-    ljung_box: float
-    periodogram: float
-    band: float
-    effective: float
+    statistics: SensorStatistics
     slopes: Mapping[str, tuple[float, float]]
-
-    @property
-    def white(self) -> bool:
-        """Whether the residuals are not rejected as independent noise: Ljung and Box at 1 %, periodogram below 1.2 times its band."""
-        return self.ljung_box > 0.01 and self.periodogram < 1.2 * self.band
 
     @property
     def loud(self) -> bool:
         """Whether the mean square exceeds the stated noise variance by more than 4 sqrt(2 / n) of it; a few bad readings suffice."""
-        return bool(self.rmse**2 > self.noise**2 * (1.0 + 4.0 * (2.0 / self.residuals.size) ** 0.5))
+        return bool(self.statistics.rmse**2 > self.noise**2 * (1.0 + 4.0 * (2.0 / self.residuals.size) ** 0.5))
 
     @property
     def is_noise(self) -> bool:
-        """Whether the residuals are independent noise of the stated size: `white` and not `loud`."""
-        return self.white and not self.loud
+        """Whether the residuals are independent noise of the stated size: white, by `SensorStatistics.white`, and not `loud`."""
+        return self.statistics.white and not self.loud
 
     def to_dict(self) -> dict[str, Any]:
         """Return its figures, in SI."""
-        keys = ("record", "sensor", "rmse", "noise", "lag_one", "ljung_box", "periodogram", "band", "effective", "white", "loud")
+        own = {k: getattr(self.statistics, k) for k in ("rmse", "lag_one", "effective_samples", "white")}
         slopes = {n: {"slope": slope, "error": error} for n, (slope, error) in self.slopes.items()}
-        return {**{k: getattr(self, k) for k in keys}, "slopes": slopes}
+        return {"record": self.record, "sensor": self.sensor, "noise": self.noise, **own, "loud": self.loud, "slopes": slopes}
 
     def __str__(self) -> str:
         """RMSE, autocorrelation, and what the residuals go with, in words."""
-        head = f"{self.sensor} in {self.record}: RMSE {short(self.rmse, 3)} K"
+        s = self.statistics
+        head = f"{self.sensor} in {self.record}: RMSE {short(s.rmse, 3)} K"
         if self.loud:
             head += f" for a noise of {self.noise:.3g} K"
-        if self.white:
+        if s.white:
             return f"{head}, independent from reading to reading"
-        chance = "below 1e-6" if self.ljung_box < 1e-6 else short(self.ljung_box)
-        text = (
-            f"{head}, autocorrelated: lag-one correlation {self.lag_one:.2f} (by chance: {chance}), the cumulated periodogram leaves "
-            f"white noise by {self.periodogram:.2f} where {self.band:.2f} is allowed; for a mean, {self.residuals.size} readings are worth "
-            f"{short(self.effective, 3)}"
-        )
+        text = f"{head}, autocorrelated (lag-1 {s.lag_one:.2f}): for a mean, {s.samples} readings are worth {short(s.effective_samples, 3)}"
         units = {"temperature": ("K per K of temperature", 1.0), "power": ("K per W", 1.0), "time": ("K per hour", 3600.0)}
         for name, (slope, error) in self.slopes.items():
             if abs(slope) > MIN_SLOPE_DEVIATIONS * error:
@@ -157,17 +98,19 @@ class Candidate:
     possible : bool         Whether that is physically possible.
     evidence : float        Twice the logarithm of the Bayes factor over the model as it is, averaged over the widths of its prior. [-]
     widths : (float, float) The same with half and with twice the widths of the table.
-    rmse : (float, float)   Before and after, all sensors. [K]
+    rmse : (float, float)   Before and after, all sensors, at the values that are likeliest in the noise of the comparison. [K]
+    weighted : (float, float)   The same in units of the stated noise, weighed by the inverse of that noise: what the evidence rests on. [-]
     fit : Calibration       The full fit of what is suggested; None of all others.
     refused : str           Why it could not be tried; empty where it was.
     """
 
     name: str
-    found: str
-    possible: bool
-    evidence: float
-    widths: tuple[float, float]
-    rmse: tuple[float, float]
+    found: str = ""
+    possible: bool = True
+    evidence: float = -np.inf
+    widths: tuple[float, float] = (-np.inf, -np.inf)
+    rmse: tuple[float, float] = (np.nan, np.nan)
+    weighted: tuple[float, ...] = (np.nan, np.nan)
     fit: Calibration | None = None
     refused: str = ""
 
@@ -177,9 +120,10 @@ class Candidate:
         return min(self.evidence, *self.widths) > VERY_STRONG
 
     def to_dict(self) -> dict[str, Any]:
-        """Return its figures, in SI; `tried` is whether it could be laid over the model."""
+        """Return its figures, in SI; `tried` is whether it was refitted."""
         keys = ("name", "found", "possible", "evidence", "refused")
-        return {**{k: getattr(self, k) for k in keys}, "widths": list(self.widths), "rmse": list(self.rmse), "tried": not self.refused}
+        pairs = {k: list(getattr(self, k)) for k in ("widths", "rmse", "weighted")}
+        return {**{k: getattr(self, k) for k in keys}, **pairs, "tried": bool(self.found)}
 
     def __str__(self) -> str:
         """The candidate in words."""
@@ -191,7 +135,8 @@ class Candidate:
             f"and {self.widths[1]:+.3g} with twice the prior's width)"
         )
         word = "" if self.possible else ", which is not physically possible"
-        return f"{text}; found {self.found}{word}; RMSE {short(self.rmse[0], 3)} -> {short(self.rmse[1], 3)} K"
+        rmse, weighted = (" -> ".join(short(x, 3) for x in pair) for pair in (self.rmse, self.weighted))
+        return f"{text}; found {self.found}{word}; RMSE {rmse} K, {weighted} of the stated noise as the comparison weighs residuals"
 
 
 @dataclass(frozen=True, eq=False)
@@ -204,12 +149,14 @@ class Criticism(Result):
     traces : tuple of TraceCriticism    Per record and sensor.
     candidates : tuple of Candidate     Elements that were tried, the best supported first.
     checks : tuple of str               Failed checks: values of single records that run with an input.
+    wander : float                      Over what time residuals that count as noise wander; zero where all noise is independent. [s]
     """
 
     title: str
     traces: tuple[TraceCriticism, ...]
     candidates: tuple[Candidate, ...]
     checks: tuple[str, ...] = ()
+    wander: float = 0.0
 
     @property
     def suggested(self) -> Candidate | None:
@@ -234,10 +181,14 @@ class Criticism(Result):
         lines += [f"  failed check: {check}" for check in self.checks]
         lines += [f"  {t}" for t in (coloured or self.traces)[:8]]
         if self.candidates:
-            lines.append("  candidates, each alone:")
+            about = duration_text(float(short(self.wander, 2)))
+            wander = f" what wanders over about {about} counts as noise, so RMSE need not fall" if self.wander else ""
+            lines.append(f"  candidates, each alone:{wander}")
             lines += [f"    {c}" for c in self.candidates if c.refused or c.evidence > WORTH_A_WORD]
-            idle = [c.name for c in self.candidates if not c.refused and c.evidence <= WORTH_A_WORD]
+            idle = [c.name for c in self.candidates if c.found and c.evidence <= WORTH_A_WORD]
             lines += [f"    no evidence for {'; '.join(idle)}"] if idle else []
+            left = [c.name for c in self.candidates if not (c.found or c.refused)]
+            lines += [f"    not refitted, as one evaluation promises less of them: {'; '.join(left)}"] if left else []
             best = self.suggested
             if best is not None:
                 others = [c for c in self.candidates if c is not best and c.found and c.possible and c.proved]
@@ -270,8 +221,9 @@ def criticise(
 
     Notes
     -----
-    Ljung and Box, Biometrika 65 (1978) 297-303, DOI 10.1093/biomet/65.2.297; Bartlett's test of the cumulated periodogram, in Box, Jenkins
-    and Reinsel, Time Series Analysis, 3rd ed., section 8.2.5. The Bayes factor allows the model as it is to have its residuals by chance:
+    Residuals are white by the criterion that a fit states (`SensorStatistics.white`).
+
+    The Bayes factor allows the model as it is to have its residuals by chance:
     on either side they are independent errors and a part that wanders, as large and as slow as makes them likeliest. Values that an element
     adds are integrated over the widths of their priors.
     """
@@ -285,7 +237,8 @@ def criticise(
         refuse_unseen(fit.given_model, "a search for missing elements")
     if not wanted:
         return Criticism(fit.stage, traces, (), checks)
-    return Criticism(fit.stage, traces, tuple(_tried(fit, fit.request, executor, progress or (lambda words, share: None))), checks)
+    candidates, wander = _tried(fit, fit.request, executor, progress or (lambda words, share: None))
+    return Criticism(fit.stage, traces, tuple(candidates), checks, wander)
 
 
 def running_locals(fit: Calibration) -> list[str]:
@@ -333,8 +286,8 @@ def running_locals(fit: Calibration) -> list[str]:
 def _criticise_traces(fit: Calibration) -> list[TraceCriticism]:
     """Return residual statistics of every sensor in every record.
 
-    Each has Ljung and Box's test, the cumulated periodogram, and the least-squares slope of the residuals z over predicted temperature
-    [K/K], sum of all load powers [K/W] and time [K/s]: b = sum (x - mean x) z / sum (x - mean x)^2, its error widened by sqrt(n / n_eff).
+    Each has the least-squares slope of the residuals z over predicted temperature [K/K], sum of all load powers [K/W] and time [K/s]:
+    b = sum (x - mean x) z / sum (x - mean x)^2, its error widened by sqrt(n / n_eff).
     """
     out = []
     powers = {}
@@ -345,7 +298,7 @@ def _criticise_traces(fit: Calibration) -> list[TraceCriticism]:
     for b in fit.blocks:
         at, watts = powers[b.record]
         z, n = b.residuals, b.residuals.size
-        effective = float(fit.statistics[b.record][b.sensor].effective_samples)
+        statistics = fit.statistics[b.record][b.sensor]
         power = np.interp(b.times, at, watts)
         slopes = {}
         for name, x in (("temperature", b.predicted), ("power", power), ("time", b.times)):
@@ -355,27 +308,11 @@ def _criticise_traces(fit: Calibration) -> list[TraceCriticism]:
                 slope = float(spread @ z) / square
                 residuals = z - z.mean() - slope * spread
                 # standard error of a slope, widened by sqrt(n / n_eff) because neighbours repeat each other
-                slopes[name] = slope, float(np.sqrt(residuals @ residuals / max(n - 2, 1) / square * n / max(effective, 3.0)))
-        lag, chance = ljung_box(z)
-        distance, band = periodogram(z)
-        out.append(
-            TraceCriticism(
-                b.record,
-                b.sensor,
-                b.times,
-                b.predicted,
-                power,
-                z,
-                float(np.sqrt(z @ z / n)),
-                b.noise,
-                lag,
-                chance,
-                distance,
-                band,
-                effective,
-                slopes,
-            )
-        )
+                slopes[name] = (
+                    slope,
+                    float(np.sqrt(residuals @ residuals / max(n - 2, 1) / square * n / max(statistics.effective_samples, 3.0))),
+                )
+        out.append(TraceCriticism(b.record, b.sensor, b.times, b.predicted, power, z, b.noise, statistics, slopes))
     return out
 
 
@@ -387,50 +324,52 @@ def _with_progress(items: Iterable[_Item], count: int, words: str, begin: float,
         yield next(made)
 
 
-def _tried(fit: Calibration, request: Request, executor: Workers, progress: Callable[[str, float], None]) -> list[Candidate]:
-    """Return every missing element, the best supported first; those that promise most are refitted, and what is suggested in full."""
+def _tried(fit: Calibration, request: Request, executor: Workers, progress: Callable[[str, float], None]) -> tuple[list[Candidate], float]:
+    """Return every missing element, the best supported first, and over what time residuals that count as noise wander. [s]
+
+    Those that one evaluation promises most of are refitted, all in the noise that is the likeliest with the best of them; what is suggested
+    is fitted in full.
+    """
     with one_thread():
-        budget = EvaluationBudget()
-        base = fitted_structure((), request, fit.fitted, budget=budget)
-        before, refused = base.rmse, list[tuple[str, str]]()
-        tried_structures: list[tuple[str, FittedStructure | None]] = []
+        budget, refused = EvaluationBudget(), list[tuple[str, str]]()
+        base = fitted_structure((), request, fit.fitted, rounds=0)
         progress("heat that no log gives", 0.0)
-        elements = [*missing_elements(fit, request), *unlogged_powers(request)]
-        scores = base.promises(_with_progress(elements, len(elements), "element", 0.2, progress), refused)
+        elements = [*missing_elements(fit, request), *unlogged_powers(base)]
+        alone = noise_of([base.weighing])
+        scores = base.promises(_with_progress(elements, len(elements), "element", 0.2, progress), refused, alone)
         tries = [((s.change,), s.change.request, s.start) for s in scores[:MAX_REFITTED_ELEMENTS]]
-        refits = chain(
-            _with_progress(fitted_structures(tries, base.fitted, budget, executor), len(tries), "refit", 0.5, progress), repeat(None)
-        )
-        for score, outcome in zip(scores, refits, strict=False):
-            if isinstance(outcome, str):
-                refused.append((score.change.name, outcome))
-            else:
-                tried_structures.append((score.change.name, outcome))
-    noise = noise_of([base.weighing, *(one.weighing for _, one in tried_structures if one is not None)])
-    base = base.in_noise(noise)
-    before = base.rmse
-    out: list[tuple[Candidate, FittedStructure | None]] = []
-    for name, one in tried_structures:
-        if one is None:
-            out.append((Candidate(name, "", True, 0.0, (0.0, 0.0), (before, before)), None))
-            continue
-        one = one.in_noise(noise)
-        words, possible = one.judged()[0]
-        halved, _, doubled = 2.0 * (one.weighing.logs - base.weighing.logs)[:, noise]
-        averaged = 2.0 * float(one.weighing.averaged[noise] - base.weighing.averaged[noise])
-        out.append((Candidate(name, words, possible, averaged, (float(halved), float(doubled)), (before, one.rmse)), one))
+        first = [*fitted_structures(tries[:1], base.fitted, budget, None)]
+        noise = noise_of(one.weighing for one in (base, *first) if not isinstance(one, str))
+        refits = fitted_structures(tries, base.fitted, budget, executor, noise=noise)
+        outcomes = [*_with_progress(refits, len(tries), "refit", 0.5, progress)]
+        refused += [(changes[0].name, why) for (changes, _, _), why in zip(tries, outcomes, strict=True) if isinstance(why, str)]
+        refitted = [one for one in outcomes if not isinstance(one, str)]
+        likeliest = noise_of(one.weighing for one in (base, *refitted))
+        refitted = [one if noise == likeliest else one.in_noise(likeliest) for one in refitted]
+        base = base.in_noise(likeliest)
+    out = [(_weighed(one, base, likeliest), one) for one in refitted]
     out.sort(key=lambda row: -row[0].evidence)
-    out += [(Candidate(name, "", False, -np.inf, (-np.inf, -np.inf), (before, before), refused=why), None) for name, why in refused]
     for n, (candidate, one) in enumerate(out):
-        if one is not None and candidate.possible and candidate.proved:
+        if candidate.possible and candidate.proved:
+            progress(f"full fit with {candidate.name}", 0.8)
             try:
-                progress(f"full fit with {candidate.name}", 0.8)
-                refitted = refit(one.full_request)
-                locals_by_name = {f"{v.record}: {v.name}": v for v in refitted.local}
-                words, possible = one.changes[0].judge({**refitted.values.assignments, **locals_by_name})
-                out[n] = replace(candidate, found=words, possible=possible, fit=refitted), one
+                whole = refit(one.full_request)
             except ThermidError as error:
-                out[n] = replace(candidate, refused=error.message, found=""), None
-            if out[n][0].fit is not None and out[n][0].possible:
+                out[n] = replace(candidate, refused=error.message, found=""), one
+                continue
+            locals_by_name = {f"{v.record}: {v.name}": v for v in whole.local}
+            words, possible = one.changes[0].judge({**whole.values.assignments, **locals_by_name})
+            out[n] = replace(candidate, found=words, possible=possible, fit=whole), one
+            if possible:
                 break
-    return [candidate for candidate, _ in out]
+    left = [Candidate(s.change.name) for s in scores[MAX_REFITTED_ELEMENTS:]] + [Candidate(name, refused=why) for name, why in refused]
+    return [*(candidate for candidate, _ in out), *left], float(base.weighing.wander[likeliest])
+
+
+def _weighed(one: FittedStructure, base: FittedStructure, noise: int) -> Candidate:
+    """Return a refitted element beside the model as it is, both in one noise."""
+    words, possible = one.judged()[0]
+    halved, _, doubled = 2.0 * (one.weighing.logs - base.weighing.logs)[:, noise]
+    averaged = 2.0 * float(one.weighing.averaged[noise] - base.weighing.averaged[noise])
+    rmse, weighted = (base.rmse, one.rmse), tuple(float(s.weighing.squares[noise] ** 0.5) for s in (base, one))
+    return Candidate(one.name, words, possible, averaged, (float(halved), float(doubled)), rmse, weighted)

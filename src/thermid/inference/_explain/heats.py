@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from itertools import product
+from operator import itemgetter
 
 import numpy as np
 
@@ -16,10 +18,13 @@ from thermid.fit.power import ONE_TURN, SHAPES, PowerCourse, watts, with_load
 from thermid.inference._explain.candidates import MissingElement, first_step, laid_open
 from thermid.inference._explain.causes import SIZES, SizedValue
 from thermid.inference._explain.rough_fit import MAX_DESCENT_STEPS, MAX_RANKING_STEPS, RoughEnd, RoughFit
+from thermid.inference._explain.structures import FittedStructure, linearised, starting_values
 from thermid.inference._explain.thresholds import (
+    IDLE_SHARE,
     MAX_HEATED_NODES,
     MAX_TRIED_LOADS,
     MAX_WINDOW_SEARCHES,
+    PROMISED_STEP,
     PULSES,
     START_UP_PRECISION,
     START_UP_TIMES,
@@ -50,6 +55,7 @@ class Heat:
     load : str              The load of the deck that it scales; empty where it is a heat of its own.
     sd : float              Standard deviation of the amount about zero. [W, or 1]
     span : float            Length of the record. [s]
+    gain : float            Squares that it would take away by one step, in units of the errors. [-]
     """
 
     kind: str
@@ -61,6 +67,7 @@ class Heat:
     load: str
     sd: float
     span: float
+    gain: float = 0.0
 
     @property
     def when(self) -> str:
@@ -218,9 +225,9 @@ def heats_of(request: Request, fit: RoughFit, base: RoughEnd, logged: Collection
         yield from _windows(request, fit, base, i)
 
 
-def _largest(fit: RoughFit) -> float:
+def largest_power(experiments: Sequence[Experiment]) -> float:
     """Return the largest power that logs and scenarios give, 1 W at least. [W]"""
-    bounds = (s.bounds for e in fit.problem.experiments for s in e.scenario.loads.values())
+    bounds = (s.bounds for e in experiments for s in e.scenario.loads.values())
     return max([1.0, *(float(np.abs(w).max()) for w in bounds if np.size(w))])
 
 
@@ -303,7 +310,7 @@ class Pulses:
     def windows(self, heat: Heat, values_before: Mapping[str, float]) -> list[tuple[float, float]]:
         """Return the windows in which a heat would take most squares away, from where it led."""
         residuals, pulses = self.residuals_and_answers(values_before, heat)
-        return best_windows(self.shape(pulses, heat.flows), residuals, heat.sd, self.edges)
+        return [*best_windows(self.shape(pulses, heat.flows), residuals, heat.sd, self.edges)]
 
 
 def _windows(request: Request, fit: RoughFit, base: RoughEnd, i: int) -> Iterator[Heat]:
@@ -312,19 +319,19 @@ def _windows(request: Request, fit: RoughFit, base: RoughEnd, i: int) -> Iterato
     span = e.scenario.seconds
     pulses_of_record = Pulses.of_record(request, fit, i)
     residuals, pulses = pulses_of_record.residuals_and_answers(fit.named(base))
-    power = _largest(fit)
+    power = largest_power(fit.problem.experiments)
     ends = np.array([0.0, span])
     tried: list[tuple[str, str, Mapping[str, tuple[Array, Array]], float]] = [
         *(("load", node, {node: (ends, np.ones(2))}, SIZES["unlogged"].at(power).spread) for node in pulses_of_record.nodes),
         *(("fan", b, air_flows(fit, base, i, b), SIZES["fan"].spread) for b in e.network.boundaries if air_paths(e, b)),
     ]
     for kind, name, flows, sd in tried:
-        for window in best_windows(pulses_of_record.shape(pulses, flows), residuals, sd, pulses_of_record.edges):
-            yield Heat(kind, name, request, i, flows, window, "", sd, span)
+        for window, gain in best_windows(pulses_of_record.shape(pulses, flows), residuals, sd, pulses_of_record.edges).items():
+            yield Heat(kind, name, request, i, flows, window, "", sd, span, gain)
 
 
-def best_windows(block: Array, residuals: Array, sd: float, edges: Array) -> list[tuple[float, float]]:
-    """Return the windows whose stretches together take most squares away: the best one that lasts to the end, and the best one at all.
+def best_windows(block: Array, residuals: Array, sd: float, edges: Array) -> dict[tuple[float, float], float]:
+    """Return the windows that take most squares away, and how many: the best one that lasts to the end, and the best one at all.
 
     Parameters
     ----------
@@ -342,70 +349,58 @@ def best_windows(block: Array, residuals: Array, sd: float, edges: Array) -> lis
             square = gram[b, b] - 2.0 * gram[a, b] + gram[a, a] + 1.0 / sd**2
             candidates.append(((cross[b] - cross[a]) ** 2 / square, a, b))
     ends = [max(f for f in candidates if f[2] == count), max(candidates)]
-    return list(dict.fromkeys((float(edges[a]), float(edges[b])) for _, a, b in ends))
+    return {(float(edges[a]), float(edges[b])): float(gain) for gain, a, b in ends}
 
 
-def unlogged_powers(request: Request) -> Iterator[MissingElement]:
+def unlogged_powers(base: FittedStructure) -> Iterator[MissingElement]:
     """Yield courses of a power that no log gives: a start-up transient, a stretch of more or less, a load that follows a temperature.
 
-    Their shapes and instants are chosen by fits of thinned readings.
+    Their shapes and instants are chosen by linearised fits: of all readings for a start-up, of thinned ones for a stretch.
     """
-    request = replace(request, loss="linear")
-    try:
-        fit = RoughFit.of_request(request)
-        base = fit.solve(fit.start())
-    except ThermidError:
-        return
-    loads = {r.path: r.node for e in fit.problem.experiments for r in e.network.flat.loads}
-    steps = [(node, first_step(fit.problem.experiments, path)) for path, node in loads.items()]
+    base = replace(base, request=replace(base.request, loss="linear"))
+    experiments, request = base.problem.experiments, base.request
+    loads = {r.path: r.node for e in experiments for r in e.network.flat.loads}
+    steps = [(node, first_step(experiments, path)) for path, node in loads.items()]
     begins = {node: step[0] if step is not None else 0.0 for node, step in reversed(steps)}
-    nodes = list(dict.fromkeys(loads.values())) or list(dict.fromkeys(t.node for t in fit.traces))
-    if (started := _start_up(request, fit, base, {node: begins.get(node, 0.0) for node in nodes[:MAX_TRIED_LOADS]})) is not None:
-        yield started
-    # what begins with the record is a start-up
-    stretches = [h for h in heats_of(request, fit, base, ()) if h.kind == "load" and not h.load and h.window[0] > 0.0]
-    ends = [(end.cost, h) for h in stretches if (end := _end_or_none(h.rough(fit), fit.named(base))) is not None]
-    if ends:
-        yield _stretch(request, min(ends, key=lambda attempt: attempt[0])[1])
+    nodes = list(dict.fromkeys(loads.values())) or list(dict.fromkeys(o.seat for o in base.problem.observations()))
+    with suppress(ThermidError, np.linalg.LinAlgError):
+        yield from _start_up(base, {node: begins.get(node, 0.0) for node in nodes[:MAX_TRIED_LOADS]})
+    with suppress(ThermidError, np.linalg.LinAlgError):
+        fit = RoughFit.of_request(request)
+        heats = heats_of(request, fit, fit.solve(fit.start()), ())
+        # what begins with the record is a start-up
+        stretches = [h for h in heats if h.kind == "load" and not h.load and h.window[0] > 0.0]
+        if stretches:
+            yield _stretch(request, max(stretches, key=lambda h: h.gain))
     for load in [n for n in loads if n in request.model.loads][:MAX_TRIED_LOADS]:
-        if (regulated := _regulated(request, fit, base, load)) is not None:
-            yield regulated
+        yield from _regulated(base, load)
 
 
-def _end_or_none(rough: RoughFit, values_before: Mapping[str, float]) -> RoughEnd | None:
-    """Return the end of a short descent from values in the fitted form; None where no run succeeds."""
-    try:
-        return rough.best(values_before, rounds=MAX_RANKING_STEPS)
-    except (ThermidError, np.linalg.LinAlgError):
-        return None
+def _start_up(base: FittedStructure, begins: Mapping[str, float]) -> Iterator[MissingElement]:
+    """Yield the best start-up transient at one of some nodes, from when its power comes on [s]; none where it would take power off.
 
-
-def _start_up(request: Request, fit: RoughFit, base: RoughEnd, begins: Mapping[str, float]) -> MissingElement | None:
-    """Return the best start-up transient at one of some nodes, from when its power comes on [s]; None where none can be run."""
-
-    def cost(course: PowerCourse) -> float:
-        """Return the cost of the rough fit with a course of heat; infinite where it fails."""
-        end = _end_or_none(RoughFit.of_request(course.within(request), fit), fit.named(base))
-        return np.inf if end is None else end.cost
-
-    spans = {node: min(float(np.ptp(r.times)) for r in request.records) - begin for node, begin in begins.items()}
+    Shapes, nodes and lengths are compared by linearised fits; about the best length of each shape the fit is linearised again, closer by.
+    """
+    least = min(float(np.ptp(r.times)) for r in base.request.records)
     parts = np.geomspace(0.015, 0.4, START_UP_TIMES)
-    tried = [
-        PowerCourse("start_up", node, shape, float(part) * spans[node], begin=begin)
+    courses = [
+        PowerCourse("start_up", node, shape, float(part) * (least - begin), begin=begin)
         for node, begin in begins.items()
         for shape, part in product(SHAPES, parts)
     ]
-    if not tried:
-        return None
-    best = min((cost(c), k, c) for k, c in enumerate(tried))
-    width = 0.5 * float(np.log(parts[1] / parts[0]))
-    while width > START_UP_PRECISION:
-        others = [replace(best[2], time=best[2].time * float(np.exp(d))) for d in (-width, width)]
-        best = min(best, *((cost(c), k, c) for k, c in enumerate(others)), key=lambda attempt: attempt[0])
-        width *= 0.6
-    least, _, course = best
-    if not np.isfinite(least):
-        return None
+    first = _weighed_courses(base, courses, base.fitted)
+    ends = []
+    for shape in SHAPES:
+        best = min((one for one in first if one[1].shape == shape), key=itemgetter(0), default=None)
+        width = float(np.log(parts[1] / parts[0]))
+        while best is not None and np.isfinite(best[0]) and width > START_UP_PRECISION:
+            width *= 0.4
+            others = [replace(best[1], time=best[1].time * float(np.exp(k * width))) for k in (0, -2, -1, 1, 2)]
+            best = min(_weighed_courses(base, others, best[2]), key=itemgetter(0))
+        ends += [best] if best is not None else []
+    cost, course, _ = min(ends, key=itemgetter(0), default=(np.inf, None, {}))
+    if course is None or not np.isfinite(cost):
+        return
 
     def judge(values: Calibration) -> tuple[str, bool]:
         """Return what the fitted heat is, in words, and whether it is possible."""
@@ -414,8 +409,40 @@ def _start_up(request: Request, fit: RoughFit, base: RoughEnd, begins: Mapping[s
 
     after = f" and begin = '{short(course.begin, 6)} [s]'" if course.begin > 0.0 else ""
     remark = f"; to include it write [stages.courses.start_up] with into = '{course.into}'{after}"
-    title, sizes = f"a start-up transient of the power at '{course.into}'{remark}", {"start_up.power": SIZES["course"].at(_largest(fit))}
-    return MissingElement(title, course.within(request), judge, course.within, sizes=sizes, additive=True, chosen=1)
+    size = SIZES["course"].at(largest_power(base.problem.experiments))
+    title, sizes = f"a start-up transient of the power at '{course.into}'{remark}", {"start_up.power": size}
+    yield MissingElement(title, course.within(base.request), judge, course.within, sizes=sizes, additive=True, chosen=1)
+
+
+def _weighed_courses(
+    base: FittedStructure, courses: Sequence[PowerCourse], values: Mapping[str, float]
+) -> list[tuple[float, PowerCourse, dict[str, float]]]:
+    """Return cost, course with its power, and values (fitted form), of a linearised fit with each course alone; all of one run.
+
+    The first course acts with its power, at `values`; all others lie over the model so small that they do not act.
+    """
+    request, powers = base.request, [c.power if k == 0 and c.power != 1.0 else IDLE_SHARE * c.power for k, c in enumerate(courses)]
+    for k, c in enumerate(courses):
+        request = replace(c, name=f"{c.name}_{k}", power=powers[k]).within(request)
+    problem = replace(build_problem(request), noise=base.problem.noise)
+    at = starting_values(problem, values, {})
+    rows, matrix = linearised(problem, at)
+    place = {u.name: k for k, u in enumerate(problem.unknowns)}
+    of_course = [place[f"{c.name}_{k}.power"] for k, c in enumerate(courses)]
+    known = [k for k in range(at.size) if k not in of_course]
+    scale = np.array([PROMISED_STEP * problem.unknowns[k].scale for k in known])
+    answers = [matrix[:, k] / problem.unknowns[k].slope(float(at[k])) for k in of_course]  # per watt
+    others, free = rows - powers[0] * answers[0], np.concatenate([matrix[:, known] * scale, np.eye(scale.size)])
+    out = []
+    for course, answer in zip(courses, answers, strict=True):
+        size = float(np.linalg.norm(answer)) or 1.0
+        wide = np.column_stack([free, np.concatenate([answer / size, np.zeros(scale.size)])])
+        step = np.linalg.lstsq(wide, np.concatenate([-others, np.zeros(scale.size)]), rcond=None)[0]
+        squares = float(np.sum((np.concatenate([others, np.zeros(scale.size)]) + wide @ step) ** 2))
+        moved = {problem.unknowns[k].name: float(at[k] + d) for k, d in zip(known, scale * step[:-1], strict=True)}
+        power = float(step[-1]) / size
+        out.append((0.5 * squares if power > 0.0 else np.inf, replace(course, power=max(power, 0.0)), moved))
+    return out
 
 
 def _stretch(request: Request, heat: Heat) -> MissingElement:
@@ -436,48 +463,32 @@ def _stretch(request: Request, heat: Heat) -> MissingElement:
     return MissingElement(title, make(request), judge, make, sizes=sizes, chosen=2)
 
 
-def _regulated(request: Request, fit: RoughFit, base: RoughEnd, load: str) -> MissingElement | None:
-    """Return a load as a proportional heater, P = gain (setpoint - T), at most five times the deck's power; None where none runs."""
+def _regulated(base: FittedStructure, load: str) -> Iterator[MissingElement]:
+    """Yield a load as a proportional heater, P = gain (setpoint - T), at most five times the deck's power; none without readings there."""
+    request, problem = base.request, base.problem
     heat_load = request.model.loads[load]
-    traces = [t for t in fit.traces if t.node == heat_load.into]
-    values = fit.problem.experiments[0].network.flat.parameters.evaluate({})
-    power = float(values.get(f"{load}.power", 0.0))
-    if not traces or power <= 0.0 or set(heat_load.fields) != {"power"}:
-        return None
-    low, high = float(traces[0].measured.min()), float(traces[0].measured.max())
+    readings = [o.measured for o in problem.observations() if o.seat == heat_load.into]
+    power = float(problem.experiments[0].network.flat.parameters.evaluate({}).get(f"{load}.power", 0.0))
+    if not readings or power <= 0.0 or set(heat_load.fields) != {"power"}:
+        return
+    low, high = float(readings[0].min()), float(readings[0].max())
+    gain_is, setpoint_is = f"{load}.proportional.gain", f"{load}.proportional.setpoint"
+    # P(T) = gain (setpoint - T), its set point above the highest reading, its gain so that P is the deck's power at mid-range
+    setpoints = [high + above * (high - low) for above in (0.5, 0.1, 1.5)]
+    starts = tuple({gain_is: power / max(t - 0.5 * (low + high), 0.1), setpoint_is: t} for t in setpoints)
+    fields = {"gain": f"{starts[0][gain_is]!r} [W/K]", "setpoint": f"{setpoints[0] - ICE_POINT!r} [degC]"}
+    heater = watts(heat_load.into, power=f"{5.0 * power!r} [W]", proportional=fields)
 
-    def law(above: float) -> Callable[[Request], Request]:
-        """Return what makes a load proportional to its distance from a set point, so far above the highest reading. [-]"""
-        # P(T) = gain (setpoint - T), its set point above the highest reading, its gain so that P is the deck's power at mid-range
-        setpoint = high + above * (high - low)
-        gain = power / max(setpoint - 0.5 * (low + high), 0.1)
-        fields = {"gain": f"{gain!r} [W/K]", "setpoint": f"{setpoint - ICE_POINT!r} [degC]"}
-        heater = watts(heat_load.into, power=f"{5.0 * power!r} [W]", proportional=fields)
-        free_added = (f"{load}.proportional.gain", f"{load}.proportional.setpoint")
-
-        def make(request: Request) -> Request:
-            """Return the request with the heat that the candidate adds."""
-            free_before = tuple(p for p in request.free if p != f"{load}.power")
-            return replace(request, model=with_load(request.model, load, heater), free=(*free_before, *free_added))
-
-        return make
-
-    laws = [law(above) for above in (0.1, 0.5, 1.5)]
-    ends = [
-        (end.cost, k)
-        for k, make in enumerate(laws)
-        if (end := _end_or_none(RoughFit.of_request(make(request), fit), fit.named(base))) is not None
-    ]
-    if not ends:
-        return None
-    make = laws[min(ends)[1]]
+    def make(request: Request) -> Request:
+        """Return the request with the heat that the candidate adds."""
+        free_before = tuple(p for p in request.free if p != f"{load}.power")
+        return replace(request, model=with_load(request.model, load, heater), free=(*free_before, gain_is, setpoint_is))
 
     def judge(fitted: Calibration) -> tuple[str, bool]:
         """Return what the fitted heat is, in words, and whether it is possible."""
-        gain, setpoint = fitted[f"{load}.proportional.gain"].value, fitted[f"{load}.proportional.setpoint"].value
+        gain, setpoint = fitted[gain_is].value, fitted[setpoint_is].value
         return f"{short(gain, 3)} W/K below {format_value(setpoint, 'degC')}", gain > 0.0
 
     name = f"a regulated load: the power of '{load}' follows the temperature of '{heat_load.into}'"
-    begun = {u.name: u.start for u in build_problem(make(request)).unknowns if u.name.startswith(f"{load}.proportional.")}
-    sizes = {n: SIZES["gain"].at(v) if n.endswith("gain") else SizedValue(v, SIZES["setpoint"].spread / v) for n, v in begun.items()}
-    return MissingElement(name, make(request), judge, make, sizes=sizes)
+    sizes = {gain_is: SIZES["gain"].at(starts[0][gain_is]), setpoint_is: SizedValue(setpoints[0], SIZES["setpoint"].spread / setpoints[0])}
+    yield MissingElement(name, make(request), judge, make, sizes=sizes, starts=starts)

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Container, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from operator import itemgetter
 from typing import Any
@@ -22,7 +22,20 @@ from thermid.base.dual import value_of
 from thermid.base.errors import IdentificationError, ThermidError
 from thermid.base.linear_algebra import Array, one_thread
 from thermid.base.units import from_si, unit
-from thermid.fit.calibration import MOST_EVALUATIONS, Fit, Prior, Problem, Request, Unknown, build_problem, ended, minimise, starting_point
+from thermid.fit.calibration import (
+    MOST_EVALUATIONS,
+    Binned,
+    Fit,
+    Prior,
+    Problem,
+    Request,
+    Unknown,
+    build_problem,
+    ended,
+    minimise,
+    starting_point,
+    white_rows,
+)
 from thermid.inference._explain.candidates import Fitted, MissingElement
 from thermid.inference._explain.causes import SizedValue
 from thermid.inference._explain.thresholds import (
@@ -42,7 +55,7 @@ from thermid.inference._explain.thresholds import (
     TIE,
     WIDE_ERRORS,
 )
-from thermid.inference._explain.weighing import CauseScore, noise_of, weighed_at, weighed_in_noise
+from thermid.inference._explain.weighing import CauseScore, noise_of, seen_in_stretches, weighed_at, weighed_in_noise
 from thermid.measure.amounts import duration_text, short
 from thermid.model.elements import Constant, TableSignal, exact
 from thermid.simulation.runs import Scenario, Workers, in_tasks, simulate
@@ -60,6 +73,7 @@ class FittedStructure:
     end : Fit                           Where its fit ended.
     weighing : CauseScore                 How likely the readings are with it.
     nodes : int                         Masses of the model, sensors that lag among them.
+    noise : int                         Column of the score in which its values are the likeliest; None where that is white noise.
     """
 
     changes: tuple[MissingElement, ...]
@@ -68,6 +82,7 @@ class FittedStructure:
     end: Fit
     weighing: CauseScore
     nodes: int
+    noise: int | None = None
 
     @property
     def name(self) -> str:
@@ -92,8 +107,9 @@ class FittedStructure:
 
     def judged(self) -> list[tuple[str, bool]]:
         """Return what each change found, in words, and whether that is physically possible."""
-        errors, pairs = self.errors(), zip(self.problem.unknowns, self.end.fitted, strict=True)
-        values = {u.name: _ValueWithError(u.to_value(float(x)), float(u.slope(float(x)) * errors[u.name])) for u, x in pairs}
+        errors = [*self.errors().values()] if self.noise is None else self.weighing.errors[self.noise]
+        several = zip(self.problem.unknowns, self.end.fitted, errors, strict=True)
+        values = {u.name: _ValueWithError(u.to_value(float(x)), float(u.slope(float(x)) * error)) for u, x, error in several}
         return [c.judge(values) for c in self.changes]
 
     @property
@@ -129,44 +145,43 @@ class FittedStructure:
 
     def in_noise(self, noise: int) -> FittedStructure:
         """Return the structure at the values that are likeliest in one noise, a column of the score; see `weighed_in_noise`."""
-        sizes, chosen = _added(self.changes)
-        loss, scale = self.request.loss, self.request.loss_scale
         try:
-            score, at = weighed_in_noise(self.problem, np.asarray(self.end.fitted), sizes, noise, loss, scale)
-            end = ended(self.problem, at, loss, scale)
+            return fitted_structure(self.changes, self.request, self.fitted, noise=noise)
         except (ThermidError, np.linalg.LinAlgError):
             return self
-        return replace(self, end=end, weighing=score.less(chosen))
 
-    def promises(self, changes: Iterable[MissingElement], refused: list[tuple[str, str]]) -> list[PromisedChange]:
-        """Return what one evaluation promises of each change from its best start, the most first; `refused` takes what cannot be built.
+    def promises(self, changes: Iterable[MissingElement], refused: list[tuple[str, str]], noise: int | None = None) -> list[PromisedChange]:
+        """Return what one evaluation promises of each change from its best start, the most first; `refused` takes what cannot be run.
 
-        It says which changes are worth a refit, and no more: where a step leads too far, nothing of it may come true.
+        It says which changes are worth a refit, and no more: where a step leads too far, nothing of it may come true. With `noise`, a
+        column of the score, what is promised in that noise counts as well as in white noise, each beside the most of all.
         """
+        at, every_change = np.asarray(self.end.fitted), list(changes)
+        like = [] if noise is None else seen_in_stretches(self.problem, at, "linear", 1.0)
+        systems, unchanged = _systems(self.problem, at, noise, like), np.zeros(at.size, dtype=bool)
+        before = [_stepped(self.problem.unknowns, at, rows, matrix, unchanged)[0] for rows, matrix in systems]
         reduced = max(self.end.chi_square / max(self.problem.freedom, 1.0), 1e-12)
-        values_before = self.fitted
-        before = _promised(self.problem, self.end.fitted, values_before, False)[0]
-        every_change = list(changes)
-        out = [PromisedChange(c, start, gain / reduced) for c, start, gain in _promised_together(self, every_change)]
+        out = [*_promised_together(self, every_change, noise, like)]
         done = [p.change for p in out]
         for change in (c for c in every_change if c not in done):
-            try:
-                problem = build_problem(change.request)
-            except ThermidError as error:
-                refused.append((change.name, error.message))
-                continue
-            promises_of_starts = []
+            why, count = "", len(out)
             for start in change.starts or ({},):
                 try:
-                    after, larger = _promised(problem, _starting_values(problem, values_before, start), values_before, change.additive)
-                    promises_of_starts.append((before - after, {**start, **larger}))
-                except ThermidError:
+                    problem = build_problem(change.request)
+                    at = starting_values(problem, self.fitted, start)
+                    systems = _systems(problem, at, noise, like)
+                except ThermidError as error:
+                    why = error.message
                     continue
-            out += [
-                PromisedChange(change, start, gain / reduced)
-                for gain, start in sorted(promises_of_starts, key=lambda promise: -promise[0])[:1]
-            ]
-        return sorted(out, key=lambda s: -s.gain)
+                new = np.array([change.additive and u.name not in self.fitted for u in problem.unknowns], dtype=bool)
+                stepped = [_stepped(problem.unknowns, at, rows, matrix, new) for rows, matrix in systems]
+                gains = tuple(b - after for b, (after, _) in zip(before, stepped, strict=True))
+                out.append(PromisedChange(change, {**start, **stepped[-1][1]}, gains))
+            refused += [(change.name, why)] if len(out) == count else []
+        most = [max(max(gains), 1e-12) for gains in zip(*(p.gains for p in out), strict=True)]
+        ranked = sorted(out, key=lambda p: -max(gain / top for gain, top in zip(p.gains, most, strict=True)))
+        best = {id(p.change): p for p in reversed(ranked)}  # of several starts the best
+        return [replace(p, gains=tuple(gain / reduced for gain in p.gains)) for p in ranked if best[id(p.change)] is p]
 
     @property
     def full_request(self) -> Request:
@@ -215,12 +230,17 @@ class PromisedChange:
     ----------
     change : MissingElement
     start : dict        Path -> value that the refit begins from. [SI]
-    gain : float        Promised fall of the cost, in log-likelihood at the noise of the fit before. [-]
+    gains : tuple       Promised fall of the cost, in log-likelihood at the noise of the fit before: in white noise, and in another. [-]
     """
 
     change: MissingElement
     start: Mapping[str, float]
-    gain: float
+    gains: tuple[float, ...]
+
+    @property
+    def gain(self) -> float:
+        """That in white noise. [-]"""
+        return self.gains[0]
 
 
 @dataclass(frozen=True, eq=False)
@@ -513,10 +533,10 @@ def _noise_of(structures: Sequence[FittedStructure]) -> int:
 
 def _pair(a: PromisedChange, b: PromisedChange) -> PromisedChange:
     """Return two changes as one, whose promise is the sum of both."""
-    return PromisedChange(a.change.beside(b.change), {**a.start, **b.start}, a.gain + b.gain)
+    return PromisedChange(a.change.beside(b.change), {**a.start, **b.start}, (a.gain + b.gain,))
 
 
-def _starting_values(problem: Problem, values_before: Mapping[str, float], start: Mapping[str, float]) -> Array:
+def starting_values(problem: Problem, values_before: Mapping[str, float], start: Mapping[str, float]) -> Array:
     """Return where a refit begins (unknowns,), fitted form: at `start` [SI], else `values_before` (fitted form), else the deck."""
     at = starting_point(problem.unknowns)
     for k, u in enumerate(problem.unknowns):
@@ -527,24 +547,24 @@ def _starting_values(problem: Problem, values_before: Mapping[str, float], start
     return at
 
 
-def _promised(problem: Problem, at: Array, values_before: Mapping[str, float], additive: bool) -> tuple[float, dict[str, float]]:
-    """Return the cost that one step of Gauss and Newton promises, half a sum of squares whatever the loss, and what small values become.
-
-    Parameters
-    ----------
-    values_before : dict  Unknowns of the fit before.
-    additive : bool     Whether the others are small values whose effect is proportional to them; none of them may turn negative.
-    """
-    rows, matrix = _linearised(problem, at)
-    new = np.array([additive and u.name not in values_before for u in problem.unknowns], dtype=bool)
-    return _stepped(problem.unknowns, at, rows, matrix, new)
-
-
-def _linearised(problem: Problem, at: Array) -> tuple[Array, Array]:
+def linearised(problem: Problem, at: Array) -> tuple[Array, Array]:
     """Return residuals (rows,) and their derivatives (rows, unknowns), priors below the readings."""
-    compressed = problem.compressed(at)
+    return _systems(problem, at, None, [])[0]
+
+
+def _systems(problem: Problem, at: Array, noise: int | None, like: Sequence[Binned]) -> list[tuple[Array, Array]]:
+    """Return residuals (rows,) and derivatives (rows, unknowns), priors below the readings: in white noise, and in `noise` where given.
+
+    `like` are the traces of the structure before, by which white noise is as large as it is inside their stretches.
+    """
+    if noise is None:
+        compressed = problem.compressed(at)
+        readings = [(compressed.rows, compressed.slopes)]
+    else:
+        pieces = seen_in_stretches(problem, at, "linear", 1.0)
+        readings = [white_rows(pieces, n, like) for n in (0, noise)]
     priors, slopes = problem.prior_rows(at)
-    return np.concatenate([compressed.rows, priors]), np.concatenate([compressed.slopes, slopes])
+    return [(np.concatenate([rows, priors]), np.concatenate([matrix, slopes])) for rows, matrix in readings]
 
 
 def _stepped(
@@ -568,9 +588,9 @@ def _stepped(
 
 
 def _promised_together(
-    structure: FittedStructure, changes: Iterable[MissingElement]
-) -> Iterator[tuple[MissingElement, dict[str, float], float]]:
-    """Yield what small elements promise, each alone, with its start [SI] and the fall of the cost: all of one run of every record.
+    structure: FittedStructure, changes: Iterable[MissingElement], noise: int | None, like: Sequence[Binned]
+) -> Iterator[PromisedChange]:
+    """Yield what small elements promise, each alone: all of one run of every record; see `FittedStructure.promises`.
 
     All lie over the model together, so small that they do not act: a derivative says what each would do. None are yielded of those that
     cannot be laid over it so.
@@ -589,23 +609,20 @@ def _promised_together(
         try:
             problem = build_problem(request)
             begun = {u.name: u.to_value(u.to_fitted(u.start)) * IDLE_SHARE for u in problem.unknowns if u.name in names}
-            at = np.maximum(_starting_values(problem, structure.fitted, begun), [u.fitted_bounds()[0] for u in problem.unknowns])
-            rows, matrix = _linearised(problem, at)
+            at = np.maximum(starting_values(problem, structure.fitted, begun), [u.fitted_bounds()[0] for u in problem.unknowns])
+            systems = _systems(problem, at, noise, like)
         except ThermidError:
             continue
-        before = _cost_with((), names, problem.unknowns, at, rows, matrix)[0]
-        for change in laid:
-            after, larger = _cost_with(change.sizes, names, problem.unknowns, at, rows, matrix)
-            yield change, larger, before - after
-
-
-def _cost_with(
-    own: Container[str], added: Container[str], unknowns: Sequence[Unknown], at: Array, rows: Array, matrix: Array
-) -> tuple[float, dict[str, float]]:
-    """Return what the fit promises with an element that has its `own` unknowns of those that were `added`; see `_stepped`."""
-    taken = [j for j, u in enumerate(unknowns) if u.name in own or u.name not in added]
-    new = np.array([unknowns[j].name in own for j in taken], dtype=bool)
-    return _stepped([unknowns[j] for j in taken], at[taken], rows, matrix[:, taken], new, IDLE_SHARE)
+        before: list[float] = []
+        for change in (None, *laid):
+            own = change.sizes if change else {}
+            taken = [j for j, u in enumerate(problem.unknowns) if u.name in own or u.name not in names]
+            unknowns, new = [problem.unknowns[j] for j in taken], np.array([problem.unknowns[j].name in own for j in taken], dtype=bool)
+            stepped = [_stepped(unknowns, at[taken], rows, matrix[:, taken], new, IDLE_SHARE) for rows, matrix in systems]
+            if change:
+                yield PromisedChange(change, stepped[-1][1], tuple(b - after for b, (after, _) in zip(before, stepped, strict=True)))
+            else:
+                before = [after for after, _ in stepped]
 
 
 def fitted_structure(
@@ -615,6 +632,7 @@ def fitted_structure(
     start: Mapping[str, float] | None = None,
     budget: EvaluationBudget | None = None,
     rounds: int = MOST_EVALUATIONS,
+    noise: int | None = None,
 ) -> FittedStructure:
     """Fit one structure and weigh it.
 
@@ -625,7 +643,8 @@ def fitted_structure(
     values_before : dict  Unknown -> value in the fitted form, from a fit before.
     start : dict        Path -> value of new unknowns. [SI]
     budget : EvaluationBudget     What its evaluations are taken from; it is given up where none is left.
-    rounds : int        Its rough and its fine descent end after so many evaluations each in any case.
+    rounds : int        Its rough and its fine descent end after so many evaluations each in any case; 0 leaves it where it begins.
+    noise : int         Column of the score in whose noise its values are the likeliest; white noise by default.
 
     Raises
     ------
@@ -634,8 +653,8 @@ def fitted_structure(
     """
     sizes, chosen = _added(changes)
     problem = _with_loose_priors(build_problem(request), sizes)
-    end, weighing = _ended(problem, request, sizes, chosen, values_before, start or {}, budget or EvaluationBudget(), rounds)
-    return _structure_at(changes, request, problem, end, weighing)
+    end, weighing = _ended(problem, request, sizes, chosen, values_before, start or {}, budget or EvaluationBudget(), rounds, noise)
+    return _structure_at(changes, request, problem, end, weighing, noise)
 
 
 def fitted_structures(
@@ -644,6 +663,7 @@ def fitted_structures(
     budget: EvaluationBudget,
     executor: Workers,
     rounds: int = 1,
+    noise: int | None = None,
 ) -> Iterator[FittedStructure | str]:
     """Yield structures as `fitted_structure` does, or why one could not be fitted, in order, until the budget is used up.
 
@@ -653,20 +673,21 @@ def fitted_structures(
     values_before, budget   As there; what is fitted in tasks counts in order, so that the same is given up.
     executor : see `Workers`
     rounds : int        How often as much may be asked for: processes of this machine begin where all of it is worth them.
+    noise : int         As there.
     """
     if executor is None:
         for changes, request, start in tries:
             if budget.over:
                 return
             try:
-                yield fitted_structure(changes, request, values_before, start, budget)
+                yield fitted_structure(changes, request, values_before, start, budget, noise=noise)
             except (ThermidError, np.linalg.LinAlgError) as error:
                 yield str(error)
         return
     allowed = budget.allowed - budget.spent
     added = [_added(changes) for changes, _, _ in tries]
     tasks = [
-        (f"the refit of {changes[-1].name}", (request, *sizes_and_chosen, values_before, start, allowed))
+        (f"the refit of {changes[-1].name}", (request, *sizes_and_chosen, values_before, start, allowed, noise))
         for (changes, request, start), sizes_and_chosen in zip(tries, added, strict=True)
     ]
     ahead = EVALUATIONS_OF_A_REFIT * budget.pace * len(tasks) * rounds
@@ -681,7 +702,7 @@ def fitted_structures(
         if isinstance(outcome, str):
             yield outcome
         else:
-            yield _structure_at(changes, request, _with_loose_priors(build_problem(request), sizes), *outcome)
+            yield _structure_at(changes, request, _with_loose_priors(build_problem(request), sizes), *outcome, noise)
 
 
 def _added(changes: Sequence[MissingElement]) -> tuple[dict[str, SizedValue], float]:
@@ -696,13 +717,14 @@ def _ended_in_task(
     values_before: Mapping[str, float],
     start: Mapping[str, float],
     allowed: float,
+    noise: int | None,
 ) -> tuple[tuple[Fit, CauseScore] | str, int]:
     """Return where a fit ended, or why it did not, and the evaluations that it took."""
     budget = EvaluationBudget(allowed)
     try:
         with one_thread():
             problem = _with_loose_priors(build_problem(request), sizes)
-            return _ended(problem, request, sizes, chosen, values_before, start, budget), budget.spent
+            return _ended(problem, request, sizes, chosen, values_before, start, budget, noise=noise), budget.spent
     except (ThermidError, np.linalg.LinAlgError) as error:
         return str(error), budget.spent
 
@@ -716,9 +738,16 @@ def _ended(
     start: Mapping[str, float],
     budget: EvaluationBudget,
     rounds: int = MOST_EVALUATIONS,
+    noise: int | None = None,
 ) -> tuple[Fit, CauseScore]:
     """Return where a fit ended, and how likely readings are there."""
-    begun, at = time.process_time(), _starting_values(problem, values_before, start)
+    begun, at = time.process_time(), starting_values(problem, values_before, start)
+    if noise is not None:
+        score, at = weighed_in_noise(problem, at, sizes, noise, request.loss, request.loss_scale)
+        return ended(problem, at, request.loss, request.loss_scale), score.less(chosen)
+    if not rounds:
+        score = weighed_at(problem, at, sizes, request.loss, request.loss_scale)
+        return ended(problem, at, request.loss, request.loss_scale), score.less(chosen)
     end = minimise(problem, request.loss, request.loss_scale, at, budget.watch(request.name), SEARCH_DONE_STEP, rounds)
     budget.pace = min(budget.pace, (time.process_time() - begun) / max(end.evaluations, 1))
     if not np.isfinite(end.cost):
@@ -727,12 +756,12 @@ def _ended(
 
 
 def _structure_at(
-    changes: tuple[MissingElement, ...], request: Request, problem: Problem, end: Fit, weighing: CauseScore
+    changes: tuple[MissingElement, ...], request: Request, problem: Problem, end: Fit, weighing: CauseScore, noise: int | None
 ) -> FittedStructure:
     """Return a fitted structure with the number of its masses."""
     numbers = problem.experiments[0].network.numbers()
     nodes = sum(c is not None and float(value_of(c)) > 0 for c in numbers.capacitances.values())
-    return FittedStructure(changes, request, problem, end, weighing, nodes)
+    return FittedStructure(changes, request, problem, end, weighing, nodes, noise)
 
 
 def _with_loose_priors(problem: Problem, sizes: Mapping[str, SizedValue]) -> Problem:

@@ -30,8 +30,8 @@ VERY_STRONG, WORTH_A_WORD = 10.0, 2.0
 773-795, DOI 10.1080/01621459.1995.10476572. [-]"""
 MIN_SLOPE_DEVIATIONS: Final = 3.0
 """Standard errors from which residuals are said to go with temperature, power or time. [-]"""
-MAX_LAGS, MAX_REFITTED_ELEMENTS = 20, 10
-"""Lags that a test of whiteness sums, and elements that are refitted: those that one evaluation promises most of."""
+MAX_REFITTED_ELEMENTS: Final = 5
+"""Elements that are refitted: those that one evaluation promises most of."""
 MIN_RECORDS_COMPARED: Final = 6
 """Records from which a value of single records is compared with an input."""
 
@@ -88,7 +88,7 @@ MAX_TRIED_LOADS: Final = 3
 """Most nodes and loads at which a course of an unlogged power is tried."""
 MAX_WINDOW_SEARCHES: Final = 3
 """How often a window is looked for again, from where the last one led."""
-START_UP_TIMES, START_UP_PRECISION = 5, 0.03
+START_UP_TIMES, START_UP_PRECISION = 8, 0.02
 """Times that a start-up is first tried with at every load, and how well that of the best is found, in logarithms. [-]"""
 TELLING_DIFFERENCE: Final = 0.2
 """Difference below which a measured temperature says nothing of the heat that leaves by it. [K]"""
@@ -178,8 +178,8 @@ BALANCE_STEP: Final = 1e-3
 MAX_SEEN_STRETCHES: Final = 240
 """Stretches of time in which a trace of more readings is looked at, two readings in each at least: a lag or a delay shows in the first of
 them after a step. [-]"""
-CONFIRMED_GAIN, MAX_CONFIRMED_STEPS = 0.5, 6
-"""What of a logarithm may rest on a linearisation that no run has confirmed, and the runs that are made to confirm it. [-]"""
+NOISE_DONE_STEP, NOISE_DONE_GAIN, MOST_STEPS_IN_NOISE = 0.2, 1e-5, 20
+"""A descent in one noise ends at this part of a standard error, at a step that gains this part of the cost, or after so many runs. [-]"""
 WIDTHS: Final = (0.5, 1.0, 2.0)
 """Factors on every width of the table over which a score is averaged, each as likely. [-]"""
 CHOSEN: Final = 3.0

@@ -8,15 +8,14 @@ ended the model is linear in its values (Laplace: MacKay, Information Theory, In
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from thermid.base.errors import SolverError
 from thermid.base.linear_algebra import Array
-from thermid.fit.calibration import Problem, binned, evidences
+from thermid.fit.calibration import Binned, Problem, binned, descend, evidences, wander_times, white_rows
 from thermid.inference._explain.causes import SizedValue
-from thermid.inference._explain.thresholds import CONFIRMED_GAIN, MAX_CONFIRMED_STEPS, MAX_SEEN_STRETCHES, WIDTHS
+from thermid.inference._explain.thresholds import MAX_SEEN_STRETCHES, MOST_STEPS_IN_NOISE, NOISE_DONE_GAIN, NOISE_DONE_STEP, WIDTHS
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,9 +26,15 @@ class CauseScore:
     ----------
     logs : array (widths, noises)   Logarithms of the evidence, but for a constant that all models of the same readings share: a row for
                                     each factor of `WIDTHS` on the priors, a column for each noise of a grid.
+    squares : array (noises,)       Mean square of the residuals in units of the stated noise, weighed as each noise weighs them. [-]
+    errors : array (noises, unknowns)   Standard error of every unknown in its fitted form, by the widths of the table.
+    wander : array (noises,)        Over what time each noise wanders in the first trace, zero where it hardly does. [s]
     """
 
     logs: Array
+    squares: Array = field(default_factory=lambda: np.zeros(0))
+    errors: Array = field(default_factory=lambda: np.zeros((0, 0)))
+    wander: Array = field(default_factory=lambda: np.zeros(0))
 
     @property
     def best(self) -> float:
@@ -43,7 +48,7 @@ class CauseScore:
 
     def less(self, amount: float | Array) -> CauseScore:
         """Return the score with `amount`, one number or (widths, noises), taken off the logarithms. [-]"""
-        return CauseScore(self.logs - amount)
+        return replace(self, logs=self.logs - amount)
 
 
 def noise_of(weighings: Iterable[CauseScore]) -> int:
@@ -62,7 +67,12 @@ def weighed_at(
     loss_scale: float = 1.0,
 ) -> CauseScore:
     """Return the score of a problem where its fit ended; see `_weighed`."""
-    return _weighed(problem, fitted, sizes, loss, loss_scale)[0]
+    return _weighed(problem, fitted, sizes, seen_in_stretches(problem, fitted, loss, loss_scale))[0]
+
+
+def seen_in_stretches(problem: Problem, fitted: Array, loss: str, loss_scale: float) -> Sequence[Binned]:
+    """Return the traces of a problem at some values in stretches of time; see `binned`. `SolverError` when a record cannot be run."""
+    return [*binned(problem, fitted, loss, loss_scale, MAX_SEEN_STRETCHES).values()]
 
 
 def weighed_in_noise(
@@ -75,34 +85,44 @@ def weighed_in_noise(
 ) -> tuple[CauseScore, Array]:
     """Return the score of a problem at the values that are likeliest in one noise, the column `noise` of a score, and these (unknowns,).
 
-    White noise, by which fits are made, and noise that wanders have other ends. What the linearisation promises of the way from one to the
-    other counts only once runs there confirm it: a step that makes readings less likely is shortened, and what is promised beyond the last
-    one, with any width, does not count.
+    White noise, by which fits are made, and noise that wanders have other ends. A descent from `fitted` in that noise leads to the other;
+    what the linearisation promises beyond it, with any width, does not count, for no run confirms it.
 
     Raises
     ------
     SolverError   When a record cannot be run where the fit ended.
     """
+    seen = {fitted.tobytes(): (begun := seen_in_stretches(problem, fitted, loss, loss_scale))}
+
+    def local(x: Array) -> tuple[float, Array, Array]:
+        """Return cost, rows and slopes at some values, made white in the noise; the readings there are kept."""
+        if x.tobytes() not in seen:
+            seen[x.tobytes()] = seen_in_stretches(problem, x, loss, loss_scale)
+        parts = white_rows(seen[x.tobytes()], noise, begun), _prior_rows(problem, x, sizes, 1.0)
+        rows, slopes = (np.concatenate(part) for part in zip(*parts, strict=True))
+        return 0.5 * float(rows @ rows), rows, slopes
+
     low, high = np.array([u.fitted_bounds() for u in problem.unknowns]).reshape(-1, 2).T
-    at = fitted
-    best, moves, gains = _weighed(problem, at, sizes, loss, loss_scale)
-    share = 1.0
-    for _ in range(MAX_CONFIRMED_STEPS):
-        if gains[1, noise] < CONFIRMED_GAIN:
-            break
-        there = np.clip(at + share * moves[noise], low, high)
-        try:
-            score, further, ahead = _weighed(problem, there, sizes, loss, loss_scale)
-            better = (score.logs - ahead)[1, noise] > (best.logs - gains)[1, noise]
-        except SolverError:
-            better = False
-        at, best, moves, gains, share = (there, score, further, ahead, 1.0) if better else (at, best, moves, gains, 0.3 * share)
-    return best.less(gains), at
+    scale = np.array([u.scale for u in problem.unknowns])
+    end = descend(local, fitted, (low, high), scale, done=NOISE_DONE_STEP, relative=NOISE_DONE_GAIN, rounds=MOST_STEPS_IN_NOISE)
+    whole, _, gains = _weighed(problem, end.x, sizes, seen[end.x.tobytes()])
+    return whole.less(gains), end.x
 
 
-def _weighed(
-    problem: Problem, fitted: Array, sizes: Mapping[str, SizedValue], loss: str, loss_scale: float
-) -> tuple[CauseScore, Array, Array]:
+def _prior_rows(problem: Problem, fitted: Array, sizes: Mapping[str, SizedValue], factor: float) -> tuple[Array, Array]:
+    """Return residuals (priors,) of the priors, and derivatives (priors, unknowns): those of `sizes` in place of a problem's own."""
+    is_sized = np.array([u.name in sizes for u in problem.unknowns], dtype=bool)
+    values, slopes = problem.prior_rows(fitted)
+    stated = ~slopes[:, is_sized].any(axis=1) if values.size else np.zeros(0, dtype=bool)
+    values, slopes = values[stated], slopes[stated]
+    for k in np.flatnonzero(is_sized):
+        u = problem.unknowns[k]
+        row, slope = sizes[u.name].row(u.to_value(float(fitted[k])), u.log, factor)
+        values, slopes = np.append(values, row), np.concatenate([slopes, slope * np.eye(is_sized.size)[[k]]])
+    return values, slopes
+
+
+def _weighed(problem: Problem, fitted: Array, sizes: Mapping[str, SizedValue], pieces: Sequence[Binned]) -> tuple[CauseScore, Array, Array]:
     """Return the logarithms (widths, noises) of the evidence of a problem: all unknowns integrated out, readings linear about `fitted`.
 
     Parameters
@@ -110,39 +130,25 @@ def _weighed(
     problem : Problem           Its own priors count for unknowns without an entry in `sizes`.
     fitted : array (unknowns,)  Where readings and priors are linearised; in the fitted form.
     sizes : dict                Unknown -> the prior that takes the place of its own.
-    loss, loss_scale            As in `calibrate`.
+    pieces : sequence of Binned The readings there.
 
     Returns
     -------
     CauseScore
     array (noises, unknowns)    How far each unknown would move in each noise, by the widths of the table.
     array (widths, noises)      What of the logarithms that way promises. [-]
-
-    Raises
-    ------
-    SolverError   When a record cannot be run.
     """
     from scipy.special import log_ndtr
 
-    pieces = [*binned(problem, fitted, loss, loss_scale, MAX_SEEN_STRETCHES).values()]
-    is_sized = np.array([u.name in sizes for u in problem.unknowns], dtype=bool)
-    values, slopes = problem.prior_rows(fitted)
-    stated = ~slopes[:, is_sized].any(axis=1) if values.size else np.zeros(0, dtype=bool)
-    priors, pulls, spent = [], [], []
-    for factor in WIDTHS:
-        stated_values, matrix = values[stated], slopes[stated]
-        for k in np.flatnonzero(is_sized):
-            u = problem.unknowns[k]
-            row, slope = sizes[u.name].row(u.to_value(float(fitted[k])), u.log, factor)
-            stated_values, matrix = np.append(stated_values, row), np.concatenate([matrix, slope * np.eye(is_sized.size)[[k]]])
-        priors.append(matrix.T @ matrix)
-        pulls.append(-matrix.T @ stated_values)
-        spent.append(0.5 * float(stated_values @ stated_values))
-    logs, moves, errors, gains = evidences(pieces, np.array(priors), np.array(pulls))
-    one_sided = [k for k in np.flatnonzero(is_sized) if problem.unknowns[k].log and not sizes[problem.unknowns[k].name].middle]
-    for k in one_sided:  # of a normal about nothing only the upper half is possible: twice the density, times what lies above
-        logs = logs + np.log(2.0) + log_ndtr((1.0 + moves[..., k]) / errors[..., k])
-    return CauseScore(logs - np.array(spent)[:, None]), moves[1], gains
+    rows = [_prior_rows(problem, fitted, sizes, factor) for factor in WIDTHS]
+    priors, pulls = np.array([m.T @ m for _, m in rows]), np.array([-m.T @ values for values, m in rows])
+    logs, moves, errors, gains, squares = evidences(pieces, priors, pulls)
+    for k, u in enumerate(problem.unknowns):
+        # of a normal about nothing only the upper half is possible: twice the density, times what lies above
+        if u.name in sizes and u.log and not sizes[u.name].middle:
+            logs = logs + np.log(2.0) + log_ndtr((1.0 + moves[..., k]) / errors[..., k])
+    logs = logs - np.array([0.5 * float(values @ values) for values, _ in rows])[:, None]
+    return CauseScore(logs, squares, errors[1], wander_times(pieces[0].times)), moves[1], gains
 
 
 def shares(weighings: Sequence[CauseScore]) -> Array:

@@ -16,7 +16,7 @@ from thermid.base.arguments import takes_objects
 from thermid.base.errors import ThermidError
 from thermid.base.files import FileKinds, check_ending, write_bytes, write_text
 from thermid.base.units import from_si, unit
-from thermid.inference.criticism import Criticism, cumulated_periodogram
+from thermid.inference.criticism import Criticism
 from thermid.inference.intervals import Profile
 from thermid.measure.looks import Look
 from thermid.physics.constants import ICE_POINT
@@ -115,17 +115,18 @@ def _profile(figure: Figure, profile: Profile) -> None:
 
 
 def _criticism(figure: Figure, criticism: Criticism) -> None:
-    """Draw the residuals of the worst trace against time, temperature and power, and their cumulated periodogram with its band."""
-    worst = min(criticism.traces, key=lambda t: (t.is_noise, t.white, t.ljung_box, -t.periodogram))
+    """Draw the residuals of the worst trace against time, temperature and power."""
+    worst = min(criticism.traces, key=lambda t: (t.is_noise, t.statistics.white, t.statistics.effective_samples / t.statistics.samples))
     size, unit_name = time_unit(float(worst.times[-1] - worst.times[0]))
-    axes = figure.subplots(2, 2)
+    axes = figure.subplot_mosaic([["time", "time"], ["temperature", "power"]])
     figure.suptitle(f"{criticism.title}: {worst.sensor} in {worst.record}", fontsize=11)
     panels = (
         ("time", worst.times / size, f"time, {unit_name}"),
         ("temperature", worst.temperature - ICE_POINT, "predicted temperature, °C"),
         ("power", worst.power, "power, W"),
     )
-    for axis, (name, x, label) in zip(axes.flat, panels, strict=False):
+    for name, x, label in panels:
+        axis = axes[name]
         axis.axhline(0.0, color=SOFT, linewidth=0.8)
         axis.plot(
             x, worst.residuals, color=RESIDUAL, linewidth=0.8 if name == "time" else 0, marker="." if name != "time" else "", markersize=3
@@ -140,15 +141,6 @@ def _criticism(figure: Figure, criticism: Criticism) -> None:
             axis.set_title(f"slope {abs(slope) / error:.1f} standard errors", loc="right", fontsize=9)
         elif np.ptp(x) == 0:
             axis.set_title("power was constant", loc="right", fontsize=9)
-    share = cumulated_periodogram(worst.residuals)
-    last, axis = float(np.median(np.diff(worst.times))), axes.flat[3]
-    frequency = np.linspace(0.0, 0.5 / last, share.size) * size
-    line = np.linspace(0.0, 1.0, share.size)
-    axis.fill_between(frequency, np.clip(line - worst.band, 0, 1), np.clip(line + worst.band, 0, 1), color=SOFT, alpha=0.18, linewidth=0)
-    axis.plot(frequency, share, color=RESIDUAL, linewidth=1.5)
-    axis.set_title("grey: noise, 95 %", loc="right", fontsize=9)
-    axis.set_xlabel(f"frequency, 1/{unit_name}")
-    axis.set_ylabel("share of variance below")
 
 
 MAX_LIMITS_DRAWN = 6

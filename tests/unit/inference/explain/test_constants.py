@@ -8,13 +8,12 @@ from typing import Any
 
 import numpy as np
 import pytest
-from scipy import stats
 
 import thermid as td
 from thermid.base.dual import value_of
-from thermid.fit.calibration import Calibration, Request
+from thermid.fit.calibration import Calibration, Request, SensorStatistics
 from thermid.inference._explain.candidates import faults_of, missing_elements
-from thermid.inference._explain.criticism import Candidate, Criticism, TraceCriticism, ljung_box, periodogram
+from thermid.inference._explain.criticism import Candidate, Criticism, TraceCriticism
 from thermid.inference._explain.diagnosis import Diagnosis, Suspect
 from thermid.inference._explain.plausibility import RangeCheck
 from thermid.model.elements import TableSignal
@@ -25,49 +24,22 @@ from unit.fit.bench import HTC, MASS, box, log, pair
 RNG = np.random.default_rng(4)
 
 
-@pytest.mark.parametrize("samples", [61, 400])
-def test_ljung_and_box_sum_a_fifth_of_the_lags_up_to_twenty(samples: int) -> None:
-    """Q = n (n + 2) sum rho_k^2 / (n - k) is chi-square with as many degrees of freedom as lags."""
-    z = RNG.standard_normal(samples)
-    z -= z.mean()
-    lags = np.arange(1, min(20, samples // 5) + 1)
-    rho = np.array([z[k:] @ z[:-k] for k in lags]) / (z @ z)
-    q = samples * (samples + 2) * np.sum(rho**2 / (samples - lags))
-    assert ljung_box(z) == pytest.approx((rho[0], stats.chi2.sf(q, lags.size)))
-
-
-def test_the_band_of_the_periodogram_is_the_quantile_of_kolmogorov() -> None:
-    distance, band = periodogram(RNG.standard_normal(401))
-    assert band == pytest.approx(stats.kstwobign.ppf(0.95) / np.sqrt(199), rel=2e-3)
-    assert distance < band
-
-
-def trace(**more: Any) -> TraceCriticism:
+def trace(rmse: float = 0.05, lag_one: float = 0.0, **more: Any) -> TraceCriticism:
     zeros = np.zeros(200)
-    plain = {"record": "r", "sensor": "T", "times": zeros, "temperature": zeros, "power": zeros, "residuals": zeros, "rmse": 0.05}
-    rest = {"noise": 0.05, "lag_one": 0.0, "ljung_box": 0.5, "periodogram": 0.05, "band": 0.1, "effective": 200.0, "slopes": {}}
-    return TraceCriticism(**{**plain, **rest, **more})
+    plain = {"record": "r", "sensor": "T", "times": zeros, "temperature": zeros, "power": zeros, "residuals": zeros}
+    statistics = SensorStatistics(rmse, 0.0, rmse, 200, 0.0, lag_one, 200.0)
+    return TraceCriticism(**{**plain, "noise": 0.05, "statistics": statistics, "slopes": {}, **more})
 
 
 class TestWhatATraceIsCalled:
-    def test_one_white_trace_in_a_hundred_is_called_coloured(self) -> None:
-        assert trace(ljung_box=0.0105).white
-        assert not trace(ljung_box=0.0095).white
-
-    def test_the_periodogram_has_a_fifth_more_than_its_band(self) -> None:
-        """The band is Bartlett's at 95 %; with 1.2 of it, 2 exp(-2 (1.2 * 1.358)^2) = 1 % of white traces lie outside, as by Ljung-Box."""
-        wide = float(np.sqrt(-0.5 * np.log(0.01 / 2)) / stats.kstwobign.ppf(0.95))
-        assert trace(periodogram=0.975 * wide * 0.1).white
-        assert not trace(periodogram=1.03 * wide * 0.1).white
-
     def test_loud_is_four_deviations_of_a_mean_square_of_white_noise(self) -> None:
         spread = np.sqrt(2.0 / 200)
         assert not trace(rmse=0.05 * np.sqrt(1.0 + 3.8 * spread)).loud
         assert trace(rmse=0.05 * np.sqrt(1.0 + 4.2 * spread)).loud
 
     def test_a_slope_of_three_standard_errors_is_said_per_hour(self) -> None:
-        assert "+1 K per hour (3 standard errors)" in str(trace(ljung_box=0.0, slopes={"time": (1.0 / 3600.0, 1.0 / 3600.0 / 3.1)}))
-        assert "K per hour" not in str(trace(ljung_box=0.0, slopes={"time": (1.0 / 3600.0, 1.0 / 3600.0 / 2.9)}))
+        assert "+1 K per hour (3 standard errors)" in str(trace(lag_one=0.9, slopes={"time": (1.0 / 3600.0, 1.0 / 3600.0 / 3.1)}))
+        assert "K per hour" not in str(trace(lag_one=0.9, slopes={"time": (1.0 / 3600.0, 1.0 / 3600.0 / 2.9)}))
 
 
 class TestEvidence:
