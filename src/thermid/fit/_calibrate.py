@@ -56,8 +56,8 @@ from thermid.values.store import INPUT, LaterTable, State, Store, ValueOrigin, g
 _version = cache(version)  # half a millisecond, once
 
 ASIDE, STRAINED = 3.0, 5.0
-"""Standard deviations from its prior at which a value of a single record is remarked on, and from which its fit is not adequate: what
-one record takes up so far from what is known of it is physics that the model lacks, or a prior that is wrong. [-]"""
+"""Standard deviations from its prior at which a value is remarked on, and from which its fit is not adequate, whatever it is a value of:
+chance goes so far once in two million, so the prior is wrong, or the value takes up physics that the model lacks. [-]"""
 UNSTATED_LAG = 5.0
 """Lag that a thermometer may have of which nobody states one: between a bare thermocouple and a probe in a pocket. [s]"""
 UNKNOWN_CLOCK = 0.5
@@ -80,9 +80,8 @@ def own_standing(
     short_of = [f"'{u.name}' ended at its {side} bound" for u, side, _ in at_bounds(problem, minimum, total)]
     short_of += _beyond_stated(problem, spread, request.adequate) if request.adequate and spread is not None else []
     far = _far_from_prior(problem, minimum)
-    if far and (size := max(far.values())) > STRAINED:
-        name = max(far, key=far.__getitem__)
-        short_of.append(f"'{name}' lies {size:.1f} standard deviations from its prior (limit {STRAINED:g})")
+    if far and far[name := max(far, key=far.__getitem__)] > STRAINED:
+        short_of.append(f"'{name}' lies {far[name]:.1f} standard deviations from its prior (limit {STRAINED:g})")
     times, words = _beyond_accuracy(problem, minimum)
     short_of += [words] if times > ASIDE else []
     if short_of:
@@ -549,13 +548,12 @@ def _warnings(problem: Problem, minimum: Fit, total: Array, spread: Autocorrelat
                 "was looked for in. State one number, such as that of the stamps, or log a part that answers at once to a switched power."
             )
     others = ("local", "sensor", INPUT) if _beyond_accuracy(problem, minimum)[0] > ASIDE else ("local",)
-    for k, u in enumerate(problem.unknowns):
-        far = abs(minimum.fitted[k] - u.prior.mean) / u.prior.sd if u.prior is not None and u.kind not in others else 0.0
-        if 3.0 < far <= CONTRADICTION_DEVIATIONS:  # what lies farther stands at the head of the fit
-            out.append(
-                f"'{u.name}' lies {far:.1f} standard deviations from its prior: data and prior disagree. Check the source of "
-                "the prior, and the model."
-            )
+    silent = {u.name for u in problem.unknowns if u.kind in others}
+    out += [
+        f"'{name}' lies {far:.1f} standard deviations from its prior: data and prior disagree. Check its source, and the model."
+        for name, far in _far_from_prior(problem, minimum).items()
+        if name not in silent and far <= CONTRADICTION_DEVIATIONS  # what lies farther stands at the head of the fit
+    ]
     out += _strained(problem, minimum)
     out += differing(problem)
     out += _noise_apart(problem)
@@ -705,16 +703,16 @@ def _noise_apart(problem: Problem) -> list[str]:
     ]
 
 
-def _far_from_prior(problem: Problem, minimum: Fit) -> dict[str, float]:
-    """Return value of a single record -> how many standard deviations it lies from its prior, of those that lie far."""
-    local = [(k, u.name, u.prior) for k, u in enumerate(problem.unknowns) if u.kind == "local" and u.prior is not None]
-    apart = {name: abs(float(minimum.fitted[k]) - prior.mean) / prior.sd for k, name, prior in local}
+def _far_from_prior(problem: Problem, minimum: Fit, local: bool = False) -> dict[str, float]:
+    """Return value -> how many standard deviations it lies from its prior, of those that lie far; `local`: of single records alone."""
+    pairs = zip(problem.unknowns, minimum.fitted.tolist(), strict=True)
+    apart = {u.name: abs(x - u.prior.mean) / u.prior.sd for u, x in pairs if u.prior is not None and (u.kind == "local" or not local)}
     return {name: size for name, size in apart.items() if size > ASIDE}
 
 
 def _strained(problem: Problem, minimum: Fit) -> list[str]:
     """Return one remark on the values of single records that lie far from their priors."""
-    far = _far_from_prior(problem, minimum)
+    far = _far_from_prior(problem, minimum, local=True)
     if not far:
         return []
     worst = max(far, key=far.__getitem__)

@@ -64,9 +64,7 @@ class FittedWay:
     ----------
     way : Way
     laws : dict                 Conductor -> its law where the derivatives were taken.
-    values : dict               Value of the fit that runs share -> where the derivatives were taken, in the fitted form.
-    departures : Departures
-    columns : tuple of UnknownColumn   Unknowns beside the values.
+    runs : RunsOfFit            At the values where the derivatives were taken.
     members : Members           Of values, less where the derivatives were taken, and of columns.
     sizes : array (members, groups)     Of each member, in the order of `GROUPS`.
     left : array (members, 2)   Size of what no element explains [K], and its time constant in parts of a run.
@@ -74,12 +72,37 @@ class FittedWay:
 
     way: Way
     laws: Mapping[str, ElementLaw]
-    values: Mapping[str, float]
-    departures: Departures
-    columns: tuple[UnknownColumn, ...]
+    runs: RunsOfFit
     members: Members
     sizes: Array
     left: Array
+
+    @property
+    def values(self) -> dict[str, float]:
+        """Value of the fit that runs share -> where the derivatives were taken, in the fitted form."""
+        return {self.runs.problem.unknowns[k].name: float(self.runs.fitted[k]) for k in self.runs.values}
+
+    def nonlinearity(self) -> float:
+        """Return how far the runs end from what their straight lines promise of the expected values and departures, in noise. [-]
+
+        One run of the network for each record, root mean square over all readings: with the values and laws that are expected and the
+        heats that departures move along its course. What each run has for itself stays where it was.
+        """
+        runs, step = self.runs, weights_of(self.members.log_evidence) @ self.members.mean
+        at, count = runs.fitted.copy(), len(runs.values)
+        low, high = np.array([u.fitted_bounds() for u in runs.problem.unknowns]).reshape(at.size, 2).T
+        at[runs.values] = np.clip(at[runs.values] + step[:count], low[runs.values], high[runs.values])
+        amounts = {c.name: x for c, x in zip(runs.columns, step[count:].tolist(), strict=True)}
+        laws = {p: law.moved({w: amounts.pop(f"{w} of {p}", 0.0) for w in law.shape}) for p, law in self.laws.items()}
+        apart = []
+        for i, e in enumerate(runs.problem.experiments):
+            network = with_laws(e.network, laws)
+            every = runs.departures.shared(network, course_in_fit(runs.problem, i, network, at), self.way, laws)
+            heats = {c.name: h for c, h in every if c.name in amounts}
+            found = traces_of(runs.problem, i, network, [*heats.values()], at, [amounts[n] for n in heats])
+            for new, line in zip(means_of(runs.problem, i, found, at), runs.traces[i], strict=True):
+                apart.append((new.residuals - line.residuals + line.rows[:, : step.size] @ step) / line.noise)
+        return float(np.sqrt(np.mean(np.concatenate(apart) ** 2)))
 
 
 def sizes_at(points: Array) -> Array:
@@ -153,11 +176,10 @@ class RunsOfFit:
         for i, (network, (shared, single)) in enumerate(zip(networks, parts, strict=True)):
             by_name = {c.name: h for c, h in shared}
             heats = [*(by_name.get(n, DepartureHeat(n, ())) for n in columns), *(h for _, h in single)]
-            fitted_rows = traces_of(problem, i, network, heats, fitted)
+            means = means_of(problem, i, traces_of(problem, i, network, heats, fitted), fitted)
             size = len(problem.unknowns)
             order = [*values, *range(size, size + len(columns)), *alone[i], *range(size + len(columns), size + len(heats))]
-            far = np.array([prior_mean(problem.unknowns[k], fitted[k]) - fitted[k] for k in alone[i]])
-            traces.append(tuple(t.averaged().about(alone[i], far).taken(order) for t in fitted_rows))
+            traces.append(tuple(t.taken(order) for t in means))
         own_columns_of_runs = tuple((*own_columns(problem, i), *(c for c, _ in run)) for i, (_, run) in enumerate(parts))
         return cls(problem, fitted, values, departures_used, tuple(columns.values()), own_columns_of_runs, tuple(traces), spans)
 
@@ -234,16 +256,25 @@ def course_in_fit(problem: Problem, i: int, network: Network, fitted: Array) -> 
     return course_of(bench.wiring, bench.engine, bare.inputs(0, fitted)[0], problem.options)
 
 
-def traces_of(problem: Problem, i: int, network: Network, heats: Sequence[DepartureHeat], fitted: Array) -> tuple[SensorRows, ...]:
-    """Return the sensors of a run, with derivatives by every unknown and heat."""
+def traces_of(
+    problem: Problem, i: int, network: Network, heats: Sequence[DepartureHeat], fitted: Array, amounts: Sequence[float] = ()
+) -> tuple[SensorRows, ...]:
+    """Return the sensors of a run, with derivatives by every unknown and heat; `amounts` of the heats act in it, none of them without."""
     wide = widened(problem, i, *with_heats(network, problem.experiments[i].scenario, heats), heats)
-    at = np.concatenate([fitted, np.zeros(len(heats))])
+    at = np.concatenate([fitted, amounts or np.zeros(len(heats))])
     blocks, slopes = wide.blocks_and_slopes(0, at)
     out = []
     for k, (o, block) in enumerate(zip(wide.experiments[0].observations, blocks, strict=True)):
         noise = np.full(block.times.size, noise_of(wide.experiments[0], o))
         out.append(SensorRows(block.times, block.residuals, noise, -slopes[o.index, k, :] * block.noise))
     return tuple(out)
+
+
+def means_of(problem: Problem, i: int, traces: Sequence[SensorRows], fitted: Array) -> tuple[SensorRows, ...]:
+    """Return the sensors of a run of a fit by means of their readings, about the means of the priors of what the run has for itself."""
+    alone = alone_in(problem, i)
+    far = np.array([prior_mean(problem.unknowns[k], fitted[k]) - fitted[k] for k in alone])
+    return tuple(t.averaged().about(alone, far) for t in traces)
 
 
 def noise_of(e: Experiment, o: Observation) -> float:
@@ -310,8 +341,7 @@ def _averaged(runs: RunsOfFit, way: Way, laws: Mapping[str, ElementLaw], centre:
         parts.append(replace(Members.joined(members), log_evidence=logs + prior[remainder] - float(np.log(sets))))
         sizes.append(sizes_at(points))
     sizes_left = np.repeat([(SIZES["left"].value * size, time) for size, time in likely], sets, axis=0)
-    values = {runs.problem.unknowns[k].name: float(runs.fitted[k]) for k in runs.values}
-    return FittedWay(way, laws, values, runs.departures, runs.columns, Members.joined(parts), np.concatenate(sizes), sizes_left)
+    return FittedWay(way, laws, runs, Members.joined(parts), np.concatenate(sizes), sizes_left)
 
 
 def evidence_of_structure(problem: Problem, fitted: Array) -> float:
