@@ -208,7 +208,7 @@ class TestLocal:
         data = log(model, {}, {"T": "case"}, swing=0.0).select("T")
         found = calibrate(model, data, [HTC], local={"air": {"start": "20 [degC]", "sd": sd}})
         assert found.standing.state == state
-        assert any("lie more than 3 standard deviations" in w for w in found.warnings) == (sd != "2 [K]")
+        assert any("more than 3 standard deviations from what was known" in w for w in found.warnings) == (sd != "2 [K]")
         if state != "credible":
             assert found.standing.because.startswith("'bench: air' lies ")
             assert found.standing.because.endswith("standard deviations from its prior (limit 5)")

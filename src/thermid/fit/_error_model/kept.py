@@ -196,16 +196,15 @@ class KeptWay:
         )
 
     @classmethod
-    def of_fitted(cls, way: FittedWay, shares: Array, bounds: Mapping[str, tuple[float, float]]) -> KeptWay:
+    def of_fitted(cls, way: FittedWay, shares: Array) -> KeptWay:
         """Return a way by its members and their probabilities."""
         weight = float(shares.sum())
         every = shares / weight
         seen = np.flatnonzero(every > COUNTED / every.size)
-        weights, members, size = every[seen] / every[seen].sum(), way.members.at(seen), len(way.values)
+        weights, members, size = every[seen] / every[seen].sum(), way.members.at(seen), len(way.runs.values)
         mean, covariance = members.mixed(weights)
-        at = np.array(list(way.values.values())) + mean[:size]
-        low, high = np.array([bounds[n] for n in way.values]).reshape(size, 2).T
-        values = dict(zip(way.values, np.clip(at, low, high).tolist(), strict=True))
+        at = way.runs.moved(mean[:size])
+        values = {way.runs.problem.unknowns[k].name: float(at[k]) for k in way.runs.values}
         sizes = dict(zip(GROUPS, np.sqrt(every @ way.sizes**2).tolist(), strict=True))
         by_pair = {pair: float(every[(way.left == pair).all(axis=1)].sum()) for pair in {(float(a), float(b)) for a, b in way.left}}
         rest = tuple((share, *pair) for pair, share in sorted(by_pair.items()) if share > COUNTED)
@@ -341,8 +340,7 @@ class ErrorModel(Result):
         apart = sum(share @ w.members.square for w, share in zip(fitted_ways, shares, strict=True))
         misfit = math.hypot(math.sqrt(apart), likeliest.nonlinearity())
         named = {u.name: u for u in problem.unknowns}
-        bounds = {n: (float(low), float(high)) for n, u in named.items() for low, high in [u.fitted_bounds()]}
-        ways = [KeptWay.of_fitted(w, share, bounds) for w, share in zip(fitted_ways, shares, strict=True) if share.sum() > COUNTED]
+        ways = [KeptWay.of_fitted(w, share) for w, share in zip(fitted_ways, shares, strict=True) if share.sum() > COUNTED]
         whole = sum(w.weight for w in ways)
         ways = [replace(w, weight=w.weight / whole) for w in ways]
         fitted_values = {n: SeenValue.of_unknown(named[n]) for n in ways[0].values}
@@ -361,14 +359,13 @@ class ErrorModel(Result):
     @property
     def contradiction(self) -> str:
         """What of the readings no departure of a possible size explains, in words; empty where all is explained."""
-        if self.misfit > OUTSIDE:
-            return f"with all departures the readings still lie {self.misfit:.2g} times further from the network than noise allows"
         sizes = {**self.sizes, "left": float(np.sqrt(sum(w.weight * w.left_over**2 for w in self.ways)))}
         times, name = max((size / SIZES[n].value, n) for n, size in sizes.items())
-        if times <= FAR_SIZE:
-            return ""
-        asked = f"{sizes[name]:.2g} {SIZES[name].unit} beside {SIZES[name].value:g}".replace(" 1 ", " ")
-        return f"the readings ask for {times:.2g} times a usual departure: {SIZES[name].effect} ({asked})"
+        if times > FAR_SIZE:
+            asked = f"{sizes[name]:.2g} {SIZES[name].unit} beside {SIZES[name].value:g}".replace(" 1 ", " ")
+            return f"the readings ask for {times:.2g} times a usual departure: {SIZES[name].effect} ({asked})"
+        far = f"with all departures the readings still lie {self.misfit:.2g} times further from the network than is allowed"
+        return far if self.misfit > OUTSIDE else ""
 
     @property
     def exponents(self) -> dict[str, float]:
@@ -532,12 +529,7 @@ def errors_without(errors: LaterTable, places: Sequence[str]) -> LaterTable:
 
     It is made when it is asked for. Places are by the paths of the fit's own model.
     """
-
-    def make() -> dict[str, Any]:
-        """Return the kept model of error without the parts that were replaced, as a table."""
-        return ErrorModel.from_dict({**errors.original(), "at": ""}).without(places).to_dict()
-
-    return LaterTable(make, errors.at, (*errors.without, *places))
+    return LaterTable(lambda: _whole(errors).without(places).to_dict(), errors.at, (*errors.without, *places))
 
 
 def errors_after(errors: LaterTable, before: LaterTable, places: Sequence[str]) -> LaterTable:
@@ -545,13 +537,12 @@ def errors_after(errors: LaterTable, before: LaterTable, places: Sequence[str]) 
 
     Both are of one model; places are by its paths.
     """
+    return LaterTable(lambda: _whole(errors).after(_whole(before), places).to_dict(), errors.at, outside(before.without, places))
 
-    def make() -> dict[str, Any]:
-        """Return both as one table."""
-        a, b = (ErrorModel.from_dict({**one.original(), "at": ""}) for one in (errors, before))
-        return a.after(b, places).to_dict()
 
-    return LaterTable(make, errors.at, outside(before.without, places))
+def _whole(errors: LaterTable) -> ErrorModel:
+    """Return a model of error that a fit keeps, by the paths of the fit's own model."""
+    return ErrorModel.from_dict({**errors.original(), "at": ""})
 
 
 def errors_of_values(fit: Calibration, why: str = "") -> ErrorModel:

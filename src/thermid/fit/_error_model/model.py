@@ -77,21 +77,17 @@ class FittedWay:
     sizes: Array
     left: Array
 
-    @property
-    def values(self) -> dict[str, float]:
-        """Value of the fit that runs share -> where the derivatives were taken, in the fitted form."""
-        return {self.runs.problem.unknowns[k].name: float(self.runs.fitted[k]) for k in self.runs.values}
-
     def nonlinearity(self) -> float:
-        """Return how far the runs end from what their straight lines promise of the expected values and departures, in noise. [-]
+        """Return how far runs end from what their straight lines promise of the expected values and departures, over what is allowed. [-]
 
         One run of the network for each record, root mean square over all readings: with the values and laws that are expected and the
-        heats that departures move along its course. What each run has for itself stays where it was.
+        heats that departures move along its course. What each run has for itself stays where it was. Allowed are noise and what no
+        element explains.
         """
-        runs, step = self.runs, weights_of(self.members.log_evidence) @ self.members.mean
-        at, count = runs.fitted.copy(), len(runs.values)
-        low, high = np.array([u.fitted_bounds() for u in runs.problem.unknowns]).reshape(at.size, 2).T
-        at[runs.values] = np.clip(at[runs.values] + step[:count], low[runs.values], high[runs.values])
+        runs, weights = self.runs, weights_of(self.members.log_evidence)
+        step, left = weights @ self.members.mean, weights @ self.left[:, 0] ** 2
+        count = len(runs.values)
+        at = runs.moved(step[:count])
         amounts = {c.name: x for c, x in zip(runs.columns, step[count:].tolist(), strict=True)}
         laws = {p: law.moved({w: amounts.pop(f"{w} of {p}", 0.0) for w in law.shape}) for p, law in self.laws.items()}
         apart = []
@@ -101,7 +97,7 @@ class FittedWay:
             heats = {c.name: h for c, h in every if c.name in amounts}
             found = traces_of(runs.problem, i, network, [*heats.values()], at, [amounts[n] for n in heats])
             for new, line in zip(means_of(runs.problem, i, found, at), runs.traces[i], strict=True):
-                apart.append((new.residuals - line.residuals + line.rows[:, : step.size] @ step) / line.noise)
+                apart.append((new.residuals - line.residuals + line.rows[:, : step.size] @ step) / np.sqrt(line.noise**2 + left))
         return float(np.sqrt(np.mean(np.concatenate(apart) ** 2)))
 
 
@@ -182,6 +178,13 @@ class RunsOfFit:
             traces.append(tuple(t.taken(order) for t in means))
         own_columns_of_runs = tuple((*own_columns(problem, i), *(c for c, _ in run)) for i, (_, run) in enumerate(parts))
         return cls(problem, fitted, values, departures_used, tuple(columns.values()), own_columns_of_runs, tuple(traces), spans)
+
+    def moved(self, step: Array) -> Array:
+        """Return the unknowns of the fit (unknowns,) after a step (values,) of the values that runs share; none goes beyond its bound."""
+        out = self.fitted.copy()
+        low, high = np.array([self.problem.unknowns[k].fitted_bounds() for k in self.values]).reshape(step.size, 2).T
+        out[self.values] = np.clip(out[self.values] + step, low, high)
+        return out
 
     def rows(self, size: float) -> dict[tuple[float, float], list[RunRows]]:
         """Return (size, time) -> rows of the priors of the fit and then of each run, white under a wander of that size and time.
@@ -289,7 +292,6 @@ def fitted_way(problem: Problem, fitted: Array, way: Way, points: Mapping[str, O
     What no element explains has every size and time while they are looked for: fixed, a small one would bend values until they follow what
     they do not explain, and a large one would leave them where they began.
     """
-    bounds = np.array([u.fitted_bounds() for u in problem.unknowns]).reshape(fitted.size, 2)
     at, laws, departures, share = fitted.copy(), dict(way.laws), None, 1.0
     costs: list[float] = []
     for _ in range(NEWTON_POINTS):
@@ -302,7 +304,7 @@ def fitted_way(problem: Problem, fitted: Array, way: Way, points: Mapping[str, O
         for (path, what), k in shapes.items():
             centre[k] = way.laws[path].shape[what] - laws[path].shape[what]
         cost, step, spread = runs.likeliest([*range(len(values)), *shapes.values()], centre)
-        step[: len(values)] = np.clip(at[values] + step[: len(values)], *bounds[values].T) - at[values]  # none goes beyond its bound
+        step[: len(values)] = (runs.moved(step[: len(values)]) - at)[values]
         costs.append(cost)
         if cost < min(costs[:-1], default=np.inf) or len(costs) == 1:
             best, share = (runs, laws, centre, step), min(2.0 * share, 1.0)
@@ -313,8 +315,7 @@ def fitted_way(problem: Problem, fitted: Array, way: Way, points: Mapping[str, O
         if min(costs[:-2], default=np.inf) - min(costs) < WORTH_A_POINT:
             break
         runs, laws, _, step = best
-        at = runs.fitted.copy()
-        at[values] += share * step[: len(values)]
+        at = runs.moved(share * step[: len(values)])
         moved = dict(zip(shapes, share * step[len(values) :], strict=True))
         laws = {p: law.moved({w: float(x) for (q, w), x in moved.items() if q == p}) for p, law in laws.items()}
     runs, laws, centre, _ = best
