@@ -78,26 +78,29 @@ class FittedWay:
     left: Array
 
     def nonlinearity(self) -> float:
-        """Return how far runs end from what their straight lines promise of the expected values and departures, over what is allowed. [-]
+        """Return how far a network in which the expected departures act ends from their straight lines, over what is allowed. [-]
 
-        One run of the network for each record, root mean square over all readings: with the values and laws that are expected and the
-        heats that departures move along its course. What each run has for itself stays where it was. Allowed are noise and what no
-        element explains.
+        Root mean square over the readings of all records. A line is what heats along the run without departures add to it; the network
+        has the heats that departures move along the run with them. Both have the values and laws that are expected. Allowed are noise
+        and what no element explains.
         """
         runs, weights = self.runs, weights_of(self.members.log_evidence)
         step, left = weights @ self.members.mean, weights @ self.left[:, 0] ** 2
-        count = len(runs.values)
-        at = runs.moved(step[:count])
-        amounts = {c.name: x for c, x in zip(runs.columns, step[count:].tolist(), strict=True)}
-        laws = {p: law.moved({w: amounts.pop(f"{w} of {p}", 0.0) for w in law.shape}) for p, law in self.laws.items()}
+        problem, at, count = runs.problem, runs.moved(step[: len(runs.values)]), len(runs.problem.unknowns)
+        sizes = {c.name: x for c, x in zip(runs.columns, step[len(runs.values) :].tolist(), strict=True)}
+        laws = {p: law.moved({w: sizes.pop(f"{w} of {p}", 0.0) for w in law.shape}) for p, law in self.laws.items()}
         apart = []
-        for i, e in enumerate(runs.problem.experiments):
-            network = with_laws(e.network, laws)
-            every = runs.departures.shared(network, course_in_fit(runs.problem, i, network, at), self.way, laws)
-            heats = {c.name: h for c, h in every if c.name in amounts}
-            found = traces_of(runs.problem, i, network, [*heats.values()], at, [amounts[n] for n in heats])
-            for new, line in zip(means_of(runs.problem, i, found, at), runs.traces[i], strict=True):
-                apart.append((new.residuals - line.residuals + line.rows[:, : step.size] @ step) / np.sqrt(line.noise**2 + left))
+        for i, e in enumerate(problem.experiments):
+            network, acting, seen = with_laws(e.network, laws), (np.zeros(len(sizes)), np.array([*sizes.values()])), []
+            heats = [DepartureHeat(n, ()) for n in sizes]
+            for amounts in acting:
+                course = course_in_fit(problem, i, network, at, heats, amounts)
+                laid = {c.name: h for c, h in runs.departures.shared(network, course, self.way, laws)}
+                heats = [laid.get(n, DepartureHeat(n, ())) for n in sizes]
+                seen.append([t.averaged() for t in traces_of(problem, i, network, heats, at, amounts)])
+            for line, found in zip(*seen, strict=True):
+                ahead = line.residuals - line.rows[:, count:] @ acting[1]
+                apart.append((found.residuals - ahead) / np.sqrt(line.noise**2 + left))
         return float(np.sqrt(np.mean(np.concatenate(apart) ** 2)))
 
 
@@ -172,10 +175,11 @@ class RunsOfFit:
         for i, (network, (shared, single)) in enumerate(zip(networks, parts, strict=True)):
             by_name = {c.name: h for c, h in shared}
             heats = [*(by_name.get(n, DepartureHeat(n, ())) for n in columns), *(h for _, h in single)]
-            means = means_of(problem, i, traces_of(problem, i, network, heats, fitted), fitted)
+            fitted_rows = traces_of(problem, i, network, heats, fitted)
             size = len(problem.unknowns)
             order = [*values, *range(size, size + len(columns)), *alone[i], *range(size + len(columns), size + len(heats))]
-            traces.append(tuple(t.taken(order) for t in means))
+            far = np.array([prior_mean(problem.unknowns[k], fitted[k]) - fitted[k] for k in alone[i]])
+            traces.append(tuple(t.averaged().about(alone[i], far).taken(order) for t in fitted_rows))
         own_columns_of_runs = tuple((*own_columns(problem, i), *(c for c, _ in run)) for i, (_, run) in enumerate(parts))
         return cls(problem, fitted, values, departures_used, tuple(columns.values()), own_columns_of_runs, tuple(traces), spans)
 
@@ -252,32 +256,27 @@ def prior_mean(u: Unknown, fitted: float) -> float:
     return u.prior.mean if u.prior is not None else float(fitted)
 
 
-def course_in_fit(problem: Problem, i: int, network: Network, fitted: Array) -> ElementCourse:
-    """Return the course of a run of a fit with another network."""
-    bare = widened(problem, i, network, problem.experiments[i].scenario, ())
-    bench = bare.bench(0, fitted)
-    return course_of(bench.wiring, bench.engine, bare.inputs(0, fitted)[0], problem.options)
+def course_in_fit(
+    problem: Problem, i: int, network: Network, fitted: Array, heats: Sequence[DepartureHeat] = (), amounts: Sequence[float] | Array = ()
+) -> ElementCourse:
+    """Return the course of a run of a fit with another network, in which heats act by their amounts."""
+    wide, at = widened(problem, i, *with_heats(network, problem.experiments[i].scenario, heats), heats), np.append(fitted, amounts)
+    bench = wide.bench(0, at)
+    return course_of(bench.wiring, bench.engine, wide.inputs(0, at)[0], problem.options)
 
 
 def traces_of(
-    problem: Problem, i: int, network: Network, heats: Sequence[DepartureHeat], fitted: Array, amounts: Sequence[float] = ()
+    problem: Problem, i: int, network: Network, heats: Sequence[DepartureHeat], fitted: Array, amounts: Array | None = None
 ) -> tuple[SensorRows, ...]:
     """Return the sensors of a run, with derivatives by every unknown and heat; `amounts` of the heats act in it, none of them without."""
     wide = widened(problem, i, *with_heats(network, problem.experiments[i].scenario, heats), heats)
-    at = np.concatenate([fitted, amounts or np.zeros(len(heats))])
+    at = np.append(fitted, np.zeros(len(heats)) if amounts is None else amounts)
     blocks, slopes = wide.blocks_and_slopes(0, at)
     out = []
     for k, (o, block) in enumerate(zip(wide.experiments[0].observations, blocks, strict=True)):
         noise = np.full(block.times.size, noise_of(wide.experiments[0], o))
         out.append(SensorRows(block.times, block.residuals, noise, -slopes[o.index, k, :] * block.noise))
     return tuple(out)
-
-
-def means_of(problem: Problem, i: int, traces: Sequence[SensorRows], fitted: Array) -> tuple[SensorRows, ...]:
-    """Return the sensors of a run of a fit by means of their readings, about the means of the priors of what the run has for itself."""
-    alone = alone_in(problem, i)
-    far = np.array([prior_mean(problem.unknowns[k], fitted[k]) - fitted[k] for k in alone])
-    return tuple(t.averaged().about(alone, far) for t in traces)
 
 
 def noise_of(e: Experiment, o: Observation) -> float:
