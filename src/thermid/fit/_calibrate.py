@@ -18,7 +18,6 @@ from thermid.base.errors import IdentificationError, SolverError, quoted
 from thermid.base.linear_algebra import HALF_WIDTH_95, Array, null_space, one_thread, symmetric_inverse
 from thermid.base.units import NAMES, counted, unit
 from thermid.fit._calibration import (
-    CONTRADICTION_DEVIATIONS,
     FIRST,
     LOUD,
     MISFIT,
@@ -56,8 +55,8 @@ from thermid.values.store import INPUT, LaterTable, State, Store, ValueOrigin, g
 _version = cache(version)  # half a millisecond, once
 
 ASIDE, STRAINED = 3.0, 5.0
-"""Standard deviations from its prior at which a value of a single record is remarked on, and from which its fit is not adequate: what
-one record takes up so far from what is known of it is physics that the model lacks, or a prior that is wrong. [-]"""
+"""Standard deviations from its prior at which a value is remarked on, and from which its fit is not adequate, whatever it is a value of:
+chance goes so far once in two million, so the prior is wrong, or the value takes up physics that the model lacks. [-]"""
 UNSTATED_LAG = 5.0
 """Lag that a thermometer may have of which nobody states one: between a bare thermocouple and a probe in a pocket. [s]"""
 UNKNOWN_CLOCK = 0.5
@@ -79,10 +78,8 @@ def own_standing(
         return Standing("not credible", "; ".join([*moved.contradictions(), *wrong]), values.stage, request.accepted)
     short_of = [f"'{u.name}' ended at its {side} bound" for u, side, _ in at_bounds(problem, minimum, total)]
     short_of += _beyond_stated(problem, spread, request.adequate) if request.adequate and spread is not None else []
-    far = _far_from_prior(problem, minimum)
-    if far and (size := max(far.values())) > STRAINED:
-        name = max(far, key=far.__getitem__)
-        short_of.append(f"'{name}' lies {size:.1f} standard deviations from its prior (limit {STRAINED:g})")
+    farthest = [(name, far) for name, far in _far_from_prior(problem, minimum).items() if far > STRAINED][:1]
+    short_of += [f"'{name}' lies {far:.1f} standard deviations from its prior (limit {STRAINED:g})" for name, far in farthest]
     times, words = _beyond_accuracy(problem, minimum)
     short_of += [words] if times > ASIDE else []
     if short_of:
@@ -548,15 +545,11 @@ def _warnings(problem: Problem, minimum: Fit, total: Array, spread: Autocorrelat
                 f"'{u.name}' is not determined: its 95 % are {100.0 * min(4.0 * error / (u.high - u.low), 1.0):.0f} % of the range that it "
                 "was looked for in. State one number, such as that of the stamps, or log a part that answers at once to a switched power."
             )
-    others = ("local", "sensor", INPUT) if _beyond_accuracy(problem, minimum)[0] > ASIDE else ("local",)
-    for k, u in enumerate(problem.unknowns):
-        far = abs(minimum.fitted[k] - u.prior.mean) / u.prior.sd if u.prior is not None and u.kind not in others else 0.0
-        if 3.0 < far <= CONTRADICTION_DEVIATIONS:  # what lies farther stands at the head of the fit
-            out.append(
-                f"'{u.name}' lies {far:.1f} standard deviations from its prior: data and prior disagree. Check the source of "
-                "the prior, and the model."
-            )
-    out += _strained(problem, minimum)
+    if far := [f"'{name}' ({size:.1f})" for name, size in _far_from_prior(problem, minimum).items()]:
+        out.append(
+            f"more than {ASIDE:g} standard deviations from what was known before: {some(far, 'values')}. A prior is too tight, or these "
+            "values take up physics that the model lacks. Check where the priors come from, or run `thermid criticise`."
+        )
     out += differing(problem)
     out += _noise_apart(problem)
     out += _taken_as_instants(problem)
@@ -701,24 +694,10 @@ def _noise_apart(problem: Problem) -> list[str]:
 
 
 def _far_from_prior(problem: Problem, minimum: Fit) -> dict[str, float]:
-    """Return value of a single record -> how many standard deviations it lies from its prior, of those that lie far."""
-    local = [(k, u.name, u.prior) for k, u in enumerate(problem.unknowns) if u.kind == "local" and u.prior is not None]
-    apart = {name: abs(float(minimum.fitted[k]) - prior.mean) / prior.sd for k, name, prior in local}
-    return {name: size for name, size in apart.items() if size > ASIDE}
-
-
-def _strained(problem: Problem, minimum: Fit) -> list[str]:
-    """Return one remark on the values of single records that lie far from their priors."""
-    far = _far_from_prior(problem, minimum)
-    if not far:
-        return []
-    worst = max(far, key=far.__getitem__)
-    count = sum(u.kind == "local" and u.prior is not None for u in problem.unknowns)
-    return [
-        f"{len(far)} of {count} values of single records lie more than 3 standard deviations from their priors, '{worst}' the farthest "
-        f"with {far[worst]:.1f}. The priors are too tight, or the model lacks physics that these values compensate. Widen the priors, "
-        "or run `thermid criticise`."
-    ]
+    """Return value -> how many standard deviations it lies from its prior, of those that lie far, the farthest first."""
+    pairs = zip(problem.unknowns, minimum.fitted.tolist(), strict=True)
+    apart = {u.name: abs(x - u.prior.mean) / u.prior.sd for u, x in pairs if u.prior is not None}
+    return {name: size for name, size in sorted(apart.items(), key=lambda item: -item[1]) if size > ASIDE}
 
 
 @takes_objects

@@ -200,8 +200,10 @@ class Calibration(Named[FittedValue]):
     store : Store               Everything known of the model's values, at every depth.
     end : FitEnd or None        How its search ended; None where values are set by hand.
     expected : dict             Value -> (value, standard error) if elements depart from their laws, by the model of error; nothing where
-                                the residuals ask for no departures. `estimates` puts them before the fitted values. [SI]
-    unexplained : str           What of the readings no departure of a possible size explains, in words; empty where `expected` holds.
+                                the residuals ask for no departures, or none explains them. `estimates` puts them before the fitted
+                                values. [SI]
+    unexplained : str           What of the readings no departure of a possible size explains, in words; then the fitted values stand,
+                                with errors by what departures would move them.
     """
 
     stage: str
@@ -289,7 +291,7 @@ class Calibration(Named[FittedValue]):
     @property
     def structural_errors(self) -> bool:
         """Whether the errors of its values count what the structure may lack."""
-        return bool(self.expected)
+        return bool(self.expected or self.unexplained)
 
     @property
     def standing(self) -> Standing:
@@ -343,7 +345,7 @@ class Calibration(Named[FittedValue]):
         """What to look for where the fit contradicts what was stated; empty where it does not."""
         if not self.contradicted:
             return ""
-        return blame_of(self.experiments) if self.unexplained or not self.expected or contradicted(self.estimates) else LAW
+        return LAW if self.expected and not contradicted(self.estimates) else blame_of(self.experiments)
 
     @cached_property
     def estimates(self) -> FittedValues:
@@ -431,7 +433,8 @@ class Calibration(Named[FittedValue]):
         lines += [f"  {w}" for w in self.warnings if w.startswith(FIRST)]
         lines += [f"  {line}" for line in input_lines(self.inputs.assumed)]
         width = max((len(p) for p in fitted), default=0)
-        lines += [f"  {_value_line(v, width, self.estimates[v.path], self.range_shares(v.path))}" for v in fitted.values()]
+        why = "the structure" if self.structural_errors else "constant errors, priors"
+        lines += [f"  {_value_line(v, width, self.estimates[v.path], self.range_shares(v.path), why)}" for v in fitted.values()]
         lines += [f"  {v.path}: shares its value with {', '.join(v.also)}" for v in fitted.values() if v.also]
         lines += [f"  cut from the other instances of its deck: {place}" for place in cuts_of(self.given_model)]
         lines += _known_lines(self.store, {*self.values.assignments}, width)
@@ -531,12 +534,12 @@ class Calibration(Named[FittedValue]):
         return tuple(out)
 
 
-def _value_line(v: FittedValue, width: int, estimate: FittedValue, ranges: Mapping[str, float]) -> str:
-    """Return the line of a fitted value: the estimate to quote, number and errors of the fit, bounds, and what makes its error wide."""
+def _value_line(v: FittedValue, width: int, estimate: FittedValue, ranges: Mapping[str, float], why: str) -> str:
+    """Return the line of a fitted value: the estimate to quote, number and errors of the fit, bounds, and `why` its error is wide."""
     total, random = v.shown(v.error), v.shown(v.error_random)
     low, high = (v.converted(b) if np.isfinite(b) else b for b in v.bounds)
     bounds = f", bounds {low:.4g} .. {high:.4g}" if np.isfinite(low) or np.isfinite(high) else ""
-    wider = " (constant errors, priors)" if estimate is v else " (the structure)"
+    wider = f" ({why})"
     share, first = sum(ranges.values()), next(iter(ranges), "")
     if share >= MIN_RANGE_SHARE:
         more = f" and {len(ranges) - 1} more" if len(ranges) > 1 else ""

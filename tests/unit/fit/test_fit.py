@@ -285,7 +285,7 @@ class TestWarnings:
 
     def test_a_prior_that_the_data_contradict(self) -> None:
         found = calibrate(box(), log(box(), {}, {"T": "case"}), [HTC], priors={HTC: ("9 [W/(m^2 K)]", "0.3 [W/(m^2 K)]")})
-        assert any("deviations from its prior" in w and HTC in w for w in found.warnings)
+        assert any("deviations from what was known before" in w and HTC in w for w in found.warnings)
 
     def test_coloured_residuals(self) -> None:
         # a second mass that the model does not have

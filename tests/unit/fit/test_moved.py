@@ -13,7 +13,7 @@ from thermid.campaign.stages import run_stages
 from thermid.fit._calibrate import fit
 from thermid.fit._calibration import Calibration
 from thermid.fit._problem.request import Request
-from thermid.fit._uncertainty.moved import UNDECIDED, Move, Moves, moves_from
+from thermid.fit._uncertainty.moved import UNDECIDED, Move, MovedGroup, Moves, moves_from
 from thermid.measure.records import Record
 from thermid.model.tree import Model
 from thermid.values.fitted import FittedValue, FittedValues
@@ -221,6 +221,22 @@ def test_against_a_joint_fit() -> None:
     assert [g.name for g in moves.groups] == ["part 'a'", "all together"]
     assert moves.groups[0].chi_square == pytest.approx(2.0**2 + 1.0**2)
     assert "  values of the stages below -> by the joint fit:" in list(moves.lines())
+
+
+def test_what_moved_is_named_by_values_by_parts_or_all_together() -> None:
+    """A part whose values moved together, none alone, was named in the lines of `-v` only, or as all values of the fit."""
+    far, near = (Move(p, p[0], "box", 2.0, 2.5, 2.0, "W", 3.0, chance, 0.2, 0.01, 0.01) for p, chance in (("a.p", 0.01), ("b.q", 0.4)))
+    parts = tuple(MovedGroup(f"part '{n}'", (f"{n}.q", f"{n}.r"), 17.9, 2, 0.001) for n in "bc")
+    every = MovedGroup("all together", ("a.p", "b.q", "b.r", "c.q", "c.r"), 37.6, 5, 0.001)
+
+    def named(values: tuple[Move, ...], groups: tuple[MovedGroup, ...]) -> list[str]:
+        (remark,) = Moves(values, groups).warnings()
+        return [n for n in ("a.p (", "part 'b'", "part 'c'", "all together") if n in remark]
+
+    assert named((far, near), (*parts, every)) == ["a.p (", "part 'b'", "part 'c'"]
+    assert named((near,), (*parts, every)) == ["part 'b'", "part 'c'"]
+    assert named((near,), (every,)) == ["all together"]
+    assert named((far,), ()) == ["a.p ("]
 
 
 def test_words_of_agreement_need_power_and_nearness() -> None:

@@ -208,12 +208,19 @@ class TestLocal:
         data = log(model, {}, {"T": "case"}, swing=0.0).select("T")
         found = calibrate(model, data, [HTC], local={"air": {"start": "20 [degC]", "sd": sd}})
         assert found.standing.state == state
-        assert any("lie more than 3 standard deviations" in w for w in found.warnings) == (sd != "2 [K]")
+        assert any("more than 3 standard deviations from what was known" in w for w in found.warnings) == (sd != "2 [K]")
         if state != "credible":
             assert found.standing.because.startswith("'bench: air' lies ")
             assert found.standing.because.endswith("standard deviations from its prior (limit 5)")
             told = predict(found, Scenario("next", boundaries={"air": "20 [degC]"}, start="20 [degC]", duration=3600.0))
             assert told.standing.exit_code == 5
+
+    @pytest.mark.parametrize(("sd", "state"), [("0.5", "credible"), ("0.2", "not adequate"), ("0.1", "not credible")])
+    def test_a_value_far_from_its_prior_has_the_same_consequence(self, record: Record, sd: str, state: str) -> None:
+        """A value of all records counted from ten deviations on, where nobody believes a fit; one of a single record from five."""
+        found = calibrate(box(), record, [HTC], priors={HTC: ("6 [W/(m^2 K)]", f"{sd} [W/(m^2 K)]")})
+        assert found.standing.state == state
+        assert (f"'{HTC}' lies 5.5 standard deviations" in found.standing.because) == (state == "not adequate")
 
     def test_a_channel_may_give_the_start(self, record: Record) -> None:
         problem = build_problem(Request(box(), (record,), (HTC,), local={"initial.case": LocalSpec("T", 1.0)}))

@@ -196,20 +196,21 @@ class KeptWay:
         )
 
     @classmethod
-    def of_fitted(cls, way: FittedWay, shares: Array, bounds: Mapping[str, tuple[float, float]]) -> KeptWay:
+    def of_fitted(cls, way: FittedWay, shares: Array) -> KeptWay:
         """Return a way by its members and their probabilities."""
         weight = float(shares.sum())
         every = shares / weight
         seen = np.flatnonzero(every > COUNTED / every.size)
-        weights, members, size = every[seen] / every[seen].sum(), way.members.at(seen), len(way.values)
+        weights, members, size = every[seen] / every[seen].sum(), way.members.at(seen), len(way.runs.values)
         mean, covariance = members.mixed(weights)
-        at = np.array(list(way.values.values())) + mean[:size]
-        low, high = np.array([bounds[n] for n in way.values]).reshape(size, 2).T
-        values = dict(zip(way.values, np.clip(at, low, high).tolist(), strict=True))
+        at = way.runs.moved(mean[:size])
+        values = {way.runs.problem.unknowns[k].name: float(at[k]) for k in way.runs.values}
         sizes = dict(zip(GROUPS, np.sqrt(every @ way.sizes**2).tolist(), strict=True))
         by_pair = {pair: float(every[(way.left == pair).all(axis=1)].sum()) for pair in {(float(a), float(b)) for a, b in way.left}}
         rest = tuple((share, *pair) for pair, share in sorted(by_pair.items()) if share > COUNTED)
-        return cls(way.way.name, weight, way.laws, values, way.departures, way.columns, mean[size:], _triangular(covariance), sizes, rest)
+        return cls(
+            way.way.name, weight, way.laws, values, way.runs.departures, way.runs.columns, mean[size:], _triangular(covariance), sizes, rest
+        )
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain numbers and texts for a file."""
@@ -296,7 +297,8 @@ class ErrorModel(Result):
     stage : str                 Of the fit.
     seen : dict                 Value that runs share -> what it is.
     ways : tuple of KeptWay     The posterior for each way in which heat of surfaces may be carried; none where elements are not followed.
-    misfit : float              Root mean square of the readings over what is allowed of them; one is expected. [-]
+    misfit : float              Root mean square of the readings over what is allowed of them, one is expected; with what the network,
+                                run with the expected departures, misses of their straight lines, see `FittedWay.nonlinearity`. [-]
     why : str                   Why elements are not followed; empty where they are.
     gain : float                By how much ln of the evidence of the readings grows with what departs; not kept in files.
     """
@@ -334,10 +336,11 @@ class ErrorModel(Result):
         logs = np.concatenate([w.members.log_evidence + math.log(w.way.before / total) for w in fitted_ways])
         every = weights_of(logs)
         shares = np.split(every, np.cumsum([len(w.left) for w in fitted_ways])[:-1])
-        misfit = float(np.sqrt(sum(share @ w.members.square for w, share in zip(fitted_ways, shares, strict=True))))
+        likeliest = max(zip(fitted_ways, shares, strict=True), key=lambda pair: float(pair[1].sum()))[0]
+        apart = sum(share @ w.members.square for w, share in zip(fitted_ways, shares, strict=True))
+        misfit = math.hypot(math.sqrt(apart), likeliest.nonlinearity())
         named = {u.name: u for u in problem.unknowns}
-        bounds = {n: (float(low), float(high)) for n, u in named.items() for low, high in [u.fitted_bounds()]}
-        ways = [KeptWay.of_fitted(w, share, bounds) for w, share in zip(fitted_ways, shares, strict=True) if share.sum() > COUNTED]
+        ways = [KeptWay.of_fitted(w, share) for w, share in zip(fitted_ways, shares, strict=True) if share.sum() > COUNTED]
         whole = sum(w.weight for w in ways)
         ways = [replace(w, weight=w.weight / whole) for w in ways]
         fitted_values = {n: SeenValue.of_unknown(named[n]) for n in ways[0].values}
@@ -356,14 +359,13 @@ class ErrorModel(Result):
     @property
     def contradiction(self) -> str:
         """What of the readings no departure of a possible size explains, in words; empty where all is explained."""
-        if self.misfit > OUTSIDE:
-            return f"the readings lie {self.misfit:.2g} times further from the model than noise and all departures allow"
         sizes = {**self.sizes, "left": float(np.sqrt(sum(w.weight * w.left_over**2 for w in self.ways)))}
         times, name = max((size / SIZES[n].value, n) for n, size in sizes.items())
-        if times <= FAR_SIZE:
-            return ""
-        asked = f"{sizes[name]:.2g} {SIZES[name].unit} beside {SIZES[name].value:g}".replace(" 1 ", " ")
-        return f"the readings ask for {times:.2g} times a usual departure: {SIZES[name].effect} ({asked})"
+        if times > FAR_SIZE:
+            asked = f"{sizes[name]:.2g} {SIZES[name].unit} beside {SIZES[name].value:g}".replace(" 1 ", " ")
+            return f"the readings ask for {times:.2g} times a usual departure: {SIZES[name].effect} ({asked})"
+        far = f"with all departures the readings still lie {self.misfit:.2g} times further from the network than is allowed"
+        return far if self.misfit > OUTSIDE else ""
 
     @property
     def exponents(self) -> dict[str, float]:
@@ -527,12 +529,7 @@ def errors_without(errors: LaterTable, places: Sequence[str]) -> LaterTable:
 
     It is made when it is asked for. Places are by the paths of the fit's own model.
     """
-
-    def make() -> dict[str, Any]:
-        """Return the kept model of error without the parts that were replaced, as a table."""
-        return ErrorModel.from_dict({**errors.original(), "at": ""}).without(places).to_dict()
-
-    return LaterTable(make, errors.at, (*errors.without, *places))
+    return LaterTable(lambda: _whole(errors).without(places).to_dict(), errors.at, (*errors.without, *places))
 
 
 def errors_after(errors: LaterTable, before: LaterTable, places: Sequence[str]) -> LaterTable:
@@ -540,13 +537,12 @@ def errors_after(errors: LaterTable, before: LaterTable, places: Sequence[str]) 
 
     Both are of one model; places are by its paths.
     """
+    return LaterTable(lambda: _whole(errors).after(_whole(before), places).to_dict(), errors.at, outside(before.without, places))
 
-    def make() -> dict[str, Any]:
-        """Return both as one table."""
-        a, b = (ErrorModel.from_dict({**one.original(), "at": ""}) for one in (errors, before))
-        return a.after(b, places).to_dict()
 
-    return LaterTable(make, errors.at, outside(before.without, places))
+def _whole(errors: LaterTable) -> ErrorModel:
+    """Return a model of error that a fit keeps, by the paths of the fit's own model."""
+    return ErrorModel.from_dict({**errors.original(), "at": ""})
 
 
 def errors_of_values(fit: Calibration, why: str = "") -> ErrorModel:
@@ -652,18 +648,20 @@ def _widened(fit: Calibration, moved: Mapping[str, float], covariance: Array, un
     """Return a fit with wider errors, by what its values would move by and their covariance (values, values); fitted form."""
     others = _others(fit)
     beside = np.array([np.sum(fit.store.rows([n])[0][others] ** 2) if fit.store[n].known else 0.0 for n in moved])
-    fit = _with_sources_of_structure(fit, covariance, moved)
+    fit = _with_sources_of_structure(fit, covariance, moved, unexplained)
     assert fit.problem is not None
     unknowns = {u.name: u for u in fit.problem.unknowns if u.kind == "parameter"}
     errors = dict(zip(moved, np.sqrt(np.diag(covariance) + beside).tolist(), strict=True))
-    at = {n: (u, fit.fitted[n] + moved[n], errors[n]) for n, u in unknowns.items() if n in moved}
+    at = {n: (u, fit.fitted[n] + moved[n], errors[n]) for n, u in unknowns.items() if n in moved and not unexplained}
     expected = {n: (u.to_value(x), u.slope(x) * error) for n, (u, x, error) in at.items()}
     is_requested = fit.request is not None and fit.request.structural_errors
     why = "the structure is a proposal" if is_requested else "the residuals are larger than this structure explains"
-    quote = "Quote the values and errors that are printed first: they allow its elements to depart from their laws."
+    quote = (
+        "Quote the values and errors that are printed first: they allow its elements to depart from their laws. They are the priors of "
+        "stages above. The fitted values, which -v prints beside them, draw the curves, with wider errors."
+    )
     if unexplained:
-        quote = f"The values that are printed first allow its elements to depart from their laws, but {unexplained}: find the cause first."
-    quote += " They are the priors of stages above. The fitted values, which -v prints beside them, draw the curves, with wider errors."
+        quote = f"No departure of its elements explains them: {unexplained}. Find the cause first. Errors count what departures would move."
     fit = replace(fit, expected=expected, unexplained=unexplained)
     at_fit, at_estimates = (far_from_sheet(fit.given_model, v) for v in (fit.values, fit.estimates))
     doubted = {w.split(" is ")[0] for w in at_fit} - {w.split(" is ")[0] for w in at_estimates}
@@ -682,8 +680,10 @@ def _others(fit: Calibration) -> list[bool]:
     return [s.name not in own and not s.name.startswith(key) for s in fit.store.sources]
 
 
-def _with_sources_of_structure(fit: Calibration, covariance: Array, moved: Mapping[str, float]) -> Calibration:
+def _with_sources_of_structure(fit: Calibration, covariance: Array, moved: Mapping[str, float], unexplained: str) -> Calibration:
     """Return a fit whose sources say what the stages above may take as prior, and what its own values err by beyond that.
+
+    Where readings are `unexplained` the fitted values stand, and all that they err by is in the prior of a stage above.
 
     Legend: B own covariance of the fit, C that of the model of error, ``B = L L'``, ``L^-1 C L^-T = W D W'``. Responses become
     ``L W min(D, 1)^1/2 W' L^-1`` times themselves, and sources for the rest make C; what B holds beyond C, within bounds, and the moves
@@ -709,7 +709,8 @@ def _with_sources_of_structure(fit: Calibration, covariance: Array, moved: Mappi
     root[np.ix_(places, own)] = directions @ (np.sqrt(np.minimum(ratios, 1.0))[:, None] * ways.T) @ inverse @ responses
     root[places, len(fit.store.sources) :] = np.column_stack([more, less * np.sqrt(least / np.maximum(beyond, 1e-300))[:, None], moves])
     key, words = f"{fit.request.fit_key[:16] if fit.request else fit.stage}:structure", f"structure of stage '{fit.stage}'"
-    names = (*(f"{key} {k}" for k in at), *(f"{key}{AS_FITTED} {k}" for k in at), f"{key}{EXPECTED}")
+    beside, ahead = (": beyond", ": moves") if unexplained else (AS_FITTED, EXPECTED)
+    names = (*(f"{key} {k}" for k in at), *(f"{key}{beside} {k}" for k in at), f"{key}{ahead}")
     added = (Source(n, "structural", Normal(), words) for n in names)
     store = replace(fit.store, sources=(*fit.store.sources, *added), root=root).trimmed()
     items = {n: replace(v, error=store.error(n)) for n, v in fit.values.items()}

@@ -64,9 +64,7 @@ class FittedWay:
     ----------
     way : Way
     laws : dict                 Conductor -> its law where the derivatives were taken.
-    values : dict               Value of the fit that runs share -> where the derivatives were taken, in the fitted form.
-    departures : Departures
-    columns : tuple of UnknownColumn   Unknowns beside the values.
+    runs : RunsOfFit            At the values where the derivatives were taken.
     members : Members           Of values, less where the derivatives were taken, and of columns.
     sizes : array (members, groups)     Of each member, in the order of `GROUPS`.
     left : array (members, 2)   Size of what no element explains [K], and its time constant in parts of a run.
@@ -74,12 +72,36 @@ class FittedWay:
 
     way: Way
     laws: Mapping[str, ElementLaw]
-    values: Mapping[str, float]
-    departures: Departures
-    columns: tuple[UnknownColumn, ...]
+    runs: RunsOfFit
     members: Members
     sizes: Array
     left: Array
+
+    def nonlinearity(self) -> float:
+        """Return how far a network in which the expected departures act ends from their straight lines, over what is allowed. [-]
+
+        Root mean square over the readings of all records. A line is what heats along the run without departures add to it; the network
+        has the heats that departures move along the run with them. Both have the values and laws that are expected. Allowed are noise
+        and what no element explains.
+        """
+        runs, weights = self.runs, weights_of(self.members.log_evidence)
+        step, left = weights @ self.members.mean, weights @ self.left[:, 0] ** 2
+        problem, at, count = runs.problem, runs.moved(step[: len(runs.values)]), len(runs.problem.unknowns)
+        sizes = {c.name: x for c, x in zip(runs.columns, step[len(runs.values) :].tolist(), strict=True)}
+        laws = {p: law.moved({w: sizes.pop(f"{w} of {p}", 0.0) for w in law.shape}) for p, law in self.laws.items()}
+        apart = []
+        for i, e in enumerate(problem.experiments):
+            network, acting, seen = with_laws(e.network, laws), (np.zeros(len(sizes)), np.array([*sizes.values()])), []
+            heats = [DepartureHeat(n, ()) for n in sizes]
+            for amounts in acting:
+                course = course_in_fit(problem, i, network, at, heats, amounts)
+                laid = {c.name: h for c, h in runs.departures.shared(network, course, self.way, laws)}
+                heats = [laid.get(n, DepartureHeat(n, ())) for n in sizes]
+                seen.append([t.averaged() for t in traces_of(problem, i, network, heats, at, amounts)])
+            for line, found in zip(*seen, strict=True):
+                ahead = line.residuals - line.rows[:, count:] @ acting[1]
+                apart.append((found.residuals - ahead) / np.sqrt(line.noise**2 + left))
+        return float(np.sqrt(np.mean(np.concatenate(apart) ** 2)))
 
 
 def sizes_at(points: Array) -> Array:
@@ -161,6 +183,13 @@ class RunsOfFit:
         own_columns_of_runs = tuple((*own_columns(problem, i), *(c for c, _ in run)) for i, (_, run) in enumerate(parts))
         return cls(problem, fitted, values, departures_used, tuple(columns.values()), own_columns_of_runs, tuple(traces), spans)
 
+    def moved(self, step: Array) -> Array:
+        """Return the unknowns of the fit (unknowns,) after a step (values,) of the values that runs share; none goes beyond its bound."""
+        out = self.fitted.copy()
+        low, high = np.array([self.problem.unknowns[k].fitted_bounds() for k in self.values]).reshape(step.size, 2).T
+        out[self.values] = np.clip(out[self.values] + step, low, high)
+        return out
+
     def rows(self, size: float) -> dict[tuple[float, float], list[RunRows]]:
         """Return (size, time) -> rows of the priors of the fit and then of each run, white under a wander of that size and time.
 
@@ -227,17 +256,21 @@ def prior_mean(u: Unknown, fitted: float) -> float:
     return u.prior.mean if u.prior is not None else float(fitted)
 
 
-def course_in_fit(problem: Problem, i: int, network: Network, fitted: Array) -> ElementCourse:
-    """Return the course of a run of a fit with another network."""
-    bare = widened(problem, i, network, problem.experiments[i].scenario, ())
-    bench = bare.bench(0, fitted)
-    return course_of(bench.wiring, bench.engine, bare.inputs(0, fitted)[0], problem.options)
+def course_in_fit(
+    problem: Problem, i: int, network: Network, fitted: Array, heats: Sequence[DepartureHeat] = (), amounts: Sequence[float] | Array = ()
+) -> ElementCourse:
+    """Return the course of a run of a fit with another network, in which heats act by their amounts."""
+    wide, at = widened(problem, i, *with_heats(network, problem.experiments[i].scenario, heats), heats), np.append(fitted, amounts)
+    bench = wide.bench(0, at)
+    return course_of(bench.wiring, bench.engine, wide.inputs(0, at)[0], problem.options)
 
 
-def traces_of(problem: Problem, i: int, network: Network, heats: Sequence[DepartureHeat], fitted: Array) -> tuple[SensorRows, ...]:
-    """Return the sensors of a run, with derivatives by every unknown and heat."""
+def traces_of(
+    problem: Problem, i: int, network: Network, heats: Sequence[DepartureHeat], fitted: Array, amounts: Array | None = None
+) -> tuple[SensorRows, ...]:
+    """Return the sensors of a run, with derivatives by every unknown and heat; `amounts` of the heats act in it, none of them without."""
     wide = widened(problem, i, *with_heats(network, problem.experiments[i].scenario, heats), heats)
-    at = np.concatenate([fitted, np.zeros(len(heats))])
+    at = np.append(fitted, np.zeros(len(heats)) if amounts is None else amounts)
     blocks, slopes = wide.blocks_and_slopes(0, at)
     out = []
     for k, (o, block) in enumerate(zip(wide.experiments[0].observations, blocks, strict=True)):
@@ -258,7 +291,6 @@ def fitted_way(problem: Problem, fitted: Array, way: Way, points: Mapping[str, O
     What no element explains has every size and time while they are looked for: fixed, a small one would bend values until they follow what
     they do not explain, and a large one would leave them where they began.
     """
-    bounds = np.array([u.fitted_bounds() for u in problem.unknowns]).reshape(fitted.size, 2)
     at, laws, departures, share = fitted.copy(), dict(way.laws), None, 1.0
     costs: list[float] = []
     for _ in range(NEWTON_POINTS):
@@ -271,7 +303,7 @@ def fitted_way(problem: Problem, fitted: Array, way: Way, points: Mapping[str, O
         for (path, what), k in shapes.items():
             centre[k] = way.laws[path].shape[what] - laws[path].shape[what]
         cost, step, spread = runs.likeliest([*range(len(values)), *shapes.values()], centre)
-        step[: len(values)] = np.clip(at[values] + step[: len(values)], *bounds[values].T) - at[values]  # none goes beyond its bound
+        step[: len(values)] = (runs.moved(step[: len(values)]) - at)[values]
         costs.append(cost)
         if cost < min(costs[:-1], default=np.inf) or len(costs) == 1:
             best, share = (runs, laws, centre, step), min(2.0 * share, 1.0)
@@ -282,8 +314,7 @@ def fitted_way(problem: Problem, fitted: Array, way: Way, points: Mapping[str, O
         if min(costs[:-2], default=np.inf) - min(costs) < WORTH_A_POINT:
             break
         runs, laws, _, step = best
-        at = runs.fitted.copy()
-        at[values] += share * step[: len(values)]
+        at = runs.moved(share * step[: len(values)])
         moved = dict(zip(shapes, share * step[len(values) :], strict=True))
         laws = {p: law.moved({w: float(x) for (q, w), x in moved.items() if q == p}) for p, law in laws.items()}
     runs, laws, centre, _ = best
@@ -310,8 +341,7 @@ def _averaged(runs: RunsOfFit, way: Way, laws: Mapping[str, ElementLaw], centre:
         parts.append(replace(Members.joined(members), log_evidence=logs + prior[remainder] - float(np.log(sets))))
         sizes.append(sizes_at(points))
     sizes_left = np.repeat([(SIZES["left"].value * size, time) for size, time in likely], sets, axis=0)
-    values = {runs.problem.unknowns[k].name: float(runs.fitted[k]) for k in runs.values}
-    return FittedWay(way, laws, values, runs.departures, runs.columns, Members.joined(parts), np.concatenate(sizes), sizes_left)
+    return FittedWay(way, laws, runs, Members.joined(parts), np.concatenate(sizes), sizes_left)
 
 
 def evidence_of_structure(problem: Problem, fitted: Array) -> float:

@@ -593,19 +593,15 @@ def _history(request: Request, problem: Problem, path: str, knots: Array, pins: 
     unsettled = (
         () if solution.converged else (f"the history did not converge within {MAX_HISTORY_ITERATIONS} iterations. Free fewer parameters.",)
     )
-    notes = (*unsettled, *_at_bounds(problem, solution.x), *solution.remarks)
-    return PowerHistory(
-        path, node, knots, power, covariance, run[node].kelvin, is_known, width, solution.prior, values, blocks, bare, scenario, notes
-    )
-
-
-def _at_bounds(problem: Problem, x: Array) -> tuple[str, ...]:
-    """Return remarks on parameters that ended at a bound."""
-    return tuple(
+    at_bounds = (
         f"'{u.name}' ended at its bound {_shown(u, fitted):.5g} {u.unit}, so its error and the band are not meaningful. Fix "
         "it or give it a prior."
-        for u, fitted in zip(problem.unknowns, x.tolist(), strict=True)
+        for u, fitted in zip(problem.unknowns, solution.x.tolist(), strict=True)
         if u.kind == "parameter" and u.bounds_met(fitted)
+    )
+    notes = (*unsettled, *at_bounds, *solution.remarks)
+    return PowerHistory(
+        path, node, knots, power, covariance, run[node].kelvin, is_known, width, solution.prior, values, blocks, bare, scenario, notes
     )
 
 
