@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from difflib import get_close_matches
 from functools import cached_property
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 
@@ -274,14 +274,20 @@ class Simulator(Shown):
     def slots(self, name: str) -> tuple[str, str]:
         """Return the units that a value of a free name, and a difference of two, are written in."""
         refuse_unknown([name], self.nominal, self.title, "no free name '{}'.", NameNotFoundError)
-        wiring = self.wiring
-        if name in wiring.parameters:
-            literal_ = wiring.network.flat.parameters.table[name].parameter.expression.literal
-            text = literal_.unit.text if literal_ is not None else "1"
-            return (TEMPERATURE, "K") if literal_ is not None and literal_.unit.offset else (text, text)
-        if name.startswith("scale."):
-            return "1", "1"
-        constant = name.startswith("initial.") or isinstance(wiring.signals[f"boundary {name}"], Constant)
+        return self._slots[name]
+
+    @cached_property
+    def _slots(self) -> Mapping[str, tuple[str, str]]:
+        """Free name -> the units of `slots`."""
+        return {name: self._slot(name) for name in self.free}
+
+    def _slot(self, name: str) -> tuple[str, str]:
+        """Return the units of `slots` of a name that is free."""
+        freed = name in self.wiring.parameters
+        if freed or name.startswith("scale."):
+            of = self.wiring.network.flat.parameters.table[name].parameter.expression.literal if freed else None
+            return ("1", "1") if of is None else (TEMPERATURE, "K") if of.unit.offset else (of.unit.text, of.unit.text)
+        constant = name.startswith("initial.") or isinstance(self.wiring.signals[f"boundary {name}"], Constant)
         return (TEMPERATURE if constant else "K"), "K"
 
     def bounds(self, name: str) -> tuple[float, float]:
@@ -329,7 +335,7 @@ class Simulator(Shown):
         """Return values by the names under which they are free. [SI]"""
         if not isinstance(values, Mapping):
             raise ScenarioError(f"it takes a dictionary from names to values, not {values!r:.60}.", self.title, code="value.wrong-kind")
-        named = {_free_name(self.wiring.network, name): value for name, value in values.items()}
+        named = {name if name in self.free else _free_name(self.wiring.network, name): value for name, value in values.items()}
         refuse_unknown(
             named, self.free, self.title, "'{}' is not free in this simulator. Name it in free= of td.prepare.", NameNotFoundError
         )
@@ -337,7 +343,7 @@ class Simulator(Shown):
 
     def _si(self, name: str, values_given: Any) -> Any:
         """Return values of a free name in SI: numbers as they are, others by their unit; refuse nan, and a temperature without unit."""
-        slot = self.slots(name)[0]
+        slot = self._slots[name][0]
         if slot != TEMPERATURE and isinstance(values_given, float | np.ndarray):
             return values_given
         with errors_at(f"{self.title}, {name}"):
@@ -398,6 +404,9 @@ def remark_on_empty(nodes: Sequence[str]) -> str:
     return CodedText(f"{quoted(nodes)} {has} no gas in this scenario and {are} left out", "run.heat-stops-without-gas")
 
 
+AS_PRINTED: Final = "vacuum as printed: every coefficient is zero, including its radiation, so the temperatures are an upper bound"
+
+
 def _warnings(wiring: Wiring, scenario: Scenario, empty: tuple[str, ...]) -> tuple[str, ...]:
     """Return the warnings of all runs: missing parts, nodes without a path to a boundary, assumed samples, gas and wind."""
     numbers = wiring.assemble().numbers
@@ -410,14 +419,13 @@ def _warnings(wiring: Wiring, scenario: Scenario, empty: tuple[str, ...]) -> tup
     flat, media, start = wiring.network.flat, wiring.network.media, wiring.start
     held = held_inputs(wiring.changing, start.time) if start is not None and start.kind == STEADY else ""
     followed = set(wiring.schedule.signals) if wiring.schedule is not None else set()
-    upper = "vacuum as printed: every coefficient is zero, including its radiation, so the temperatures are an upper bound"
     return (
         *(f"INCOMPLETE: {what}" for what in flat.names.model.missing_parts()),
         *(message for nodes, message in unreached(wiring.network, numbers, powers).items() if not {*nodes} <= {*empty}),
         *([remark_on_empty(empty)] if empty else ()),
         *([CodedText(f"the start is {held}", "run.start-held")] if held else ()),
         *sampled_logs(scenario),
-        *([CodedText(upper, "run.upper-bound")] if scenario.as_printed else ()),
+        *([CodedText(AS_PRINTED, "run.upper-bound")] if scenario.as_printed else ()),
         *media.remarks([c for c in flat.conductors if not followed & set(c.fields.values())]),
         *gas_remarks(media, flat, numbers.values),
         *(wiring.network.streams.remarks(scenario.seconds) if streams_of(flat.conductors) else ()),

@@ -83,7 +83,7 @@ def bindings(channels: Mapping[str, object], extra: Mapping[str, Mapping[str, st
     return list(out.values())
 
 
-def _one(key: str, written: object, where: str) -> Binding:
+def _one(key: str, written: Any, where: str) -> Binding:
     """Return one binding, from a column name or a table.
 
     Raises
@@ -92,12 +92,6 @@ def _one(key: str, written: object, where: str) -> Binding:
     """
     if isinstance(written, str):
         return Binding(key, written, target=key)
-    if not isinstance(written, Mapping):
-        raise RecordError(
-            f"{written!r} is neither the name of a column nor a table. Write 'column' or {{ column = 'column' }}.",
-            where,
-            code="value.wrong-kind",
-        )
     _check_kinds(written, where)
     roles = [word for word in ROLES if word in written]
     role = roles[0] if roles else "auto"
@@ -148,13 +142,19 @@ def _one(key: str, written: object, where: str) -> Binding:
     return Binding(key, written.get("column", key), role, target, **rest, part=part, certificate=certificate)
 
 
-def _check_kinds(written: Mapping[str, Any], where: str) -> None:
-    """Refuse unknown keys of a binding, and values of a wrong kind.
+def _check_kinds(written: Any, where: str) -> None:
+    """Refuse a binding that is no table, unknown keys of one, and values of a wrong kind.
 
     Raises
     ------
     RecordError   When a key is unknown, or a value is neither the text, number, or truth value that its key takes.
     """
+    if not isinstance(written, Mapping):
+        raise RecordError(
+            f"{written!r} is neither the name of a column nor a table. Write 'column' or {{ column = 'column' }}.",
+            where,
+            code="value.wrong-kind",
+        )
     refuse_unknown(written, _KEYS, where)
     for word in ("column", *ROLES, "gain", "unit"):
         if word in written and not (isinstance(written[word], str) and written[word].strip()):

@@ -506,8 +506,7 @@ def _by_step(clock: dict[str, Any], first: Look, other: Look) -> list[str]:
         begins = f"{_digits(abs(at['offset']), 4)} s {'after' if at['offset'] >= 0 else 'before'} {first.path.name}"
         return [f"  by its stamps and those of {at['after']}, {clock['file']} begins {begins}, +- {_digits(at['error'], 2)} s"]
     if "step" not in clock:
-        why = {True: "is not readable yet", False: "has no time stamps"}
-        bare = [f"{look.path.name} {why[look.times is None]}" for look in (first, other) if _time_of_day(look) is None]
+        bare = [f"{look.path.name} {_bare(look)}" for look in (first, other) if _time_of_day(look) is None]
         return [f"  {', '.join(bare)}, and {UNDECIDED}"] if bare else []
     step = clock["step"]
     late, error = round(step["offset"], 3), step["error"]
@@ -533,6 +532,11 @@ def _by_step(clock: dict[str, Any], first: Look, other: Look) -> list[str]:
 def _digits(value: float, count: int) -> str:
     """Return a number with some digits, or all before its point."""
     return f"{value:.{count}g}" if abs(value) < 10.0**count else f"{value:.0f}"
+
+
+def _bare(look: Look) -> str:
+    """Return why a log has no clock."""
+    return "is not readable yet" if look.times is None else "has no time stamps"
 
 
 def _offset(clock: dict[str, Any], fitted: bool) -> str:

@@ -282,16 +282,11 @@ def _check_names(model: Model) -> None:
         first_use[name] = what
     for alias in model.aliases:
         trail = [alias]
-        while (step := _alias_in(model, model.aliases[trail[-1]])) is not None:
+        while (step := path if (path := model.aliases[trail[-1]]) in model.aliases else path.partition(".")[0]) in model.aliases:
             if step in trail:
                 text = f"the alias '{alias}' refers to itself: {' -> '.join([*trail, step])}."
                 raise DeckError(text, model.where(f"aliases.{alias}"), code="model.self-reference")
             trail.append(step)
-
-
-def _alias_in(model: Model, path: str) -> str | None:
-    """Return the alias that a path is or starts with, or None."""
-    return next((a for a in (path, path.partition(".")[0]) if a in model.aliases), None)
 
 
 def standard_parts() -> dict[str, Path]:

@@ -190,10 +190,9 @@ class FacingTable(StrictTable):
     tilt: str | Real
     azimuth: str | Real | None = None
 
-
-def _facing(table: FacingTable) -> Facing:
-    """Return the direction of a surface, angles in degrees."""
-    return Facing(degrees(table.tilt), None if table.azimuth is None else degrees(table.azimuth))
+    def facing(self) -> Facing:
+        """Return the direction of a surface, angles in degrees."""
+        return Facing(degrees(self.tilt), None if self.azimuth is None else degrees(self.azimuth))
 
 
 class SurfaceTable(ElementTable):
@@ -207,7 +206,7 @@ class SurfaceTable(ElementTable):
     emissivity: Value | None = None
     finish: str = ""
     absorptance: Value | None = None
-    facing: Annotated[Facing, reads(FacingTable, _facing)] | None = None
+    facing: Annotated[Facing, reads(FacingTable, FacingTable.facing)] | None = None
     sees: str = ""
     radiates_to: Annotated[str, Field(description="Older name of `sees`.")] = ""
     carried_by: CarriedBy | None = None
@@ -236,12 +235,7 @@ class SurfaceTable(ElementTable):
                 "",
                 "value.incomplete",
             ),
-            (
-                self.sees and self.radiates_to,
-                "sees and radiates_to have the same meaning. Give sees only.",
-                "",
-                "value.excludes-another",
-            ),
+            (self.sees and self.radiates_to, "sees and radiates_to have the same meaning. Give sees only.", "", "value.excludes-another"),
             _carrier_of_law(fields, words),
             (
                 "emissivity" in controls and ("emissivity" not in fields or self.effective_htc is not None),
@@ -256,8 +250,7 @@ class SurfaceTable(ElementTable):
                 "value.without-effect",
             ),
         )
-        sees = self.sees or self.radiates_to
-        return Surface(self.of, self.to, fields, sees, self.test_only, self.finish, words, self.facing, controls)
+        return Surface(self.of, self.to, fields, self.sees or self.radiates_to, self.test_only, self.finish, words, self.facing, controls)
 
 
 def _carrier_of_law(fields: Mapping[str, Parameter], words: Mapping[str, str]) -> Rule:
@@ -826,15 +819,9 @@ class _ConductorTable(ElementTable):
     def element(self, where: Where) -> Conductor:
         """Return the conductor of a deck; `where` gives the place of a field for messages. A DeckError names fields that do not fit."""
         kind = KINDS[self.kind]
-        refuse_first(
-            where,
-            (
-                self.material and "conductivity" not in kind.slots,
-                f"a conductor of kind '{self.kind}' has no conductivity. Leave material out.",
-                "material",
-                "value.without-effect",
-            ),
-        )
+        if self.material and "conductivity" not in kind.slots:
+            text = f"a conductor of kind '{self.kind}' has no conductivity. Leave material out."
+            raise DeckError(text, where("material"), code="value.without-effect")
         if self.material:
             return self.made_of(self.material, "conductivity", where("material")).element(where)
         name = kind.tabulated or "conductivity"

@@ -914,6 +914,11 @@ def own_signal(value: Any, where: str = "") -> Any:
     return replace(parsed, unit=of.unit.text) if isinstance(parsed, TableSignal | Sine) else parsed
 
 
+def _column(values: Any, slot: str, where: str) -> Array:
+    """Return the SI values of a list of texts or numbers, each read by `literal`."""
+    return np.array([literal(v, slot, where) for v in values])
+
+
 def _from_table(value: Mapping[str, Any], slot: str, where: str, held: bool = False) -> Signal:
     """Read the table form of a signal."""
     keys = {str(key) for key in value}
@@ -927,8 +932,8 @@ def _from_table(value: Mapping[str, Any], slot: str, where: str, held: bool = Fa
         if key in value and (isinstance(value[key], str) or not isinstance(value[key], Sequence | np.ndarray | Quantity)):
             raise ScenarioError(f"the {key} of a table are a list, not {value[key]!r}.", where, code="value.wrong-kind")
     if {"times", "values"} <= keys <= {"times", "values", "hold", *CONDUCT}:
-        times, values = (np.array([literal(v, of, where) for v in value[key]]) for key, of in (("times", "s"), ("values", slot)))
         with errors_at(where):
+            times, values = _column(value["times"], "s", where), _column(value["values"], slot, where)
             return TableSignal(times, values, bool(value.get("hold", False))).with_details(value, where)
     if {"mean", "amplitude", "period"} <= keys <= {"mean", "amplitude", "period", "phase"}:
         difference = "K" if slot == TEMPERATURE else slot

@@ -135,14 +135,10 @@ def cut(model: M, places: Sequence[str]) -> M:
         place = model.canonical(raw)
         refuse_unknown([place], allowed, model.title, f"cut names '{raw}', which is not a submodel or parameter.", NameNotFoundError)
         cuts[place] = None
-        layers = tuple(_parted(layer, place) for layer in layers)
+        # a group that reaches from inside the place to outside of it becomes two, or one where a half has one path
+        parted = [[tuple(p for p in g if inside(p, place) is side) for g in layer.ties for side in (True, False)] for layer in layers]
+        layers = tuple(replace(layer, ties=tuple(h for h in ties if len(h) > 1)) for layer, ties in zip(layers, parted, strict=True))
     return replace(model, cuts=tuple(cuts), layers=layers)
-
-
-def _parted(layer: Layer, place: str) -> Layer:
-    """Return the layer without groups that reach from inside a place to outside of it: each is two, or one where a half has one path."""
-    halves = (tuple(p for p in group if inside(p, place) is side) for group in layer.ties for side in (True, False))
-    return replace(layer, ties=tuple(h for h in halves if len(h) > 1))
 
 
 def _laid_ties(model: Tree, layer: Mapping[str, Parameter], groups: Sequence[Sequence[str]]) -> tuple[list[str], Ties]:
@@ -324,12 +320,6 @@ def _curve_to(shape: Curve | None, slot: str) -> dict[str, Any]:
     return {} if shape is None else {"table": {"over": shape.over} | _points_to(shape, slot)}
 
 
-def _law_to(c: Conductor) -> dict[str, Any]:
-    """Return the table of a conductor: of conductance, or of a property."""
-    name = KINDS[c.kind].tabulated
-    return {name: _points_to(c.curve, TABULATED[name])} if c.curve is not None and name else _curve_to(c.curve, "W/K")
-
-
 def _heat_to(node: Node) -> dict[str, Any]:
     """Return the property over temperature by which a node stores heat."""
     out: dict[str, Any] = {node.table[0]: _points_to(node.table[1], TABULATED[node.table[0]])} if node.table else {}
@@ -412,7 +402,11 @@ def elements_to(model: Tree) -> dict[str, dict[str, Any]]:
     conductors = {
         n: {"kind": e.kind, "between": list(e.between)}
         | _named(_grouped(_written_fields(e)), e.words)
-        | _law_to(e)
+        | (
+            {law: _points_to(e.curve, TABULATED[law])}
+            if e.curve is not None and (law := KINDS[e.kind].tabulated)
+            else _curve_to(e.curve, "W/K")
+        )
         | ({"takes": list(e.takes)} if e.takes else {})
         | _controlled(e.controls)
         | ({"reversible": True} if e.reversible else {})

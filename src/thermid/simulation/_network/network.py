@@ -26,8 +26,8 @@ from thermid.model.tree import Flat, FlatConductor, FlatLoad, FlatNode, Model, f
 from thermid.simulation._network.controls import PHASE, ControlRow, control_names, control_row, phase_row, state_of
 from thermid.simulation._network.irradiation import absorbers
 from thermid.simulation._network.medium import TRACE, Media, check_gas_laws, conductors_with_trace
-from thermid.simulation._network.rows import ConductorRow, LoadRow
-from thermid.simulation._network.streams import Streams, reached
+from thermid.simulation._network.rows import ConductorRow, LoadRow, reached
+from thermid.simulation._network.streams import Streams
 
 
 @dataclass(frozen=True, eq=False)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 from typing import Any, Final, NamedTuple
@@ -18,6 +18,16 @@ ANCHOR: Final = _kernel.GAS_ANCHOR
 """Temperature to which the coefficients of gas laws refer. [K]"""
 SMOOTHING: Final = _kernel.SMOOTHING
 """Temperature difference below which a power law is smoothed, so that its derivative stays finite at zero. [K]"""
+
+
+def reached(start: Iterable[str], joined: Mapping[str, set[str]]) -> set[str]:
+    """Return every node that can be reached from `start` along `joined`, node -> neighbours; `start` is among them."""
+    out, edge = set(start), list(start)
+    while edge:
+        fresh = joined[edge.pop()] - out
+        out |= fresh
+        edge += fresh
+    return out
 
 
 class KernelLaw(NamedTuple):

@@ -6,7 +6,7 @@ there on every stream of the line carries that mass, whatever temperature it tak
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
@@ -22,7 +22,7 @@ from thermid.model.tree import Flat, FlatConductor, streams_of
 from thermid.physics.constants import AMBIENT_DEFAULT, ATMOSPHERE, ICE_POINT
 from thermid.physics.gas import GASES
 from thermid.simulation._network.medium import AIR_RANGE, VACUUM_LIMIT, Media
-from thermid.simulation._network.rows import ConductorRow
+from thermid.simulation._network.rows import ConductorRow, reached
 
 
 @dataclass(frozen=True, eq=False)
@@ -266,16 +266,6 @@ def _shares(streams: Sequence[FlatConductor], values: Mapping[str, Any], inner: 
     for c in streams:
         x = mixed.get(c.ends[0])
         out[c.path] = {c.path: 1.0} if x is None else {s: float(v) for s, v in zip(origins, x, strict=True) if v > 0.0}
-    return out
-
-
-def reached(start: Iterable[str], joined: Mapping[str, set[str]]) -> set[str]:
-    """Return every node that can be reached from `start` along `joined`, node -> neighbours; `start` is among them."""
-    out, edge = set(start), list(start)
-    while edge:
-        fresh = joined[edge.pop()] - out
-        out |= fresh
-        edge += fresh
     return out
 
 

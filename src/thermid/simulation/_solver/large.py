@@ -171,7 +171,7 @@ def _part_of_step(network: SparseNetwork, initial: Array) -> float:
 def _message(raw: Any, options: Options, end: float, name: Any, follows: bool, outside: Callable[[float, Array], str] | None) -> str:
     """Return why a run of a large network ended early, in words: what ran out, when, where and what to change.
 
-    `raw` is the kernel's answer, `name` gives the name of a node, `follows` as in `runs_away`, `outside` as in `integrate`.
+    `raw` is the kernel's answer, `name` gives the name of a node, `follows` as in `ending`, `outside` as in `integrate`.
     """
     may_have_left = outside is not None and raw.status in UNSOLVED
     if outside is not None and may_have_left and (beyond := outside(raw.time, raw.final_temperatures)):

@@ -327,18 +327,6 @@ def unsettled(follows: bool) -> str:
     )
 
 
-def runs_away(when: str, follows: bool) -> str:
-    """Return why a temperature rises without limit, in words; `when` is the time in words, `follows` whether a power follows one."""
-    cause = "a power grows faster with temperature than the heat removed" if follows else "more heat is supplied than removed"
-    return f"the temperature rises without limit {when}: {cause}. If it falls below 0 K, a negative power is too large."
-
-
-def unsolved(when: str, follows: bool) -> str:
-    """Return what to look at where a step could not be solved, in words; arguments as in `runs_away`."""
-    look = "power that grows too fast with temperature" if follows else "law that jumps there, or for conductances many decades apart"
-    return f"a step could not be solved {when}. Look for a {look}."
-
-
 def ending(status: int, time: float, node: str, max_steps: int, end: float, follows: bool) -> str:
     """Return why a run ended before `end` [s], in words: what ran out, when, where and what to change.
 
@@ -348,15 +336,17 @@ def ending(status: int, time: float, node: str, max_steps: int, end: float, foll
     time : float        When it ended. [s]
     node : str          Where; empty for nowhere.
     max_steps : int     Steps that it was allowed.
-    follows : bool      As in `runs_away`.
+    follows : bool      Whether a power follows a temperature.
     """
+    cause = "a power grows faster with temperature than the heat removed" if follows else "more heat is supplied than removed"
+    look = "power that grows too fast with temperature" if follows else "law that jumps there, or for conductances many decades apart"
     when = f"at {time:.6g} s of {end:.6g} s" + (f" at '{node}'" if node else "")
     words = {
         _kernel.MAX_STEPS: f"{max_steps} steps were not enough, {when}. Allow more max_steps, or a larger error.",
         _kernel.STEP_UNDERFLOW: f"the step became too small {when}. Look for a discontinuous law there, or allow a larger error.",
-        _kernel.NEWTON_FAILED: unsolved(when, follows),
+        _kernel.NEWTON_FAILED: f"a step could not be solved {when}. Look for a {look}.",
         _kernel.NON_FINITE: f"a temperature or heat flow is not a number {when}. Look for a parameter that is infinite.",
-        _kernel.RUN_AWAY: runs_away(when, follows),
+        _kernel.RUN_AWAY: f"the temperature rises without limit {when}: {cause}. If it falls below 0 K, a negative power is too large.",
         _kernel.SINGULAR_NODE: f"a massless node has no conductance to anything {when}, so its temperature is undefined.",
         _kernel.BAD_INPUT: f"a temperature left the range 0 K to 1e6 K, or a number is not finite, {when}. Check the inputs at that time.",
         _kernel.CHATTER: f"a thermostat switches endlessly {when}. Widen its hysteresis.",
@@ -466,10 +456,10 @@ class KernelProblem:
         self.machines = tuple(p.row.name for p in s.factors if p.row.modes)
         self.control_names = (*(p.name for p in s.controls), *self.machines)
         self.flow_rows = np.array([k for k, p in enumerate(s.conductors) if p.row.form == "flow"], dtype=int)
-        self.problem = _kernel.Problem(**self.arrays())
+        self.problem: Any = _kernel.Problem(**self.arrays())
         # whether some table ends a run outside its points; for searches that pass there it holds its last value
         self.refuses = any(curve.limits is not None for _, curve, _ in _ranged(wiring.network, wiring.assemble(np.zeros(0)).numbers))
-        self.held = _kernel.Problem(**self.arrays(refuse=False)) if self.refuses else self.problem
+        self.held: Any = _kernel.Problem(**self.arrays(refuse=False)) if self.refuses else self.problem
 
     def arrays(self, refuse: bool = True) -> dict[str, Any]:
         """Return what the kernel's problem is made of, by name: indices as arrays of int32, tables and inputs as lists."""
