@@ -10,6 +10,7 @@ import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import combinations
 from typing import Any
 
 from thermid.base.arguments import takes_objects
@@ -299,7 +300,7 @@ class _Derivation:
             )
         self.arms = {pair: arms for pair, arms in self.arms.items() if node not in pair}
         ends = list(star)
-        product = {k: sympy.Mul(*(star[e] for e in ends if e not in k)) for k in _pairs(ends)}
+        product = {k: sympy.Mul(*(star[e] for e in ends if e not in k)) for k in combinations(ends, 2)}
         single = {e: sympy.Mul(*(star[o] for o in ends if o != e)) for e in ends}
         delta = self._delta(node, sympy.Add(*(single[e] for e in ends)), several) if len(ends) > 1 else sympy.Integer(1)
         for pair, above in product.items():
@@ -329,8 +330,3 @@ class _Derivation:
                 for arm in arms:
                     total -= (self.t[node] - self.t[other]) / arm
         return total
-
-
-def _pairs(ends: list[str]) -> list[tuple[str, str]]:
-    """Return every pair of a list, each once."""
-    return [(a, b) for i, a in enumerate(ends) for b in ends[i + 1 :]]
