@@ -15,8 +15,8 @@ from typing import Any
 
 from thermid.base.arguments import takes_objects
 from thermid.base.dual import value_of
-from thermid.base.errors import DeckError, MissingExtraError, NameNotFoundError, ThermidError, refuse_unknown
-from thermid.base.extensions import missing
+from thermid.base.errors import DeckError, NameNotFoundError, ThermidError, refuse_unknown
+from thermid.base.extensions import optional
 from thermid.base.results import Shown
 from thermid.interop._wired import identifiers
 from thermid.model.tree import Model
@@ -171,10 +171,7 @@ def equations(model: Model, names: Mapping[str, str] | None = None) -> Equations
     DeckError           When a law is not linear.
     NameNotFoundError   When a path of `names` does not exist.
     """
-    try:
-        import sympy
-    except ImportError as error:
-        raise MissingExtraError(missing(["sympy"], "a derivation of equations")) from error
+    sympy = optional("sympy", "a derivation of equations")
     network = compile_network(model)
     table = _Symbols(network, dict(names or {}), model)
     return _Derivation(sympy, network, table).result()
