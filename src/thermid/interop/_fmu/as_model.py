@@ -20,6 +20,7 @@ from thermid.base.dual import gradient_of, value_of
 from thermid.base.errors import DeckError, ScenarioError, UnitError, quoted
 from thermid.base.linear_algebra import Array
 from thermid.base.units import DIMENSIONLESS, Dimension, si_unit, unit
+from thermid.interop._fmu.description import BASES
 from thermid.interop._fmu.host import FmuFile, FmuSetting, InputCourse
 from thermid.model.deck import model_from_dict
 from thermid.model.elements import Constant, Drawn, TableSignal
@@ -30,7 +31,6 @@ from thermid.simulation.solver import Answer, Assembled, Engine, Wiring
 REALS: Final = ("Real", "Float64")
 _KELVIN: Final = unit("K").dimension
 _WATT: Final = unit("W").dimension
-_BASES: Final = ("m", "kg", "s", "A", "K")
 
 
 @dataclass(frozen=True)
@@ -327,7 +327,7 @@ def _units_of(file: FmuFile) -> dict[str, _Measure]:
     for u in file.described.unitDefinitions:
         base = u.baseUnit
         if base is not None and not (base.mol or base.cd):
-            dimension = tuple(Fraction(getattr(base, b)) for b in _BASES)
+            dimension = tuple(Fraction(getattr(base, b)) for b in BASES)
             out[u.name] = _Measure(float(base.factor), float(base.offset), dimension)
     for name in {v.unit or (v.declaredType.unit if v.declaredType is not None else None) for v in file.described.modelVariables}:
         if name and name not in out:  # such as W/(m2.K)

@@ -11,7 +11,8 @@ from xml.etree import ElementTree as Xml
 from thermid.base.units import DIMENSIONLESS, NAMES, TEMPERATURE, Dimension, unit
 from thermid.interop._fmu.image import INDICATOR, MODE, RATE, TEMPERATURE_OF
 
-_BASE = ("m", "kg", "s", "A", "K")
+BASES = ("m", "kg", "s", "A", "K")
+"""Base units of the exponents of a dimension, as FMI calls them."""
 _WORD = re.compile(r"[A-Za-z_][A-Za-z0-9_]*(\.[A-Za-z_][A-Za-z0-9_]*)*\Z")
 _SI = {unit(text).dimension: text for text in NAMES if text not in ("1", TEMPERATURE)}
 
@@ -73,7 +74,7 @@ def unit_name(dimension: Dimension) -> str:
     """Return the SI unit of a dimension; empty for none and where exponents are no integers."""
     if dimension == DIMENSIONLESS or any(e.denominator != 1 for e in dimension):
         return ""
-    return _SI.get(dimension) or ".".join(f"{b}{e.numerator}" if e != 1 else b for b, e in zip(_BASE, dimension, strict=True) if e)
+    return _SI.get(dimension) or ".".join(f"{b}{e.numerator}" if e != 1 else b for b, e in zip(BASES, dimension, strict=True) if e)
 
 
 @dataclass(frozen=True)
@@ -113,7 +114,7 @@ class _Description(ABC):
             if not (name := unit_name(dimension)):
                 continue
             of = Xml.SubElement(table, "Unit", name=name)
-            Xml.SubElement(of, "BaseUnit", {b: str(e.numerator) for b, e in zip(_BASE, dimension, strict=True) if e})
+            Xml.SubElement(of, "BaseUnit", {b: str(e.numerator) for b, e in zip(BASES, dimension, strict=True) if e})
             if name == "K":
                 Xml.SubElement(of, "DisplayUnit", name="degC", offset="-273.15")
 
