@@ -62,7 +62,7 @@ INSIDE = {
     "qualify": ("_profiles", "_profile_runs", "_steadiness", "_watch", "."),
     "reporting": ("_blocks", "_pictures", "_diagrams", "_pages", "_qualification"),
     "interop": (".", "_decks", "_fmu"),
-    "app": ("studio", "cli"),
+    "app": (".", "studio", "cli"),
 }
 
 # A scenario may take signals from columns of a table: that is all that `simulation` may know of measurements.

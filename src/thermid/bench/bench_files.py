@@ -6,7 +6,6 @@ programme holds the duties of the heaters over time.
 
 from __future__ import annotations
 
-import tomllib
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -14,8 +13,8 @@ from typing import Any
 from thermid.base.errors import MissingDataError, RecordError
 from thermid.base.expression import amount
 from thermid.base.extensions import by_grammar
-from thermid.base.files import FileKinds, parse_toml, was_read, write_text
-from thermid.base.toml_files import Places
+from thermid.base.files import FileKinds, command, write_text
+from thermid.base.toml_files import Places, read_toml
 from thermid.bench._wire import rom_is_good
 from thermid.measure.sensors import ICE, SensorCertificate
 
@@ -50,33 +49,21 @@ class MappedSensor:
         return out
 
 
-def _content(place: Path, missing: str) -> dict[str, Any]:
-    """Return the tables of a TOML file.
-
-    Raises
-    ------
-    MissingDataError   When there is no such file, with the text `missing`.
-    RecordError        When it is no valid TOML.
-    """
-    if not place.is_file():
-        raise MissingDataError(missing, str(place))
-    try:
-        return parse_toml(place.read_text(encoding="utf-8"))
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise RecordError(f"it is not valid TOML: {error}.", place.name, code="file.not-valid") from None
-
-
 def load_sensors(path: str | Path) -> dict[str, MappedSensor]:
     """Return the sensors of a map file by their ROM.
 
     Raises
     ------
     MissingDataError   When there is no such file.
-    RecordError        When it is no TOML, a ROM is mistyped or stands twice, or a key is unknown.
+    DeckError          When it is no TOML.
+    RecordError        When a ROM is mistyped or stands twice, or a key is unknown.
     """
     place = Path(path)
-    content = _content(place, "there is no such sensor map. Make one with `thermid log --identify`.")
-    tables = by_grammar("thermid.bench._schema.SensorMapFile", content, Places(place.name)).sensors
+    if not place.is_file():
+        raise MissingDataError("there is no such sensor map. Make one with `thermid log --identify`.", str(place))
+    with command():  # the command that names sensors writes it too, so it is no input
+        content, lines = read_toml(place)
+    tables = by_grammar("thermid.bench._schema.SensorMapFile", content, Places(place.name, lines)).sensors
     out: dict[str, MappedSensor] = {}
     for name, table in tables.items():
         sensor = _sensor(name, table, f"{place.name}, sensors.{name}")
@@ -174,13 +161,12 @@ def load_programme(path: str | Path) -> Programme:
 
     Raises
     ------
-    MissingDataError   When there is no such file.
-    RecordError        When it is no TOML, times do not increase, a duty is not 0 to 100 %, or a key is unknown.
+    DeckError     When there is no such file, or it is no TOML.
+    RecordError   When times do not increase, a duty is not 0 to 100 %, or a key is unknown.
     """
     place = Path(path)
-    content = _content(place, "the heater programme does not exist. Check the path.")
-    was_read(place)
-    read = by_grammar("thermid.bench._schema.ProgrammeFile", content, Places(place.name))
+    content, lines = read_toml(place)
+    read = by_grammar("thermid.bench._schema.ProgrammeFile", content, Places(place.name, lines))
     times: list[float] = []
     duties: list[tuple[int, int]] = []
     held = (0, 0)

@@ -7,9 +7,10 @@ import os
 import select
 import time
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Protocol
 
-from thermid.base.errors import RecordError, ThermidError
+from thermid.base.errors import RecordError
+from thermid.base.extensions import optional
 
 MAX_GARBAGE_BYTES = 400
 """Bytes without a line feed that are taken for one piece of garbage."""
@@ -34,22 +35,6 @@ class LinePort(Protocol):
         """Close the port."""
 
 
-def _serial() -> Any:
-    """Return the package pyserial.
-
-    Raises
-    ------
-    ThermidError   When it is not installed.
-    """
-    try:
-        import serial
-    except ImportError:
-        raise ThermidError(
-            "pyserial is not installed. Install it with: pip install thermid[log]", "serial port", code="extra.not-installed"
-        ) from None
-    return serial
-
-
 def find_port() -> str:
     """Return the name of the only port whose USB maker is that of a board.
 
@@ -57,9 +42,7 @@ def find_port() -> str:
     ------
     RecordError   When none or several are.
     """
-    _serial()
-    from serial.tools import list_ports
-
+    list_ports = optional("serial.tools.list_ports", "a serial port")
     boards = [port for port in list_ports.comports() if port.vid in _MAKERS]
     if not boards:
         others = ", ".join(port.device for port in list_ports.comports()) or "none"
@@ -109,7 +92,7 @@ class Port:
     """
 
     def __init__(self, name: str) -> None:
-        serial = _serial()
+        serial = optional("serial", "a serial port")
         # a name that is a link may lead elsewhere after a cable was pulled, so it is followed at each opening
         device = os.path.realpath(name) if Path(name).is_symlink() else name
         self._serial = serial.Serial(device, 115200, timeout=0.2, write_timeout=1.0, exclusive=True if os.name == "posix" else None)

@@ -1,4 +1,4 @@
-"""The equations of a linear network as symbols: massless nodes eliminated, matrix form, steady state; as LaTeX and as code.
+"""The equations of a linear network as symbols: massless nodes eliminated, matrix form, steady state; as text, LaTeX and MathML.
 
 Needs sympy (``pip install 'thermid[symbolic]'``), which is imported when equations are asked for.
 """
@@ -10,12 +10,13 @@ import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import combinations
 from typing import Any
 
 from thermid.base.arguments import takes_objects
 from thermid.base.dual import value_of
-from thermid.base.errors import DeckError, MissingExtraError, NameNotFoundError, ThermidError, refuse_unknown
-from thermid.base.extensions import missing
+from thermid.base.errors import DeckError, NameNotFoundError, ThermidError, refuse_unknown
+from thermid.base.extensions import optional
 from thermid.base.results import Shown
 from thermid.interop._wired import identifiers
 from thermid.model.tree import Model
@@ -116,7 +117,7 @@ class Equations(Shown):
         import sympy
 
         def shown(expression: Expr) -> str:
-            """Return an expression in the form asked for: LaTeX or MathML."""
+            """Return an expression as it is drawn."""
             return str(sympy.latex(expression, order="none"))
 
         rows = [
@@ -131,7 +132,7 @@ class Equations(Shown):
         from sympy import mathml
 
         def shown(expression: Expr) -> str:
-            """Return an expression in the form asked for: LaTeX or MathML."""
+            """Return an expression as it is drawn."""
             return str(mathml(expression, printer="presentation", order="none"))
 
         def rate(c: Expr, t: Expr) -> str:
@@ -141,36 +142,6 @@ class Equations(Shown):
         sides = [(rate(c, t), shown(q)) for t, c, q in zip(self.states, self.capacitances, self.heat, strict=True)]
         sides += [(shown(s), shown(e)) for s, e in (*self.auxiliaries.items(), *self.massless.items())]
         return tuple(f'<math display="block"><mrow>{lhs}<mo>=</mo>{right}</mrow></math>' for lhs, right in sides)
-
-    def python(self, name: str = "derivatives") -> str:
-        """Return the state equations as a Python function of time, temperatures and a dictionary of values."""
-        from sympy import pycode
-
-        states = ", ".join(map(str, self.states))
-        lines = [f"def {name}(t, T, p):", f'    """Rates of the states {states}. [K/s]"""']
-        lines.append(f"    {states} = T" if len(self.states) > 1 else f"    ({states},) = T")
-        lines += [f'    {s} = p["{s}"]' for s in self.values]
-        lines += [f'    {s} = p["{s}"](t)' for s in self.inputs]
-        lines += [f"    {s} = {pycode(e)}" for s, e in self.auxiliaries.items()]
-        lines += ["    return [", *(f"        {pycode(r)}," for r in self.rates), "    ]"]
-        return "\n".join(lines) + "\n"
-
-    def octave(self, name: str = "derivatives") -> str:
-        """Return the state equations as an Octave or MATLAB function, in the form of Fig. 20: inputs are ``p.<name>_fun(t)``."""
-        from sympy import octave_code
-
-        def scalar(expression: Expr) -> str:
-            """Return an expression in Octave with operators of scalars."""
-            return re.sub(r"\.([*/^])", r"\1", str(octave_code(expression)))
-
-        lines = [f"function dTdt = {name}(t, T, p)"]
-        lines += [f"  {s} = T({k});" for k, s in enumerate(self.states, 1)]
-        lines += [f"  {s} = p.{s};" for s in self.values]
-        lines += [f"  {s} = p.{s}_fun(t);" for s in self.inputs]
-        lines += [f"  {s} = {scalar(e)};" for s, e in self.auxiliaries.items()]
-        lines += [f"  d{s}dt = {scalar(r)};" for s, r in zip(self.states, self.rates, strict=True)]
-        lines += [f"  dTdt = [{'; '.join(f'd{s}dt' for s in self.states)}];", "end"]
-        return "\n".join(lines) + "\n"
 
     def __str__(self) -> str:
         """The equations as plain text, with what each symbol stands for."""
@@ -200,10 +171,7 @@ def equations(model: Model, names: Mapping[str, str] | None = None) -> Equations
     DeckError           When a law is not linear.
     NameNotFoundError   When a path of `names` does not exist.
     """
-    try:
-        import sympy
-    except ImportError as error:
-        raise MissingExtraError(missing(["sympy"], "a derivation of equations")) from error
+    sympy = optional("sympy", "a derivation of equations")
     network = compile_network(model)
     table = _Symbols(network, dict(names or {}), model)
     return _Derivation(sympy, network, table).result()
@@ -329,7 +297,7 @@ class _Derivation:
             )
         self.arms = {pair: arms for pair, arms in self.arms.items() if node not in pair}
         ends = list(star)
-        product = {k: sympy.Mul(*(star[e] for e in ends if e not in k)) for k in _pairs(ends)}
+        product = {k: sympy.Mul(*(star[e] for e in ends if e not in k)) for k in combinations(ends, 2)}
         single = {e: sympy.Mul(*(star[o] for o in ends if o != e)) for e in ends}
         delta = self._delta(node, sympy.Add(*(single[e] for e in ends)), several) if len(ends) > 1 else sympy.Integer(1)
         for pair, above in product.items():
@@ -359,8 +327,3 @@ class _Derivation:
                 for arm in arms:
                     total -= (self.t[node] - self.t[other]) / arm
         return total
-
-
-def _pairs(ends: list[str]) -> list[tuple[str, str]]:
-    """Return every pair of a list, each once."""
-    return [(a, b) for i, a in enumerate(ends) for b in ends[i + 1 :]]

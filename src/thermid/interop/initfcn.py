@@ -428,23 +428,9 @@ def _assignments(part: str, where: str, number: int, constants: Mapping[str, str
     def plain(text: str) -> str:
         """Return an expression of MATLAB as a deck has it: elements of vectors by names of their own."""
         taken = re.sub(r"\b([A-Za-z]\w*)\((\d+)\)", lambda m: f"{m[1]}_{m[2]}" if m[1] in vectors else m[0], text)
-        return _expression(_rooted(taken), where, constants)
+        return _expression(taken, where, constants)
 
     return [Statement(number, n, e, plain(e)) for n, e in zip(names, elements, strict=True)]
-
-
-def _rooted(written: str) -> str:
-    """Return an expression with ``sqrt(x)`` as a power of x."""
-    while (match := re.search(r"\bsqrt\s*\(", written)) is not None:
-        depth = 1
-        for k in range(match.end(), len(written)):
-            depth += (written[k] == "(") - (written[k] == ")")
-            if depth == 0:
-                written = f"{written[: match.start()]}(({written[match.end() : k]})^0.5){written[k + 1 :]}"
-                break
-        else:
-            return written
-    return written
 
 
 def _expression(written: str, where: str, constants: Mapping[str, str]) -> str:
@@ -466,7 +452,7 @@ def _expression(written: str, where: str, constants: Mapping[str, str]) -> str:
                 where,
                 code="import.not-understood",
             )
-        if word["sign"] == "(" and words and (words[-1].isidentifier()):
+        if word["sign"] == "(" and words and words[-1].isidentifier() and words[-1] != "sqrt":
             raise ExpressionError(
                 f"'{_shortened(written)}': '{words[-1]}(' calls a function or takes an element. Write the number instead.",
                 where,
@@ -489,7 +475,7 @@ def _expression(written: str, where: str, constants: Mapping[str, str]) -> str:
 
 def _operand_end(words: list[str], start: int) -> int:
     """Return the index behind the operand that begins at `start`."""
-    while start < len(words) and words[start] in "+-":
+    while start < len(words) and words[start] in ("+", "-", "sqrt"):
         start += 1
     depth = 0
     for k in range(start, len(words)):

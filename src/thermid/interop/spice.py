@@ -86,7 +86,6 @@ class _Netlist:
                         self.w.network.title,
                         code="output.not-expressible",
                     )
-                assert source.curve is not None
                 at = f"V({self.nodes[source.sensor]})+{ICE_POINT}"
                 yield f"B_load_{k} 0 {self.nodes[source.node]} I={number_text(float(source.power))}*{self._pwl(source.curve, at)}"
                 continue

@@ -55,7 +55,7 @@ class SurfaceMoisture:
     @property
     def heat(self) -> float:
         """What settling water gave, less what drying took. [J]"""
-        return _between(self.times, self.latent)
+        return float(np.trapezoid(self.latent, self.times))
 
     @property
     def wet(self) -> float:
@@ -258,11 +258,6 @@ def _with_film_load(model: Model, parts: list[str], surface: str) -> Model:
         return replace(model, submodels={**model.submodels, parts[0]: changed})
     load = HeatLoad(model.surfaces[surface].of, {"power": parameter("0 [W]")})
     return replace(model, loads={**model.loads, f"{surface}_latent": load})
-
-
-def _between(times: Array, values: Array) -> float:
-    """Return the integral of a trace, straight between samples."""
-    return float(0.5 * (values[1:] + values[:-1]) @ np.diff(times))
 
 
 def _time_below(times: Array, margin: Array) -> float:

@@ -347,15 +347,14 @@ def _dark(path: _Path, sun: Array, radius: float, times: Array) -> Array:
 
 def _shadow(path: _Path, sun: Array, radius: float) -> tuple[tuple[float, float], ...]:
     """Return begin and end of each stretch of shadow within a period; one that holds time zero is in two parts. [s]"""
+    from scipy.optimize import brentq
+
     times = np.linspace(0.0, path.period, 4 * SAMPLES_PER_ORBIT + 1)
     inside = _dark(path, sun, radius, times) > 0.0
     edges = [0.0] if inside[0] else []
     for k in np.flatnonzero(inside[1:] != inside[:-1]).tolist():
         low, high = float(times[k]), float(times[k + 1])
-        while high - low > CLOSEST * path.period:
-            middle = 0.5 * (low + high)
-            low, high = (middle, high) if (_dark(path, sun, radius, np.array([middle]))[0] > 0.0) == inside[k] else (low, middle)
-        edges.append(0.5 * (low + high))
+        edges.append(float(brentq(lambda t: _dark(path, sun, radius, np.array([t]))[0], low, high, xtol=CLOSEST * path.period)))
     edges += [path.period] if inside[-1] and len(edges) % 2 else []
     return tuple(zip(edges[::2], edges[1::2], strict=True))
 

@@ -16,9 +16,9 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from thermid.base.arguments import guard_methods
-from thermid.base.errors import MissingExtraError, ScenarioError, ThermidError
+from thermid.base.errors import ScenarioError, ThermidError
 from thermid.base.expression import amount, seconds
-from thermid.base.extensions import missing
+from thermid.base.extensions import optional
 from thermid.base.linear_algebra import Array
 from thermid.model.elements import degrees
 from thermid.site._atmosphere import standard_atmosphere
@@ -127,7 +127,7 @@ class Site:
         ----------
         The algorithm of Reda and Andreas, Solar Energy 76 (2004) 577, as pvlib has it, with refraction.
         """
-        pvlib = _pvlib()
+        pvlib = optional("pvlib", "the path of the sun", "site")
         clock = np.atleast_1d(seconds(times))
         with ignore_future_warnings():
             position = pvlib.solarposition.get_solarposition(
@@ -147,7 +147,7 @@ class Site:
         ----------
         Ineichen and Perez, Solar Energy 73 (2002) 151, by pvlib.
         """
-        pvlib = _pvlib()
+        pvlib = optional("pvlib", "the path of the sun", "site")
         place = pvlib.location.Location(self.latitude, self.longitude, altitude=self.altitude)
         index = self.instants(begin, np.atleast_1d(seconds(times)))
         options = {} if turbidity is None else {"linke_turbidity": turbidity}
@@ -179,12 +179,3 @@ def ignore_future_warnings() -> Iterator[None]:
         warnings.simplefilter("ignore", DeprecationWarning)
         warnings.simplefilter("ignore", FutureWarning)
         yield
-
-
-def _pvlib() -> Any:
-    """Return pvlib, or refuse in words that name the extra."""
-    try:
-        import pvlib
-    except ImportError:
-        raise MissingExtraError(missing(["pvlib"], "the path of the sun"), "site") from None
-    return pvlib

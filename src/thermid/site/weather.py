@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING, Any, Final, NamedTuple
 import numpy as np
 
 from thermid.base.arguments import takes_objects
-from thermid.base.errors import MissingDataError, MissingExtraError, NameNotFoundError, RecordError, look_up, refuse_unknown
+from thermid.base.errors import MissingDataError, NameNotFoundError, RecordError, look_up, refuse_unknown
 from thermid.base.expression import amount
-from thermid.base.extensions import missing
+from thermid.base.extensions import optional
 from thermid.base.files import was_read
 from thermid.base.results import Result
 from thermid.base.units import TEMPERATURE, from_si, unit
@@ -393,10 +393,7 @@ def read_columns(path: Path, columns: Mapping[str, str] | None, begin: str | Non
 
 def _typical(path: Path, year: int, epw: bool) -> Columns:
     """Return an EPW or TMY3 file as columns; pvlib reads it."""
-    try:
-        from pvlib import iotools
-    except ImportError:
-        raise MissingExtraError(missing(["pvlib"], "an EPW or TMY3 file"), path.name) from None
+    iotools = optional("pvlib.iotools", "an EPW or TMY3 file", path.name)
     try:
         data, meta = iotools.read_epw(path) if epw else iotools.read_tmy3(path, map_variables=True)
         mixed = len(set(data.index.year[:-1])) > 1

@@ -95,7 +95,7 @@ def test_a_copy_makes_its_synthetic_logs_or_says_why_not(tmp_path: Path, monkeyp
     monkeypatch.setitem(EXAMPLES, "one", ShippedExample("one", "a test", "thermid look made.csv", makes="lab.py"))
     made = copy_example("one", tmp_path / "copy")
     assert (made.folder / "made.csv").read_text() == "time_s,T\n"
-    assert "its logs are synthetic, made by lab.py" in str(made)
+    assert "lab.py" in str(made)
     script.write_text("raise SystemExit('no seed')\n")
     with raises_code("record.log-missing", MissingDataError):
         copy_example("one", tmp_path / "again")
@@ -105,7 +105,7 @@ def test_a_copy_makes_its_synthetic_logs_or_says_why_not(tmp_path: Path, monkeyp
 @pytest.mark.campaign
 def test_the_study_is_ready_for_its_report(tmp_path: Path) -> None:
     made = copy_example("sisnav", tmp_path / "sisnav")
-    assert made.example.first.startswith("thermid report campaign.toml")
+    assert made.example.first.split()[:3] == ["thermid", "report", "campaign.toml"]
     source = read_campaign(made.folder / "campaign.toml", made.folder)
     assert all(source.record(name).duration > 0 for name in source.names())
 
@@ -138,7 +138,7 @@ def test_examples_of_a_wheel_lie_in_the_package(tmp_path: Path, monkeypatch: pyt
     with raises_code("record.log-missing", MissingDataError):
         examples.shipped()
     text = (Path(__file__).parents[3] / "CMakeLists.txt").read_text(encoding="utf-8")
-    assert "install(DIRECTORY examples/ DESTINATION thermid/_examples" in text
+    assert re.search(r"install\(DIRECTORY\s+examples/\s+DESTINATION\s+thermid/_examples", text)
 
 
 def test_thermocouples_have_the_times_of_their_scan_rate() -> None:
@@ -184,7 +184,7 @@ def test_the_list_of_examples_shows_licences() -> None:
 def test_the_motor_from_its_originals(tmp_path: Path) -> None:
     made = copy_example("motor", tmp_path / "m", public())
     assert (made.logs, made.checked) == (6, 6)
-    assert "Copyright (c) 2025 TasS-RV" in (made.folder / "LICENSE.data").read_text()
+    assert "TasS-RV" in (made.folder / "LICENSE.data").read_text()
 
 
 def test_tclab_from_its_originals_is_what_the_example_was_made_with(tmp_path: Path) -> None:

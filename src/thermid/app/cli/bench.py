@@ -15,9 +15,9 @@ from typing import Annotated
 import typer
 from rich.console import Console
 from rich.live import Live
-from rich.text import Text
+from rich.table import Table
 
-from thermid.base.errors import RecordError
+from thermid.base.errors import RecordError, spoken
 from thermid.base.expression import amount
 from thermid.base.extensions import require
 from thermid.base.units import TEMPERATURE
@@ -38,7 +38,6 @@ _SHARE = 0.1
 HOUR = 3600.0
 _WORST = ("fault", "not stable", "cannot tell", "too early", "", "stable")
 _STYLE = {"fault": "bold red", "not stable": "yellow", "cannot tell": "yellow", "stable": "green"}
-_NARROW = 72
 
 
 def log(
@@ -150,19 +149,14 @@ def _asked_to_end() -> Iterator[list[int]]:
 
 def _shown(logger: Logger, judge: Judge, console: Console, ended: Callable[[], bool]) -> None:
     """Log, with the table in the terminal."""
-
-    def table() -> Text:
-        """Return the table of the latest readings, as large as the terminal."""
-        return live_table(logger, judge, console.width, console.height - 1)
-
-    with Live(table(), console=console, auto_refresh=False, vertical_overflow="crop") as live:
+    with Live(live_table(logger, judge), console=console, auto_refresh=False, vertical_overflow="crop") as live:
         last = 0.0
         while not ended():
             logger.step()
             if time.monotonic() - last > 0.5:
                 last = time.monotonic()
-                live.update(table(), refresh=True)
-        live.update(table(), refresh=True)
+                live.update(live_table(logger, judge), refresh=True)
+        live.update(live_table(logger, judge), refresh=True)
 
 
 def _log_in_lines(logger: Logger, judge: Judge, ended: Callable[[], bool]) -> None:
@@ -287,134 +281,59 @@ class Judge:
         return Outlook(stability.rate, stability.error, stability.verdict, ahead_of_it)
 
 
-def live_table(log: Logger, judge: Judge, width: int, height: int) -> Text:
-    """Return the table as it is, in at most `height` lines of at most `width` characters."""
-    head = _head(log, judge, width)
-    foot = [log.last_mark] if log.last_mark else []
-    rows = [_cells(log, judge, source, width < _NARROW) for source in _sources(log)]
-    room = max(1, height - len(head) - len(foot) - 2)
-    rest = ""
-    if len(rows) > room:
-        rows.sort(key=lambda row: _WORST.index(row[0]))
-        cut_off, rows = rows[room - 1 :], rows[: room - 1]
-        kinds = {word: sum(row[0] == word for row in cut_off) for word in _WORST}
-        rest = f"... and {len(cut_off)} more: " + ", ".join(f"{count} {word or 'silent'}" for word, count in kinds.items() if count)
-    out = Text(no_wrap=True, overflow="crop")
-    for line in head:
-        out.append(line[:width] + "\n", style="bold red" if "DISK FULL" in line else "")
-    title = ("channel", "degC", "K/h", "by the rule", "will end at")
-    widths = [max(len(row[1][k]) for row in [("", title), *rows]) for k in range(5)]
-    widths[0] = max(8, min(widths[0], width - sum(widths[1:]) - 8))
-    out.append(_joined(title, widths)[:width] + "\n", style="bold")
-    for word, cells in rows:
-        out.append(_joined(cells, widths)[:width] + "\n", style=_STYLE.get(word, ""))
-    if rest:
-        out.append(rest[:width] + "\n")
-    out.append("\n".join(line[:width] for line in foot), style="dim")
-    return out
-
-
-def _head(log: Logger, judge: Judge, width: int) -> list[str]:
-    """Return what is said of the log, of heaters and supply, and the rule with how long conditions have been as they are."""
+def live_table(log: Logger, judge: Judge) -> Table:
+    """Return the table as it is: channels that need attention first, below what is said of the log, the heaters and the rule."""
     state, bad = log.state, sum(log.watch.counts.values())
-    counts = f"{state.lines} lines, {state.missing} missing, {bad} faulty"
-    lines = [f"{log.store.path.name}  {duration_text(state.seconds)}  {counts}"]
-    if len(lines[0]) > width:
-        lines = [f"{_short(log.store.path.name, width)}", f"{duration_text(state.seconds)}  {counts}"]
-    if log.store.waiting:
-        lines.append(f"DISK FULL: {log.store.waiting / 1e3:.0f} kB wait in memory")
-    if others := _others(log):
-        lines.append(others)
     held = duration_text(state.seconds - state.changed)
     since = f"heaters as they are for {held}" if state.changed else f"watched for {held}"
     doubt = "" if judge.rule.mark != "memory" else " (its number is from memory)"
-    return [*lines, f"rule {judge.rule.name}{doubt}; {since}"]
-
-
-def _others(log: Logger) -> str:
-    """Return heaters and supply in one line."""
-    names = {"H": "heater", "V": "voltage", "I": "current"}
-    out = []
-    for source in sorted({*log.watch.values, *log.watch.faults}):
-        if len(source) == 16:
-            continue
-        fault, value = log.watch.faults.get(source), log.watch.values.get(source)
-        name = f"{names[source[0]]}{source[1:]}"
-        if fault or value is None:
-            out.append(f"{name} FAULT {fault}")
-        else:
-            out.append(f"{name} {value * 100:g} %" if source[0] == "H" else f"{name} {value:.4g} {'V' if source[0] == 'V' else 'A'}")
-    return "  ".join(out)
+    head = [f"{log.store.path.name}  {duration_text(state.seconds)}  {state.lines} lines, {state.missing} missing, {bad} faulty"]
+    head += [f"DISK FULL: {log.store.waiting / 1e3:.0f} kB wait in memory"] if log.store.waiting else []
+    head += [f"rule {judge.rule.name}{doubt}; {since}"]
+    table = Table(box=None, pad_edge=False, title="\n".join(head), caption=log.last_mark, title_justify="left", caption_justify="left")
+    table.title_style = "bold red" if log.store.waiting else ""
+    for title in ("channel", "degC", "K/h", "by the rule", "will end at"):
+        table.add_column(title, justify="left" if title == "channel" else "right", overflow="fold")
+    for word, cells in sorted((_cells(log, judge, source) for source in _sources(log)), key=lambda row: _WORST.index(row[0])):
+        table.add_row(*cells, style=_STYLE.get(word, ""))
+    return table
 
 
 def _sources(log: Logger) -> list[str]:
-    """Return the sensors: those of the map in its order, then others."""
-    roms = {source for source in {*log.watch.values, *log.watch.faults, *log.state.bits} if len(source) == 16}
-    return [*log.sensors, *sorted(roms - set(log.sensors))]
+    """Return the sensors, those of the map in its order, then heaters and supply."""
+    others = sorted({*log.watch.values, *log.watch.faults, *log.state.bits}, key=lambda source: (len(source) != 16, source))
+    return list(dict.fromkeys([*log.sensors, *others]))
 
 
-def _cells(log: Logger, judge: Judge, source: str, narrow: bool) -> tuple[str, tuple[str, ...]]:
-    """Return the state of a channel, and its cells."""
-    name, fault, value = log.name_of(source), log.watch.faults.get(source), log.watch.values.get(source)
+def _cells(log: Logger, judge: Judge, source: str) -> tuple[str, tuple[str, ...]]:
+    """Return the state of a channel, and its cells: name, value, drift, verdict of the rule or when it will hold, where it will end."""
+    kind = "" if len(source) == 16 else source[0]  # a sensor has its ROM
+    name = {"H": "heater", "V": "voltage", "I": "current", "": log.name_of(source)}[kind] + source[1:] * bool(kind)
+    fault, value = log.watch.faults.get(source), log.watch.values.get(source)
     if fault:
         return "fault", (name, "FAULT", "", fault, "")
     if value is None:
         return "", (name, "-", "", "", "")
+    if kind:
+        return "", (name, {"H": f"{value * 100:g} %", "V": f"{value:.4g} V", "I": f"{value:.4g} A"}[kind], "", "", "")
     sensor, outlook = log.sensors.get(source), judge.outlook(source)
     offset = sensor.certificate.offset if sensor is not None and sensor.certificate is not None else 0.0
-    shown = f"{value - offset:.2f}"
     if outlook is None:
-        return "too early", (name, shown, "", "too early", "")
-    rate = "" if outlook.rate is None or outlook.error is None else f"{outlook.rate * HOUR:+.2f}"
-    if rate and not narrow:
-        rate += f" +- {(outlook.error or 0.0) * HOUR:.2f}"
-    return outlook.verdict, (name, shown, rate, _when(log, outlook), _end(outlook, narrow))
-
-
-def _when(log: Logger, outlook: Outlook) -> str:
-    """Return the verdict of the rule, and when it will hold."""
-    holds = None if outlook.forecast is None else outlook.forecast.holds
-    remaining = None if holds is None else holds - log.state.seconds
-    if outlook.verdict != "not stable" or remaining is None or remaining <= 0.0:
-        return outlook.verdict
-    for limit, size, unit in ((5400.0, HOUR, "h"), (90.0, 60.0, "min"), (0.0, 1.0, "s")):
-        if remaining >= limit:
-            return f"in {remaining / size:.2g} {unit}" if remaining / size < 10.0 else f"in {remaining / size:.0f} {unit}"
-    return outlook.verdict
-
-
-def _end(outlook: Outlook, narrow: bool) -> str:
-    """Return where a channel will end, or that nobody can say yet."""
-    if outlook.forecast is None:
-        return ""
-    if outlook.forecast.declined:
-        return "open"
-    final = outlook.forecast.final
-    return f"{final.value - ICE:.2f}" + ("" if narrow else f" +- {final.error:.2f}")
-
-
-def _joined(cells: Sequence[str], widths: Sequence[int]) -> str:
-    """Return a line: the name to the left, numbers to the right."""
-    first = _short(cells[0], widths[0]).ljust(widths[0])
-    return "  ".join([first, *(cell.rjust(width) for cell, width in zip(cells[1:], widths[1:], strict=True))])
-
-
-def _short(name: str, width: int) -> str:
-    """Return a name without its middle: names of one kind differ at their ends, ROMs too."""
-    if len(name) <= width:
-        return name
-    tail = (width - 2) // 2
-    return f"{name[: width - 2 - tail]}..{name[len(name) - tail :]}"
+        return "too early", (name, f"{value - offset:.2f}", "", "too early", "")
+    rate = "" if outlook.rate is None or outlook.error is None else f"{outlook.rate * HOUR:+.2f} +- {outlook.error * HOUR:.2f}"
+    when, end, ahead = outlook.verdict, "", outlook.forecast
+    if ahead is not None:
+        end = "open" if ahead.declined else f"{ahead.final.value - ICE:.2f} +- {ahead.final.error:.2f}"
+        if when == "not stable" and ahead.holds is not None and ahead.holds > log.state.seconds:
+            when = f"in {spoken(ahead.holds - log.state.seconds)}"
+    return outlook.verdict, (name, f"{value - offset:.2f}", rate, when, end)
 
 
 def plain_line(log: Logger, judge: Judge) -> str:
     """Return the table as one line, for an output that is no terminal."""
-    cells = [_cells(log, judge, source, True)[1] for source in _sources(log)]
     texts = []
-    for name, value, rate, verdict, end in cells:
-        text = f"{name} {value} degC" if value not in ("FAULT", "-") else f"{name} {value} {verdict}".rstrip()
-        if rate:
-            text += f" ({rate} K/h, {verdict}" + (f", will end at {end}" if end not in ("", "open") else "") + ")"
-        texts.append(text)
-    others = _others(log)
-    return f"{duration_text(log.state.seconds)}: " + ", ".join([*texts, *([others] if others else [])])
+    for name, value, rate, verdict, end in (_cells(log, judge, source)[1] for source in _sources(log)):
+        drift = f" ({rate} K/h, {verdict}{f', will end at {end}' if end not in ('', 'open') else ''})" if rate else ""
+        unit = f" {verdict}" if value == "FAULT" else "" if value[-1:] in "-%VA" else " degC"
+        texts.append(f"{name} {value}{unit}{drift}")
+    return f"{duration_text(log.state.seconds)}: {', '.join(texts)}"

@@ -519,12 +519,9 @@ def _as_table(spec: LocalSpec) -> dict[str, str]:
 def _spreads(texts: list[str]) -> dict[str, Any]:
     """Return ``NAME=SPREAD`` options as a dictionary; a spread in braces is read as an inline table."""
     out: dict[str, Any] = {}
-    for text in texts:
-        name, equals, value = text.partition("=")
-        if not equals or not name.strip() or not value.strip():
-            raise ScenarioError(f"'{text}' must be written as NAME=SPREAD, such as air=1 [K].", "--spread", code="value.wrong-kind")
+    for name, value in pairs(texts, "--spread").items():
         try:
-            out[name.strip()] = tomllib.loads(f"x = {value}")["x"] if value.lstrip().startswith("{") else value.strip()
+            out[name] = tomllib.loads(f"x = {value}")["x"] if value.startswith("{") else value
         except tomllib.TOMLDecodeError as error:
             raise ScenarioError(
                 f"'{value}' is no table such as {{ low = '-2 [K]', high = '2 [K]' }}: {error}", "--spread", code="value.wrong-kind"

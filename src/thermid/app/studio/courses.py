@@ -14,6 +14,7 @@ from thermid.base.errors import ScenarioError, ThermidError, look_up, refuse_unk
 from thermid.base.sourced import weigh
 from thermid.base.toml_files import project_root, read_toml
 from thermid.campaign.verdicts import LimitCheck, Limits, Margin, check_limits, margins, read_limits, spans
+from thermid.measure.amounts import duration_text
 from thermid.model.elements import UNJUDGED, Standing
 from thermid.physics.constants import ICE_POINT
 from thermid.prediction.bands import Band, Knowledge, foresee
@@ -404,18 +405,18 @@ def _verdict(outcome: Outcome) -> dict[str, str]:
         nodes = [n for n in outcome.solution.nodes if n not in driven]
         hot = max(nodes, key=lambda n: outcome.solution[n].highest)
         trace = outcome.solution[hot].maximum
-        at = _hours(trace.time)
+        at = duration_text(trace.time)
         why = "No limits are stored for the nodes of this deck"
         return {"word": "open", "text": f"{why}. The hottest part is {hot}: {trace.celsius:.1f} °C at {at}.{_settling(run)}"}
     side, temperature, time = _nearest(worst)
     limit = worst.limits[1 if side == "upper" else 0]
-    what = f"{worst.point} ({worst.node}), {worst.state}: {temperature - ICE_POINT:.1f} °C at {_hours(time)}"
+    what = f"{worst.point} ({worst.node}), {worst.state}: {temperature - ICE_POINT:.1f} °C at {duration_text(time)}"
     if worst.crossings:
         first = min(worst.crossings, key=lambda c: c.time)
         text = (
             f"Limit exceeded. Worst: {what}, {-worst.room:.1f} K beyond its {side} limit of {limit - ICE_POINT:.4g} °C; first exceeded at "
         )
-        text += f"{_hours(first.time)}, {_hours(sum(c.outside for c in worst.crossings))} beyond."
+        text += f"{duration_text(first.time)}, {duration_text(sum(c.outside for c in worst.crossings))} beyond."
         word = "passed a limit"
     else:
         text = f"All limits met. Smallest margin: {what}, {worst.room:.1f} K left to its {side} limit of {limit - ICE_POINT:.4g} °C."
@@ -440,10 +441,10 @@ def _settling(run: ProfileRun | None) -> str:
     if run is None or run.moisture is None or not run.moisture.surfaces:
         return ""
     s = min(run.moisture.surfaces.values(), key=lambda s: float(s.margin.min()))
-    least, at = float(s.margin.min()), _hours(float(s.times[int(s.margin.argmin())]))
+    least, at = float(s.margin.min()), duration_text(float(s.times[int(s.margin.argmin())]))
     if least >= 0.0:
         return f" No surface reaches the dew point; nearest: {s.surface}, {least:.1f} K above it at {at}."
-    return f" Water condenses: worst {s.surface}, {-least:.1f} K below the dew point at {at}, condensing for {_hours(s.condensing)}."
+    return f" Water condenses: worst {s.surface}, {-least:.1f} K below the dew point at {at}, condensing for {duration_text(s.condensing)}."
 
 
 def _nearest(check: LimitCheck) -> tuple[str, float, float]:
@@ -451,11 +452,6 @@ def _nearest(check: LimitCheck) -> tuple[str, float, float]:
     if check.limits[1] - check.highest <= check.lowest - check.limits[0]:
         return "upper", check.highest, check.highest_time
     return "lower", check.lowest, check.lowest_time
-
-
-def _hours(seconds: float) -> str:
-    """Return a time in hours, in minutes below 600 s."""
-    return f"{seconds / 3600.0:.2f} h" if seconds >= 600.0 else f"{seconds / 60.0:.1f} min"
 
 
 def _check(c: LimitCheck) -> dict[str, Any]:

@@ -17,8 +17,8 @@ from typing import TYPE_CHECKING, Any, Final
 from urllib.parse import parse_qs
 
 from thermid.app.studio.room import Room, as_json
-from thermid.base.errors import DeckError, MissingExtraError, ThermidError, cap, raising
-from thermid.base.extensions import missing
+from thermid.base.errors import DeckError, ThermidError, cap, raising
+from thermid.base.extensions import optional
 from thermid.base.grammar import endless
 
 if TYPE_CHECKING:
@@ -62,13 +62,10 @@ def application(room: Room, port: int, token: str) -> Starlette:
 
     Raises
     ------
-    DeckError   When the extra `studio` is missing.
+    MissingExtraError   When the extra `studio` is missing.
     """
-    try:
-        from starlette.applications import Starlette
-        from starlette.routing import Route
-    except ImportError:
-        raise MissingExtraError(missing(["starlette", "uvicorn"], "the studio")) from None
+    make_application = optional("starlette.applications", "the studio").Starlette
+    Route = optional("starlette.routing", "the studio").Route  # noqa: N806  # a class
     lock = threading.Lock()
 
     def stored(name: str) -> Callable[[bytes], dict[str, str]]:
@@ -86,7 +83,7 @@ def application(room: Room, port: int, token: str) -> Starlette:
         Route("/api/{name:path}", _writes(lambda name: room.ordering.get(name), lock, _object), methods=["POST"]),
         Route(f"/{BUNDLE}/{{name}}", lambda request: _file(request.path_params["name"])),
     ]
-    application = Starlette(routes=routes)
+    application: Starlette = make_application(routes=routes)
     application.add_middleware(Guard, port=port, token=token)
     return application
 
@@ -276,15 +273,12 @@ def serve(room: Room, port: int, ready: Callable[[str], None] | None = None) -> 
 
     Raises
     ------
-    DeckError   When the extra `studio` is missing.
+    MissingExtraError   When the extra `studio` is missing.
     DeckError           When the port is taken.
     """
     import socket
 
-    try:
-        import uvicorn
-    except ImportError:
-        raise MissingExtraError(missing(["starlette", "uvicorn"], "the studio")) from None
+    uvicorn = optional("uvicorn", "the studio")
     listener = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
     listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
     try:

@@ -11,9 +11,9 @@ from thermid.base.errors import DeckError, quoted
 from thermid.base.units import counted
 from thermid.interop._decks.network_file import NetworkFile
 from thermid.interop._decks.printed import Printed
-from thermid.model.tree import ParameterSet
-from thermid.physics.constants import ICE_POINT, STEFAN_BOLTZMANN
-from thermid.simulation.runs import simulate, steady
+from thermid.physics.constants import ICE_POINT
+from thermid.simulation.runs import Scenario, network_for, simulate, steady
+from thermid.simulation.solver import Engine, Wiring
 
 
 @dataclass(frozen=True, eq=False)
@@ -139,57 +139,29 @@ def _within(output: Printed, network: NetworkFile, end: float) -> float:
 
 
 def balance(network: NetworkFile, printed: Printed) -> Balance:
-    """Return what is left of each node's balance at the temperatures of a print, for constant loads.
+    """Return what is left of each node's balance at the temperatures of a print, by the rows of the network itself; loads at their means.
 
     Raises
     ------
     DeckError   When the print lacks a node of the deck.
     """
-    values = ParameterSet(network.model()).evaluate({})
-    names = [f"{node.submodel}.{node.name}" for node in network.nodes]
-    missing = [name for name in names if name not in printed.numbers]
+    names = {node.path: f"{node.submodel}.{node.name}" for node in network.nodes}
+    missing = [name for name in names.values() if name not in printed.numbers]
     if missing:
-        raise DeckError(
-            f"the print has no temperature of {quoted(missing)}.",
-            network.title,
-            code="file.another-kind",
-        )
-    at = {name: k for k, name in enumerate(names)}
+        raise DeckError(f"the print has no temperature of {quoted(missing)}.", network.title, code="file.another-kind")
     celsius = network.celsius(printed.numbers)
-    t = np.array([celsius[name] for name in names]) + ICE_POINT
-    half = np.array([printed.digits[name] for name in names]) * network.zero_and_degree[1]
-    residuals, rounding = np.zeros(t.size), np.zeros(t.size)
-    for element in network.conductors:
-        a, b = (at[".".join(end)] for end in element.ends)
-        if element.table["kind"] == "conduction":
-            g = float(values[f"{element.name}.conductance"])
-            heat, steep = g * (t[a] - t[b]), (g, g)
-        elif element.table["kind"] == "radiation":
-            g = float(values[f"{element.name}.area"]) * float(element.table["exchange_factor"]) * STEFAN_BOLTZMANN
-            g *= _at_mean(element.table["control"]["points"], t[a], t[b]) if "control" in element.table else 1.0
-            heat, steep = g * (t[a] ** 4 - t[b] ** 4), (4.0 * g * t[a] ** 3, 4.0 * g * t[b] ** 3)
-        elif element.table["kind"] == "flow":
-            g = float(values[f"{element.name}.mass_flow"])
-            residuals[b] += g * (t[a] - t[b])
-            rounding[b] += g * (half[a] + half[b])
-            continue
-        else:
-            g = float(values[f"{element.name}.scale"]) * _at_mean(element.table["table"]["points"], t[a], t[b])
-            heat, steep = g * (t[a] - t[b]), (g, g)
-        residuals[a] -= heat
-        residuals[b] += heat
-        rounding[[a, b]] += steep[0] * half[a] + steep[1] * half[b]  # both ends were rounded
-    for load in network.loads:
-        k = at[".".join(load.into)]
-        if not load.more:
-            residuals[k] += float(values[f"{load.name}.power"])
-        elif "table" in load.more:
-            residuals[k] += _at_mean(load.more["table"]["points"], t[k], t[k])
-    inner = [k for k, node in enumerate(network.nodes) if not node.held]
-    return Balance({names[k]: -float(residuals[k]) for k in inner}, {names[k]: float(rounding[k]) for k in inner})
-
-
-def _at_mean(points: Sequence[Sequence[str]], a: float, b: float) -> float:
-    """Return the value of a table at the mean of two temperatures. [K]"""
-    grid, values = np.array([[float(cell.split()[0]) for cell in pair] for pair in points]).T
-    return float(np.interp(0.5 * (a + b) - ICE_POINT, grid, values))
+    # a balance needs no heat capacity but whether there is one
+    nodes = tuple(replace(node, capacitance=None if node.capacitance is None else 1.0) for node in network.nodes)
+    held = {node.path: f"{celsius[names[node.path]]!r} [degC]" for node in nodes if node.held}
+    scenario = Scenario(network.title, boundaries=held, start="20 [degC]")
+    wiring = Wiring(network_for(replace(network, nodes=nodes).model(), scenario), scenario)
+    wiring.gone = ()
+    engine = Engine(wiring)
+    at = np.array([celsius[names[path]] for path in engine.nodes]) + ICE_POINT
+    heat, jacobian, _ = engine.rhs(engine.started(wiring.assemble(gradients=False)), at, 0.0)
+    half = {path: printed.digits[name] * network.zero_and_degree[1] for path, name in names.items()}
+    # both ends of a conductor were rounded; what a row of the Jacobian is short of zero goes to the boundaries
+    rounding = np.abs(jacobian) @ [half[path] for path in engine.nodes]
+    rounding += np.abs(jacobian.sum(axis=1)) * max((half[path] for path in held), default=0.0)
+    inner = [names[path] for path in engine.nodes]
+    return Balance(dict(zip(inner, (-heat).tolist(), strict=True)), dict(zip(inner, rounding.tolist(), strict=True)))

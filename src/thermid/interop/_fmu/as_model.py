@@ -19,8 +19,8 @@ from thermid.base.arguments import takes_objects
 from thermid.base.dual import gradient_of, value_of
 from thermid.base.errors import DeckError, ScenarioError, UnitError, quoted
 from thermid.base.linear_algebra import Array
-from thermid.base.units import NAMES, TEMPERATURE, Dimension, unit
-from thermid.interop._fmu.description import PLAIN
+from thermid.base.units import DIMENSIONLESS, Dimension, si_unit, unit
+from thermid.interop._fmu.description import BASES
 from thermid.interop._fmu.host import FmuFile, FmuSetting, InputCourse
 from thermid.model.deck import model_from_dict
 from thermid.model.elements import Constant, Drawn, TableSignal
@@ -29,10 +29,8 @@ from thermid.physics.constants import ICE_POINT
 from thermid.simulation.solver import Answer, Assembled, Engine, Wiring
 
 REALS: Final = ("Real", "Float64")
-_SI: Final = {unit(text).dimension: text for text in NAMES if text not in ("K", TEMPERATURE)} | {unit("K").dimension: "K"}
 _KELVIN: Final = unit("K").dimension
 _WATT: Final = unit("W").dimension
-_BASES: Final = ("m", "kg", "s", "A", "K")
 
 
 @dataclass(frozen=True)
@@ -76,7 +74,7 @@ class _Measure:
 
     factor: float = 1.0
     offset: float = 0.0
-    dimension: Dimension = PLAIN
+    dimension: Dimension = DIMENSIONLESS
     known: bool = True
 
 
@@ -329,7 +327,7 @@ def _units_of(file: FmuFile) -> dict[str, _Measure]:
     for u in file.described.unitDefinitions:
         base = u.baseUnit
         if base is not None and not (base.mol or base.cd):
-            dimension = tuple(Fraction(getattr(base, b)) for b in _BASES)
+            dimension = tuple(Fraction(getattr(base, b)) for b in BASES)
             out[u.name] = _Measure(float(base.factor), float(base.offset), dimension)
     for name in {v.unit or (v.declaredType.unit if v.declaredType is not None else None) for v in file.described.modelVariables}:
         if name and name not in out:  # such as W/(m2.K)
@@ -346,7 +344,6 @@ def _quantity(v: Any, units: Mapping[str, _Measure], used: dict[str, str], file:
     kind = v.declaredType
     attributes = {key: getattr(v, key) or (getattr(kind, key, None) if kind is not None else None) for key in ("unit", "min", "max")}
     of = units.get(attributes["unit"] or "", _Measure())
-    text = _SI.get(of.dimension) or " ".join(f"{b}^{e}" for b, e in zip(_BASES, of.dimension, strict=True) if e)
     name = re.sub(r"\W", "_", v.name)
     name = name if name[:1].isalpha() else f"v_{name}"
     if used.setdefault(name, v.name) != v.name:
@@ -356,7 +353,7 @@ def _quantity(v: Any, units: Mapping[str, _Measure], used: dict[str, str], file:
             code="name.taken",
         )
     # without a unit a temperature is a number of degrees Celsius
-    plain = not of.known or of.dimension == PLAIN
+    plain = not of.known or of.dimension == DIMENSIONLESS
     offset = ICE_POINT if plain and v.causality == "output" else of.offset
 
     def si(number: Any) -> float | None:
@@ -369,7 +366,18 @@ def _quantity(v: Any, units: Mapping[str, _Measure], used: dict[str, str], file:
     # between equal bounds nothing can move, and a difference of units has no offset
     settable = v.variability != "constant" and v.initial == "exact" and v.causality in ("output", "local")
     quantity = FmuQuantity(
-        name, v.name, int(v.valueReference), of.factor, offset, text, start, low, high, settable, plain, v.description or ""
+        name,
+        v.name,
+        int(v.valueReference),
+        of.factor,
+        offset,
+        si_unit(of.dimension),
+        start,
+        low,
+        high,
+        settable,
+        plain,
+        v.description or "",
     )
     return quantity, of.dimension
 

@@ -6,15 +6,13 @@ import re
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
-from fractions import Fraction
 from xml.etree import ElementTree as Xml
 
-from thermid.base.units import NAMES, TEMPERATURE, Dimension, unit
+from thermid.base.units import DIMENSIONLESS, NAMES, TEMPERATURE, Dimension, unit
 from thermid.interop._fmu.image import INDICATOR, MODE, RATE, TEMPERATURE_OF
 
-PLAIN: Dimension = (Fraction(0),) * 5
-"""The dimension of a plain number."""
-_BASE = ("m", "kg", "s", "A", "K")
+BASES = ("m", "kg", "s", "A", "K")
+"""Base units of the exponents of a dimension, as FMI calls them."""
 _WORD = re.compile(r"[A-Za-z_][A-Za-z0-9_]*(\.[A-Za-z_][A-Za-z0-9_]*)*\Z")
 _SI = {unit(text).dimension: text for text in NAMES if text not in ("1", TEMPERATURE)}
 
@@ -39,7 +37,7 @@ class FmuVariable:
     kind: int
     place: int
     causality: str
-    dimension: Dimension = PLAIN
+    dimension: Dimension = DIMENSIONLESS
     start: float | None = None
     bounds: tuple[float | None, float | None] = (None, None)
     description: str = ""
@@ -74,9 +72,9 @@ def structured(prefix: str, path: str) -> str:
 
 def unit_name(dimension: Dimension) -> str:
     """Return the SI unit of a dimension; empty for none and where exponents are no integers."""
-    if dimension == PLAIN or any(e.denominator != 1 for e in dimension):
+    if dimension == DIMENSIONLESS or any(e.denominator != 1 for e in dimension):
         return ""
-    return _SI.get(dimension) or ".".join(f"{b}{e.numerator}" if e != 1 else b for b, e in zip(_BASE, dimension, strict=True) if e)
+    return _SI.get(dimension) or ".".join(f"{b}{e.numerator}" if e != 1 else b for b, e in zip(BASES, dimension, strict=True) if e)
 
 
 @dataclass(frozen=True)
@@ -116,14 +114,14 @@ class _Description(ABC):
             if not (name := unit_name(dimension)):
                 continue
             of = Xml.SubElement(table, "Unit", name=name)
-            Xml.SubElement(of, "BaseUnit", {b: str(e.numerator) for b, e in zip(_BASE, dimension, strict=True) if e})
+            Xml.SubElement(of, "BaseUnit", {b: str(e.numerator) for b, e in zip(BASES, dimension, strict=True) if e})
             if name == "K":
                 Xml.SubElement(of, "DisplayUnit", name="degC", offset="-273.15")
 
     def number(self, v: FmuVariable) -> dict[str, str]:
         """Return the attributes of a number."""
         out = {"unit": v.unit} if v.unit else {}
-        if v.dimension != PLAIN and (v.kind == TEMPERATURE_OF or v.name.startswith("T.")):
+        if v.dimension != DIMENSIONLESS and (v.kind == TEMPERATURE_OF or v.name.startswith("T.")):
             out["displayUnit"] = "degC"
         for key, bound in zip(("min", "max"), v.bounds, strict=True):
             if bound is not None:

@@ -20,10 +20,10 @@ from thermid.base.arguments import takes_objects
 from thermid.base.dual import value_of
 from thermid.base.errors import OutputError, ThermidError, refuse_unknown
 from thermid.base.files import FileKind, read_bytes, write_bytes
-from thermid.base.units import counted, unit
+from thermid.base.units import DIMENSIONLESS, counted, unit
 from thermid.interop._fmu import image as told
 from thermid.interop._fmu.archive import DESCRIPTION
-from thermid.interop._fmu.description import PLAIN, Described, FmuVariable, build_description, describe, structured
+from thermid.interop._fmu.description import Described, FmuVariable, build_description, describe, structured
 from thermid.interop._fmu.image import MARK, OPERATIONS, image, still
 from thermid.interop._wired import Formula, identifiers, named, one_line
 from thermid.model.elements import Constant
@@ -180,7 +180,7 @@ class _Draft:
         first, states = len(out), [k for k, c in enumerate(capacity) if c >= 0]
         out += [self._state(k) for k in states]
         for place, k in enumerate(states, start=first):
-            rate = unit("1/s").dimension if out[place].dimension == PLAIN else _RATE
+            rate = unit("1/s").dimension if out[place].dimension == DIMENSIONLESS else _RATE
             out.append(FmuVariable(f"der({out[place].name})", told.RATE, k, "local", rate, of=place))
         out += [self._temperature(node, k) for k, node in enumerate(self.engine.nodes) if capacity[k] < 0]
         return out + self._boundaries() + self._loads()
@@ -194,7 +194,9 @@ class _Draft:
             what = f"heat of '{of}', as a temperature"
             return FmuVariable(structured("held", of), told.TEMPERATURE_OF, k, "local", _KELVIN, start, description=what)
         if node not in self.wiring.network.nodes:
-            return FmuVariable(structured("state", node), told.TEMPERATURE_OF, k, "local", PLAIN, start, description="state of a control")
+            return FmuVariable(
+                structured("state", node), told.TEMPERATURE_OF, k, "local", DIMENSIONLESS, start, description="state of a control"
+            )
         return replace(self._temperature(node, k), start=start)
 
     def _temperature(self, name: str, k: int, what: str = "") -> FmuVariable:
@@ -214,7 +216,7 @@ class _Draft:
         if s.path in self.wiring.scenario.loads:
             return FmuVariable(structured("load", s.path), told.VALUE, k, "input", _WATT, s.start, description=f"power of load '{s.path}'")
         what = f"command of load '{s.path}': its power is that of the model times this"
-        return FmuVariable(structured("load", s.path), told.VALUE, k, "input", PLAIN, s.start, description=what)
+        return FmuVariable(structured("load", s.path), told.VALUE, k, "input", DIMENSIONLESS, s.start, description=what)
 
     def _boundaries(self) -> list[FmuVariable]:
         """Return temperatures of boundaries that follow a course, and the heat into every one."""

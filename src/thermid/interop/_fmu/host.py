@@ -19,8 +19,8 @@ from weakref import finalize
 
 import numpy as np
 
-from thermid.base.errors import MissingExtraError, SolverError, ThermidError
-from thermid.base.extensions import missing
+from thermid.base.errors import SolverError, ThermidError
+from thermid.base.extensions import optional
 from thermid.base.files import scratch
 from thermid.base.linear_algebra import Array
 from thermid.interop._fmu.archive import DESCRIPTION, check_archive, check_trust, digest_of
@@ -104,12 +104,8 @@ def fmpy_package() -> Any:
     ------
     MissingExtraError   When it is not installed.
     """
-    try:
-        import fmpy
-        import fmpy.sundials
-    except ImportError as error:
-        raise MissingExtraError(missing(["fmpy"], "running an FMU")) from error
-    return fmpy
+    optional("fmpy.sundials", "running an FMU")
+    return optional("fmpy", "running an FMU")
 
 
 class FmuDescribed:

@@ -313,7 +313,7 @@ class TestPredict:
         [
             ((), "nothing to predict"),
             (("--csv", "p.csv", "--vacuum"), "--vacuum, --csv are not for the predictions that a campaign names"),
-            (("--scenario", "hot.toml", "--spread", "room"), "must be written as NAME=SPREAD"),
+            (("--scenario", "hot.toml", "--spread", "room"), "must be written as PATH=VALUE"),
             (("--scenario", "hot.toml", "--at", "5 [h]"), "18000 s lies outside the run"),
             (("--scenario", "hot.toml", "--stage", "m_Pr"), "no stage 'm_Pr'"),
             (("--stage", "pair"), "--stage is not for the"),
