@@ -208,9 +208,8 @@ def test_a_preamble_and_a_row_of_units_are_said(log):
 
 
 def test_what_no_unit_says_is_said(log):
-    text = read_record(log("t,T1,P [W]\n0,20,1\n10,21,1\n"), {"T1": {"node": "a"}, "P": {"load": "q"}}).summary()
-    assert text.count("no unit in the log, read in degC") == 1
-    assert "no unit in the log, read in W" not in text
+    record = read_record(log("t,T1,P [W]\n0,20,1\n10,21,1\n"), {"T1": {"node": "a"}, "P": {"load": "q"}})
+    assert [(c.unit, c.assumed) for c in record.channels.values()] == [("degC", True), ("W", False)]
 
 
 def test_sensors_with_numbers_for_names_are_not_one_channel(log):
