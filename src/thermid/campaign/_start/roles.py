@@ -301,10 +301,8 @@ def _asked_unit(column: Column) -> tuple[str, str] | None:
 
 def _is_product(columns: Mapping[str, Column], volts: str, amperes: str, power: str) -> bool:
     """Whether a column is the product of two, to a twentieth of its largest value in most rows."""
-    if power not in columns:
-        return False
-    apart = columns[volts].values * columns[amperes].values - columns[power].values
-    return bool(np.nanmedian(np.abs(apart)) < 0.05 * np.nanmax(np.abs(columns[power].values)))
+    watts = columns[power].values if power in columns else np.zeros(1)
+    return bool(np.nanmedian(np.abs(columns[volts].values * columns[amperes].values - watts)) < 0.05 * np.nanmax(np.abs(watts)))
 
 
 def _question(column: Column, volts: Sequence[str]) -> str:
