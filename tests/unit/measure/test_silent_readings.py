@@ -262,7 +262,8 @@ def coded(log, cells: list[object], unit: str = "degC") -> Record:
         ("850", "far from all other readings (850)"),
         ("0", "far from all other readings (0)"),
         ("3276.7", "far from all other readings (3276.7)"),
-        ("1e8", "overload or open sensor"),
+        ("1e9", "overload or open sensor"),
+        ("1e8", "far from all other readings (1e+08)"),
     ],
 )
 def test_codes_of_loggers_are_named_and_masked_by_the_step_that_is_offered(log, code, words):
