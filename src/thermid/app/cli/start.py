@@ -124,11 +124,9 @@ def _stated_facts(
 def _from_template(name: str, to: Path, as_json: bool) -> None:
     """Write a project of a template."""
     if not name:
-        known = [
-            *(f"{template} ({words})" for template, (words, _) in TEMPLATES.items()),
-            "tclab (two heaters on a board, real measurements)",
-        ]
-        raise ScenarioError(f"give a log, or --template with one of {', '.join(known)}.", "init", code="value.incomplete")
+        templates = ", ".join(f"{template} ({words})" for template, (words, _) in TEMPLATES.items())
+        text = f"give a log, or --template with one of {templates}, tclab (two heaters)."
+        raise ScenarioError(text, "init", code="value.incomplete")
     if name == "tclab":
         copied = copy_example(name, to if to != Path() else None, copies(None))
         say(as_json, {"files": [str(copied.folder)], "next": copied.example.first}, str(copied))
