@@ -255,6 +255,10 @@ class Named(Result, Generic[V]):
         """Yield the names."""
         return iter(self._entries())
 
+    def __len__(self) -> int:
+        """How many there are."""
+        return len(self._entries())
+
 
 def names_of(result: object) -> list[str]:
     """Return the names that a result is indexed by; none where it is indexed by numbers or not at all."""

@@ -4,15 +4,14 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
 from thermid.base.arguments import takes_objects
-from thermid.base.errors import look_up
 from thermid.base.files import FileKinds, write_text
-from thermid.base.results import Result
+from thermid.base.results import Named
 from thermid.base.units import NAMES, counted, from_si, unit
 from thermid.campaign._stages import Campaign
 from thermid.fit.calibration import Calibration
@@ -56,7 +55,7 @@ class ValueRecord:
 
 
 @dataclass(frozen=True)
-class CredibilityRecord(Result, Mapping[str, ValueRecord]):
+class CredibilityRecord(Named[ValueRecord], Mapping[str, ValueRecord]):
     """What every value of a campaign's uppermost model rests on.
 
     Parameters
@@ -76,22 +75,11 @@ class CredibilityRecord(Result, Mapping[str, ValueRecord]):
     values_: Mapping[str, ValueRecord]
     verdicts: tuple[Mapping[str, Any], ...] = ()
 
-    def __getitem__(self, path: str) -> ValueRecord:
-        """Return what one value rests on.
+    _refusal = "no value '{}'."
 
-        Raises
-        ------
-        NameNotFoundError   With the nearest path.
-        """
-        return look_up(path, self.values_, "no value '{}'.", self.title)
-
-    def __iter__(self) -> Iterator[str]:
-        """Yield the paths."""
-        return iter(self.values_)
-
-    def __len__(self) -> int:
-        """How many there are."""
-        return len(self.values_)
+    def _entries(self) -> Mapping[str, ValueRecord]:
+        """Return path -> what its value rests on."""
+        return self.values_
 
     @property
     def states(self) -> dict[str, int]:

@@ -264,12 +264,16 @@ def read_initfcn(source: str | os.PathLike[str]) -> InitFcn:
         except ThermidError as error:
             faults.append(error)
             reader.failed.add(statement.name)
-    _refuse(faults, another=len(faults) > len(reader.parameters))
+    _refuse(faults, another=len(faults) > max(len(reader.parameters), MAX_FAULTS_LISTED))
     if not reader.parameters:
         raise ExpressionError(
             "the script sets no name. It needs lines such as 'Acc_m = 0.054; % Mass [kg].'", file, code="import.not-understood"
         )
     return InitFcn(reader.parameters, reader.numbers, tuple(reader.remarks), file)
+
+
+MAX_FAULTS_LISTED = 12
+"""Faults that are listed whatever else a script holds."""
 
 
 def _refuse(faults: list[ThermidError], another: bool) -> None:
@@ -419,7 +423,7 @@ def _assignments(part: str, where: str, number: int, constants: Mapping[str, str
         )
     name, written = head["name"], head["rest"].strip()
     elements = [written]
-    if written.startswith("[") and written.endswith("]"):
+    if written.startswith("[") and written.endswith("]") and not (";" in written and "," in written):
         inner = written[1:-1].strip()
         elements = [e.strip() for e in re.split(r"[,;]", inner)] if re.search(r"[,;]", inner) else inner.split()
         vectors.add(name)
@@ -443,8 +447,10 @@ def _expression(written: str, where: str, constants: Mapping[str, str]) -> str:
     words: list[str] = []
     place = 0
     while place < len(written.rstrip()):
-        word = _WORD.match(written, place)
-        if word is None:
+        word, last = _WORD.match(written, place), words[-1] if words else "+"
+        # "3 4" is no 34, and a row of a matrix is no number
+        beside = word is not None and word["sign"] in (None, "(") and (last == ")" or last[-1].isalnum() or last[-1] in "_.")
+        if word is None or (beside and not (word["sign"] == "(" and last.isidentifier())):
             rest = written[place:].strip()
             raise ExpressionError(
                 f"'{_shortened(written)}': '{_shortened(rest, 20)}' cannot be read. Use single numbers, earlier names, pi, Inf, + - * "

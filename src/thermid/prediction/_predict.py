@@ -6,7 +6,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from statistics import NormalDist
 from typing import Any
@@ -19,7 +19,7 @@ from thermid.base.errors import IdentificationError, NameNotFoundError, SolverEr
 from thermid.base.expression import seconds
 from thermid.base.files import FileKinds, replacing
 from thermid.base.linear_algebra import Array, Bools
-from thermid.base.results import PlottedTrace, Result, Row
+from thermid.base.results import Named, PlottedTrace, Result, Row
 from thermid.fit.calibration import Calibration
 from thermid.fit.error_model import BandCause, NormalMixture
 from thermid.inference.criticism import ExplainedFit, explained, summary
@@ -247,7 +247,7 @@ def _shares(parts: Mapping[str, float]) -> dict[str, float]:
 
 
 @dataclass(frozen=True, eq=False)
-class Prediction(Result):
+class Prediction(Named[Band]):
     """What a fitted model says of a scenario, and with what uncertainty.
 
     Parameters
@@ -294,17 +294,13 @@ class Prediction(Result):
             raise NameNotFoundError(f"no node '{node}' was predicted.{nearest(node, self.bands)}", self.title)
         return self.bands[path]
 
-    def __iter__(self) -> Iterator[str]:
-        """Iterate over the nodes that were predicted."""
-        return iter(self.bands)
-
     def __contains__(self, node: object) -> bool:
         """Whether a node was predicted; aliases are accepted."""
         return node in self.bands or node in self._find
 
-    def __len__(self) -> int:
-        """How many nodes were predicted."""
-        return len(self.bands)
+    def _entries(self) -> Mapping[str, Band]:
+        """Return node -> its band."""
+        return self.bands
 
     @property
     def final(self) -> dict[str, Estimate]:

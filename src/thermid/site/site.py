@@ -15,7 +15,6 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from thermid.base.arguments import guard_methods
 from thermid.base.errors import ScenarioError, ThermidError
 from thermid.base.expression import amount, seconds
 from thermid.base.extensions import optional
@@ -35,7 +34,6 @@ class SunPath(NamedTuple):
     azimuth: Array
 
 
-@guard_methods
 @dataclass(frozen=True)
 class Site:
     """A place on earth.

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import os
 import tomllib
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, fields, is_dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -13,11 +13,11 @@ from typing import Any
 import numpy as np
 
 from thermid.base.arguments import takes_objects
-from thermid.base.errors import DeckError, look_up
+from thermid.base.errors import DeckError
 from thermid.base.extensions import by_grammar
 from thermid.base.files import FileKinds, parse_toml, read_text, toml_key, toml_value, write_text
 from thermid.base.linear_algebra import Array, square_root
-from thermid.base.results import Result, Row
+from thermid.base.results import Named, Row
 from thermid.base.toml_files import Places
 from thermid.base.units import counted, from_si, unit
 from thermid.model.elements import UNJUDGED, Parameter, Standing, exact, worst
@@ -108,7 +108,7 @@ class FittedValue:
 
 
 @dataclass(frozen=True, eq=False)
-class FittedValues(Result, Mapping[str, FittedValue]):
+class FittedValues(Named[FittedValue], Mapping[str, FittedValue]):
     """The fitted values of a stage, by path, with their joint covariance.
 
     Parameters
@@ -136,26 +136,11 @@ class FittedValues(Result, Mapping[str, FittedValue]):
         """Return every value with its error, in its unit."""
         return [{"path": p, "value": v.in_unit, "error": v.shown(v.error), "unit": v.unit} for p, v in self.items_.items()]
 
-    def __getitem__(self, path: str) -> FittedValue:
-        """Return one value.
+    _refusal = "'{}' was not fitted."
 
-        Raises
-        ------
-        NameNotFoundError   With the nearest path.
-        """
-        return look_up(path, self.items_, "'{}' was not fitted.", self.stage)
-
-    def __contains__(self, path: object) -> bool:
-        """Whether a path was fitted."""
-        return path in self.items_
-
-    def __iter__(self) -> Iterator[str]:
-        """Yield the paths."""
-        return iter(self.items_)
-
-    def __len__(self) -> int:
-        """How many there are."""
-        return len(self.items_)
+    def _entries(self) -> Mapping[str, FittedValue]:
+        """Return path -> its value."""
+        return self.items_
 
     def only(self, paths: Sequence[str]) -> FittedValues:
         """Return some of the parameters and all constant errors with their covariance; the others are marginalised (left out).

@@ -208,13 +208,6 @@ def test_a_few_lines_that_were_cut_are_dropped_with_one_remark_and_many_refused(
     assert "52" in step
 
 
-def test_gaps_are_in_the_summary(log):
-    rows = "".join(f"{t},{20 + t}\n" for t in (*range(20), *range(80, 100)))
-    text = read_record(log("t,T\n" + rows), {"case": "T"}, noise={"case": "0.3 [K]"}).summary()
-    assert "gaps longer than 5 s: 1, the longest 61 s at 19 [s]" in text
-    assert "case: temperature, auto case; 20 [degC] to 119 [degC]; noise 0.3 [K]; 0 of 40 masked" in text
-
-
 def test_unnamed_index_column(log):
     assert kelvin(read_record(log(",t,T\n0,0,20\n1,1,21\n"), {"T": "T"}), "T") == [293.15, 294.15]
 

@@ -127,7 +127,7 @@ def test_rocket_log_with_slipped_columns_is_refused(shared):
 def test_lhs1_bursts_are_gaps(shared):
     path = shared / "lhs1_vacuum_cooling/raw_1of10/exp02_no-reg-atm_2026-06-26_run1.csv.gz"
     record = read_record(path, {"board": "T_bmp388_C", "pressure": "P_hPa"}, time="t_nominal_s", units={"pressure": "hPa"})
-    assert "gaps longer than 5 s: 33" in record.summary()
+    assert np.count_nonzero(np.diff(record.times) > 5.0) == 33
     # 60 s awake, 60 s asleep: half of a grid of 1 s lies in gaps
     grid = record.resample("1 [s]")
     assert np.mean(grid["board"].valid) == pytest.approx(0.5, abs=0.03)

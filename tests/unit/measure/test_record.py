@@ -130,19 +130,6 @@ def test_table_of_a_held_channel_and_of_a_gap():
     assert record.table("case", max_gap="2 [min]").bridged == 0
 
 
-def test_summary():
-    power = Channel.from_array("p", np.ones(5), quantity="power", role="load", target="heater", noise=0.1, accuracy=0.05)
-    text = made(p=power).trim(0, 3).summary()
-    sha = made(p=power).origin.sha256[:16]
-    assert text.split("\n") == [
-        "Record 'bench': synthetic, 4 samples over 3 s, step 1 s; channels case, p",
-        f"  origin bench, 5 rows, sha256 {sha}",
-        "  case: temperature, auto; 300 [K] to 303 [K]; 1 of 4 masked (not a number 1)",
-        "  p: power, load heater; 1 [W] to 1 [W]; noise 0.1 [W]; accuracy 0.05 [W]; 0 of 4 masked",
-        "  - trim: 0 [s] to 3 [s], 4 of 5 samples kept",
-    ]
-
-
 def test_xarray_has_units_and_masks_as_nan():
     pytest.importorskip("xarray")
     power = Channel.from_array("p", np.ones(5), quantity="power", role="load", target="heater", noise=0.1)

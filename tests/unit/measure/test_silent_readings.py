@@ -208,9 +208,8 @@ def test_a_preamble_and_a_row_of_units_are_said(log):
 
 
 def test_what_no_unit_says_is_said(log):
-    text = read_record(log("t,T1,P [W]\n0,20,1\n10,21,1\n"), {"T1": {"node": "a"}, "P": {"load": "q"}}).summary()
-    assert text.count("no unit in the log, read in degC") == 1
-    assert "no unit in the log, read in W" not in text
+    record = read_record(log("t,T1,P [W]\n0,20,1\n10,21,1\n"), {"T1": {"node": "a"}, "P": {"load": "q"}})
+    assert [(c.unit, c.assumed) for c in record.channels.values()] == [("degC", True), ("W", False)]
 
 
 def test_sensors_with_numbers_for_names_are_not_one_channel(log):
@@ -263,7 +262,8 @@ def coded(log, cells: list[object], unit: str = "degC") -> Record:
         ("850", "far from all other readings (850)"),
         ("0", "far from all other readings (0)"),
         ("3276.7", "far from all other readings (3276.7)"),
-        ("1e8", "overload or open sensor"),
+        ("1e9", "overload or open sensor"),
+        ("1e8", "far from all other readings (1e+08)"),
     ],
 )
 def test_codes_of_loggers_are_named_and_masked_by_the_step_that_is_offered(log, code, words):

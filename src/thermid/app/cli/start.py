@@ -119,13 +119,10 @@ def _stated_facts(
 
 def _from_template(name: str, to: Path, as_json: bool) -> None:
     """Write a project of a template."""
-    if not name and sys.stdin.isatty() and not as_json:
-        for template, (words, _) in TEMPLATES.items():
-            typer.echo(f"  {template}: {words}", err=True)
-        typer.echo("  tclab: two heaters on a board, real measurements", err=True)
-        name = typer.prompt("1 of 1. Template", default="part", err=True)
     if not name:
-        raise ScenarioError(f"give a log, or a template: --template {', '.join([*TEMPLATES, 'tclab'])}.", "init", code="value.incomplete")
+        templates = ", ".join(f"{template} ({words})" for template, (words, _) in TEMPLATES.items())
+        text = f"give a log, or --template with one of {templates}, tclab (two heaters)."
+        raise ScenarioError(text, "init", code="value.incomplete")
     if name == "tclab":
         copied = copy_example(name, to if to != Path() else None, copies(None))
         say(as_json, {"files": [str(copied.folder)], "next": copied.example.first}, str(copied))
@@ -136,24 +133,24 @@ def _from_template(name: str, to: Path, as_json: bool) -> None:
 
 
 def _ask_for_roles(log: Path, roles: Roles, time: str | None, temperatures: bool, powers: bool) -> Roles:
-    """Return the roles after at most five questions; a question whose flag was given is not asked, an empty answer keeps what is shown."""
+    """Return the roles after at most four questions; a question whose flag was given is not asked, an empty answer keeps what is shown."""
     typer.echo("Press return to keep what is shown.", err=True)
     parts = [f"{c}={n}" for c, n in roles.parts.items()]
     if not temperatures:
-        parts = _several("1 of 5. Temperatures of parts, COLUMN=PART", parts)
+        parts = _several("1 of 4. Temperatures of parts, COLUMN=PART", parts)
     around = roles.surroundings
     if not around or not roles.logged:
         around = typer.prompt(
-            "2 of 5. Surroundings: a column, or a temperature such as 23 [degC]; - if unknown", default=around or "-", err=True
+            "2 of 4. Surroundings: a column, or a temperature such as 23 [degC]; - if unknown", default=around or "-", err=True
         )
         around = "" if around == "-" else around
     heats = [f"{p.column}={p.node}" if p.node else p.column for p in roles.powers if p.node or not p.formula]
     if not powers:
-        heats = _several("3 of 5. Powers and duties, COLUMN or COLUMN=PART; - for none", heats)
+        heats = _several("3 of 4. Powers and duties, COLUMN or COLUMN=PART; - for none", heats)
     scales = {p.column: p.full_scale for p in roles.powers if p.full_scale}
     duty = next((p.column for p in roles.powers if p.anchored), "")
     if duty:
-        answer = typer.prompt(f"4 of 5. Power of '{duty}' at 100 %, such as 1.2 [W]; - if unknown", default="-", err=True)
+        answer = typer.prompt(f"4 of 4. Power of '{duty}' at 100 %, such as 1.2 [W]; - if unknown", default="-", err=True)
         scales |= {} if answer == "-" else {duty: answer}
     return roles_of(log, parts, around, heats, scales, time, {p.column: p.formula for p in roles.powers if p.formula})
 

@@ -248,7 +248,6 @@ class Written:
             "rmse_K": p.chosen.rmse,
             "assumed": p.assumed,
             "powers": p.powers_text or p.shares_text,
-            "thinned": p.thinned_text,
             "masked": list(self.masked),
             "not_used": dict(p.roles.ignored),
             "unexplained": p.unexplained,

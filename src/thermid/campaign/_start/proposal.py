@@ -429,17 +429,6 @@ class Proposal:
         shares = [f"{100 * self.share(p):.3g} % of {p.column} heats '{p.node}'" for p in self.roles.powers if p.share]
         return f"Shares: {', '.join(shares)}; the campaign fits them." if shares else ""
 
-    @property
-    def thinned_text(self) -> str:
-        """How coarse the logs are that structures were tried on; empty where they are as they were read."""
-        steps = [(e.record.name, s) for e in self.chosen.problem.experiments for s in e.record.steps if s.startswith("resample: ")]
-        logs = ", ".join(f"{name}, {step.removeprefix('resample: ').partition(';')[0]}" for name, step in steps)
-        return (
-            f"Structures were tried on thinned logs, as the campaign fits them: {logs}; powers as means between their switches."
-            if logs
-            else ""
-        )
-
     def __str__(self) -> str:
         """Return the answer first, then what was tried and what the log cannot tell."""
         one = self.chosen
@@ -453,7 +442,7 @@ class Proposal:
         lines[1:1] = [t for t in (self.powers_text, self.shares_text) if t]
         lines += [self.depending_text] if self.depending else []
         lines += [f"Assumed: {self.assumed}"] if self.assumed else []
-        lines += [t for t in (self.thinned_text, self.offsets_text, instants_text(self.instants), *self.roles.questions) if t]
+        lines += [t for t in (self.offsets_text, instants_text(self.instants), *self.roles.questions) if t]
         return "\n".join([*lines, str(self.search)])
 
 

@@ -245,11 +245,7 @@ def roles_of(
     used = {n for text in formulas.values() for n in columns if re.search(rf"(?<!\w){re.escape(n)}(?!\w)", text)}
     others = {n: c for n, c in columns.items() if n not in taken | used and c.guess != "time"}
     rest = {n: "never on" if _idle(c.values) and c.guess in ("power", "duty") else c.why for n, c in others.items()}
-    volts, amperes = ([n for n, c in others.items() if (of := _asked_unit(c)) and of[0] == slot] for slot in ("V", "A"))
-    by = {n: p.column for v, n in itertools.product(volts, amperes) for p in logged_powers if _is_product(columns, v, n, p.column)}
-    rest |= {n: f"{by[n]} is this times its voltage" for n in by}
-    asked = {n: _question(c, volts) for n, c in others.items() if n not in by and not (n in volts and amperes)}
-    questions = tuple(filter(None, asked.values()))
+    questions = _questions(others, [columns[p.column].values for p in logged_powers if p.column in columns])
     return Roles(parts, around, logged_powers, units, time, {n: columns[n].why for n in taken if n in columns}, rest, questions=questions)
 
 
@@ -299,27 +295,27 @@ def _asked_unit(column: Column) -> tuple[str, str] | None:
     return next(((slot, text) for slot in _QUESTIONS if of == unit(slot).dimension), None)
 
 
-def _is_product(columns: Mapping[str, Column], volts: str, amperes: str, power: str) -> bool:
-    """Whether a column is the product of two, to a twentieth of its largest value in most rows."""
-    if power not in columns:
-        return False
-    apart = columns[volts].values * columns[amperes].values - columns[power].values
-    return bool(np.nanmedian(np.abs(apart)) < 0.05 * np.nanmax(np.abs(columns[power].values)))
+def _questions(others: Mapping[str, Column], watts: Sequence[FloatArray]) -> tuple[str, ...]:
+    """Return what to ask about columns that a power may follow from, such as a current, or whose changes a model would have to know.
 
-
-def _question(column: Column, volts: Sequence[str]) -> str:
-    """Return what to ask about a column that a power may follow from, such as a current, or whose changes a model would have to know.
+    A voltage is named with its current where there is one; neither where a power is their product, to a twentieth in most rows.
 
     Parameters
     ----------
-    column : Column
-    volts : sequence    Columns of voltages, of which the only one is named beside a current.
+    others : dict       Columns without a role, by name.
+    watts : sequence    Values of the powers.
     """
-    if (asked := _asked_unit(column)) is None:
-        return ""
-    what, ask = _QUESTIONS[asked[0]]
-    names = [n if n.isidentifier() else f"`{n}`" for n in (column.name, *volts[:1])]
-    return f"{column.name} is {what} [{asked[1]}]: {ask.format(names[0], names[1] if len(volts) == 1 else 'V')}."
+    kinds = {name: kind for name, column in others.items() if (kind := _asked_unit(column))}
+    volts, amperes = ([name for name, (slot, _) in kinds.items() if slot == si] for si in ("V", "A"))
+    out = []
+    for name, (slot, text) in kinds.items():
+        products = [others[name].values * others[v].values for v in volts if slot == "A"]
+        apart = [np.nanmedian(np.abs(p - w)) / np.nanmax(np.abs(w)) for p, w in itertools.product(products, watts)]
+        if not (slot == "V" and amperes) and min(apart, default=1.0) > 0.05:
+            what, ask = _QUESTIONS[slot]
+            names = [n if n.isidentifier() else f"`{n}`" for n in (name, *volts[:1])]
+            out.append(f"{name} is {what} [{text}]: {ask.format(names[0], names[1] if len(volts) == 1 else 'V')}.")
+    return tuple(out)
 
 
 _SPEED = re.compile(r"rpm|(?<![a-z])fan(?![a-z])|tacho|drehzahl", re.IGNORECASE)

@@ -654,7 +654,7 @@ class Ticks:
         """Return the tabled signal of a path where a second clock and the instants of changes stand otherwise; any other as it is."""
         if not isinstance(signal, TableSignal):
             return signal
-        ticks, order = self.middles[path].copy(), TICK * np.arange(self.middles[path].size)
+        ticks, order = self.middles[path].copy(), LEAST_TICK * np.arange(self.middles[path].size)
         for k, change in enumerate(self.changes):
             if change.path == path:
                 common = at[ALL_INSTANTS] if path in self.unstated else 0.0
@@ -686,7 +686,7 @@ class Ticks:
         return max(abs(t - self.at[0]) for t in self.clock.times) / self.at[1]
 
 
-TICK = 1e-6
+LEAST_TICK = 1e-6
 """Least time between two samples of a table on another clock. [s]"""
 SHIFT = 0.1
 """Shift over which differences are taken, in samples of the second log: smaller ones drown in the integrator's own error."""

@@ -376,11 +376,10 @@ def clock_unknowns(experiments: Sequence[Experiment]) -> list[Unknown]:
                 if low < high:
                     acts = (Influence(i, f"{CLOCK} {n} {place}"),)
                     out.append(Unknown(f"{e.record.name}: {name}{of}", "local", acts, at, low=low, high=high, unit=unit))
-            common, alone = SOME_SAMPLE
-            instants = [(ALL_INSTANTS, "every", Prior(*common))] if any(c.path in ticks.unstated for c in ticks.changes) else []
+            instants = [(ALL_INSTANTS, "every", Prior(*SOME_SAMPLE[0]))] if any(c.path in ticks.unstated for c in ticks.changes) else []
             for k, change in enumerate(ticks.changes[: len(ticks.at) - FIRST_INSTANT], FIRST_INSTANT):
-                sd = alone[1] if change.path in ticks.unstated else INSTANT_SD
-                instants.append((k, f"{change.row} of {change.path}", Prior(0.0, sd)))
+                beside = Prior(0.0, SOME_SAMPLE[1][1] if change.path in ticks.unstated else INSTANT_SD)
+                instants.append((k, f"{change.row} of {change.path}", beside))
             for place, name, prior in instants:
                 acts, last = (Influence(i, f"{CLOCK} {n} {place}"),), LAST_INSTANT
                 out.append(Unknown(f"{e.record.name}: {SWITCH} {name}{of}", "local", acts, 0.0, low=-last, high=last, prior=prior))

@@ -32,7 +32,6 @@ from thermid.measure._record.channel import (
     codes_to_mask,
     digest,
     even_step,
-    gap_from,
     gap_limit,
     strays,
     with_sensor,
@@ -677,21 +676,6 @@ class Record(Samples, Result):
         data.attrs = {"name": self.name, "file": self.origin.file, "sha256": self.origin.sha256, "steps": "\n".join(self.steps)}
         return data
 
-    def summary(self) -> str:
-        """Return a record in words: its size, gaps, origin, channels and steps, a line for each."""
-        origin = self.origin
-        start = f", from {origin.start}" if origin.start else ""
-        lines = [repr(self), f"  origin {origin.file}, {origin.rows} rows, sha256 {origin.sha256[:16]}{start}"]
-        intervals = np.diff(self.times)
-        limit = gap_from(self.times)
-        gaps = np.flatnonzero(intervals > limit)
-        if gaps.size:
-            worst = int(np.argmax(intervals))
-            longest, place = duration_text(float(intervals[worst])), format_value(self.times[worst], "s")
-            lines.append(f"  gaps longer than {limit:.4g} s: {gaps.size}, the longest {longest} at {place}")
-        lines += [f"  {_channel_line(channel)}" for channel in self.channels.values()]
-        return "\n".join([*lines, *(f"  - {step}" for step in self.steps)])
-
     def __repr__(self) -> str:
         """Return name, samples, duration, step and channels in one line."""
         step = f"{self.step:.4g} s" + ("" if even_step(self.times) is not None else " (median, uneven)")
@@ -939,25 +923,6 @@ def _si_unit(channel: Channel) -> str:
             return short
     bases = ("m", "kg", "s", "A", "K")
     return " ".join(f"{base}^{power}" if power != 1 else base for base, power in zip(bases, dimension, strict=True) if power)
-
-
-def _channel_line(channel: Channel) -> str:
-    """Return one channel as a line of the summary."""
-    shown = channel.values[channel.valid]
-    role = f"{channel.role} {channel.target}" if channel.target else channel.role
-    parts = [f"{channel.name}: {channel.quantity}, {role}"]
-    if shown.size:
-        parts.append(f"{format_value(shown.min(), channel.unit, 4)} to {format_value(shown.max(), channel.unit, 4)}")
-    for word, size in (("noise", channel.noise), ("accuracy", channel.accuracy)):
-        if size is not None:
-            scale = "K" if channel.quantity == "temperature" else channel.unit
-            parts.append(f"{word} {format_value(size, scale, 3)}")
-    counts = ", ".join(f"{reason} {count}" for reason, count in channel.flags.items())
-    masked = channel.valid.size - shown.size
-    parts.append(f"{masked} of {channel.valid.size} masked" + (f" ({counts})" if counts else ""))
-    if channel.assumed:
-        parts.append(f"no unit in the log, read in {channel.unit}")
-    return "; ".join(parts)
 
 
 def _check_order(times: Any, where: str) -> None:

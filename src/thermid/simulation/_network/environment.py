@@ -7,7 +7,6 @@ from dataclasses import dataclass, replace
 from numbers import Real
 from typing import Any
 
-from thermid.base.arguments import guard_methods
 from thermid.base.errors import ScenarioError
 from thermid.model.elements import Constant, Signal, literal, signal
 from thermid.physics.constants import ATMOSPHERE, STANDARD_GRAVITY
@@ -19,7 +18,6 @@ HIGHEST = 10.0 * ATMOSPHERE
 """Pressure up to which the gas laws, of dilute gases, are used. [Pa]"""
 
 
-@guard_methods
 @dataclass(frozen=True)
 class Environment:
     """The state of one gas.

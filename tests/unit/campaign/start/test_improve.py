@@ -118,7 +118,7 @@ def test_a_delay_that_is_proved_is_written_into_the_record(tmp_path: Path) -> No
     (delay,) = made.delays
     ((value, error),) = delay.found.values()
     assert value == pytest.approx(LATE, abs=2.5 * error)
-    assert error < 5.0
+    assert 0.25 * 20.0 < error < 0.3 * 20.0  # nobody states whether the power was logged as it changed: a quarter of an interval
     assert f"delay: test {value:.3g} +- {error:.2g} s; written into [records.test]." in str(made)
     assert str(made).count("[records.test]. It also applies in again.") == 1
     (row,) = made.rows()
