@@ -754,7 +754,7 @@ def drawn_members(ways: Sequence[WayAnswer], chosen: NDArray[np.int64], sources:
             kelvin = {n: way.linear.run[n].kelvin[:, None] + c[:-1] @ sources_of_way for n, c in columns.items()}
         else:
             drawn = _member_temperatures(way.setting, way.linear, sources_of_way, list(columns))
-            rest |= _member_rest(way, sources_of_way)
+            rest |= _member_rest(way, sources_of_way, drawn)
             kelvin = dict(drawn.kelvin)
             failed |= drawn.runs.failed if drawn.runs is not None else {}
         for n, traces in kelvin.items():
@@ -766,11 +766,11 @@ def drawn_members(ways: Sequence[WayAnswer], chosen: NDArray[np.int64], sources:
     return {n: m for n, m in every.items() if m[1].size}, lost
 
 
-def _member_rest(way: WayAnswer, sources: Array) -> dict[str, Array]:
+def _member_rest(way: WayAnswer, sources: Array, drawn: Drawn) -> dict[str, Array]:
     """Return node -> where members settle (members,) [K], as `_member_temperatures`; empty where some members settle nowhere.
 
-    The first `SETTLED_MEMBERS` are settled. T = a + b s + c s^2 + e, s the straight line, is fitted to them and gives the others, each
-    with the e of one of them (control variates, as in `missed`).
+    The first `SETTLED_MEMBERS` are settled. T = a + b s + c s^2 + d r + e, s the straight line and r the end of the run, is fitted to them
+    and gives the others, each with the e of one of them (control variates, as in `missed`).
     """
     setting, linear = way.setting, way.linear
     few = sources[:, :SETTLED_MEMBERS]
@@ -782,8 +782,8 @@ def _member_rest(way: WayAnswer, sources: Array) -> dict[str, Array]:
     out = {}
     for n, t in rest.items():
         line, settled = linear.columns[n][-1] @ sources, t + linear.columns[n][-1] @ straight
-        powers = np.vander(line, 3)
-        curve = powers @ np.linalg.lstsq(powers[: t.size], settled, rcond=None)[0]
+        terms = np.column_stack([np.vander(line, 3), np.nan_to_num(drawn.kelvin[n][-1])])
+        curve = terms @ np.linalg.lstsq(terms[: t.size], settled, rcond=None)[0]
         out[n] = curve + np.resize(settled - curve[: t.size], line.size)
     return out
 
