@@ -1,6 +1,6 @@
 """`predict`: what is known and a scenario in, a `Prediction` out: temperatures with their bands, and what the bands come from.
 
-`foresee` says the same of a test before it is made, and how large the errors were before anything was fitted.
+`foresee` says the same of a test before it is made.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ from thermid.prediction._known import Knowledge
 from thermid.prediction._setting import PROBE_MEMBERS, Drawn, Linear, Setting
 from thermid.simulation.runs import Scenario, Solution, simulate
 from thermid.simulation.solver import Options
-from thermid.values.store import LeftOut, State
+from thermid.values.store import LeftOut
 
 ROUNDING = 1e-9
 """Scatter of members below which they are one temperature, and rounding. [K]"""
@@ -902,13 +902,11 @@ class Foresight(Result):
     scenario : Scenario
     solution : Solution     The run with the best values.
     prediction : Prediction Expected temperatures with their errors and what these come from, at the same times.
-    before : dict           Node -> standard error (times,) if nothing had been fitted, the values anywhere in their ranges. [K]
     """
 
     scenario: Scenario
     solution: Solution
     prediction: Prediction
-    before: Mapping[str, Array] = field(default_factory=dict)
 
     @property
     def standing(self) -> Standing:
@@ -960,7 +958,7 @@ def foresee(
     without: Sequence[str] = (),
     options: Options | None = None,
 ) -> Foresight:
-    """Pretest prediction of a scenario: `predict`, the run with the best values, and the errors before any fit.
+    """Pretest prediction of a scenario: `predict`, and the run with the best values.
 
     Parameters
     ----------
@@ -976,36 +974,7 @@ def foresee(
     solution = simulate(budget.model, scenario, times=times, options=options)
     wanted = list(nodes) or list(solution.nodes)
     solution = solution.refined(wanted, STORED_TURNING_POINTS)
-    predicted_bands = predicted(budget, wanted, times=solution.times, options=options)
-    return Foresight(scenario, solution, predicted_bands, _before(budget, knowledge, wanted, solution.times, options))
-
-
-def _before(budget: Budget, knowledge: Knowledge, nodes: Sequence[str], times: Array, options: Options | None) -> dict[str, Array]:
-    """Prior predictive error: node -> standard error (times,) with every value anywhere in its range before any fit. [K]"""
-    states = {s.acts[0]: s for store in knowledge.stores for s in store.parameters.values() if s.acts}
-    sizes = {path: size for path, s in states.items() if (size := _size_before(s))}
-    if not sizes:
-        return {}
-    log, also = [path for path in sizes if states[path].log], {path: states[path].acts[1:] for path in sizes}
-    why = "before any fit"
-    return Setting.of_sizes(budget.model, budget.scenario, sizes, why, log=log, also=also, times=times, options=options).errors(nodes)
-
-
-def _size_before(v: State) -> float:
-    """Return the standard deviation of a value before its fit, in the fitted form; zero where nothing states it.
-
-    By its prior, else by a uniform law between its bounds, (high - low) / sqrt(12).
-    """
-    low, high = v.bounds
-    if v.prior is not None and np.isfinite(v.prior[1]):
-        return float(v.prior[1])
-    if v.log and low > 0 and np.isfinite(high):
-        return float(np.log(high / low)) / 12**0.5
-    if not v.log and np.isfinite(low) and np.isfinite(high):
-        return float(high - low) / 12**0.5
-    if v.log and low >= 0 and np.isfinite(high) and v.start > 0:
-        return float(min(1.0, (high - low) / 12**0.5 / v.start))
-    return 0.0
+    return Foresight(scenario, solution, predicted(budget, wanted, times=solution.times, options=options))
 
 
 def _wider(band: Band, variance: float, cause: str) -> Band:

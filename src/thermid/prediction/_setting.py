@@ -6,7 +6,7 @@ values, powers and temperatures, of which members are drawn.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
@@ -126,30 +126,18 @@ class Setting:
         return cls(budget, ready, carriers, at, replace(ready, wiring=wide, engine=Engine(wide)), sizes)
 
     @classmethod
-    def of_sizes(
-        cls,
-        model: Model,
-        scenario: Scenario,
-        sizes: Mapping[str, float],
-        why: str,
-        *,
-        log: Collection[str] = (),
-        also: Mapping[str, tuple[str, ...]] | None = None,
-        times: Any = None,
-        options: Any = None,
-    ) -> Setting:
+    def of_sizes(cls, model: Model, scenario: Scenario, sizes: Mapping[str, float], why: str, times: Any = None) -> Setting:
         """Return values that are independent of each other made ready for a scenario, each by a source of its own.
 
         Parameters
         ----------
-        sizes : dict    Path -> standard deviation; SI, or of the logarithm for those in `log`.
-        why : str       What the sources are.
-        also : dict     Path -> others that share its value.
+        sizes : dict            Path -> standard deviation. [SI]
+        why : str               What the sources are.
+        times : array (times,)  As in `simulate`. [s]
         """
         sources = tuple(Source(path, "stated", Normal(), f"{path} {why}") for path in sizes)
-        logs = tuple(path in log for path in sizes)
-        rows = Rows(tuple(sizes), logs, also or {}, sources, (why,) * len(sizes), np.diag(list(sizes.values())))
-        return cls.of_budget(Budget.of_rows(rows, model, scenario), times=times, options=options)
+        rows = Rows(tuple(sizes), (False,) * len(sizes), {}, sources, (why,) * len(sizes), np.diag(list(sizes.values())))
+        return cls.of_budget(Budget.of_rows(rows, model, scenario), times=times)
 
     @cached_property
     def switches(self) -> bool:
@@ -194,13 +182,6 @@ class Setting:
             rest = moves.get(n, np.full(size[1], np.nan)) if size[1] else np.zeros(0)
             columns[n] = np.vstack([slopes, rest[None, :]]) @ chain + self._added_after_run(n)[None, :]
         return Linear(run, settled, columns)
-
-    def errors(self, nodes: Sequence[str]) -> dict[str, Array]:
-        """Return node -> standard error (times,): by derivatives, and of `PROBE_MEMBERS` members where anything switches. [K]"""
-        if not self.switches:
-            return {n: np.linalg.norm(column[:-1], axis=1) for n, column in self.linear(nodes).columns.items()}
-        sources = self.budget.drawn(self.budget.numbers(0, 0, PROBE_MEMBERS))
-        return {n: np.nanstd(traces, axis=1) for n, traces in self.temperatures(sources, nodes, extremes=False).kelvin.items()}
 
     def largest_effects(self, nodes: Sequence[str]) -> dict[str, Array]:
         """Return node -> largest change over the run by a standard deviation of each source (sources,). [K]

@@ -119,7 +119,6 @@ def test_margins_are_those_of_the_extremes_of_members(found: Calibration, told: 
     (cold, _) = td.qualify.margins({"cold": seen}, [Limits("bat", "bat", operating=("0 [degC]", "60 [degC]"))])
     assert cold.predicted - 273.15 == pytest.approx(ON, abs=0.5)
     assert 0.0 <= cold.uncertainty < 1.0
-    assert seen.before["bat"].max() < OFF - ON, "before any fit: 2e4 K by derivatives"
     assumed = Setting.of_sizes(found.model, COLD, {"cell.conductance": 0.025, "bat.capacitance": 22.0}, "as assumed")
     assert np.abs(assumed.linear(["bat"]).columns["bat"][:-1]).max() > 5.0 * (OFF - ON)
     assert assumed.largest_effects(["bat"])["bat"].max() < 1.0
