@@ -6,7 +6,7 @@ values, powers and temperatures, of which members are drawn.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
@@ -17,7 +17,7 @@ from thermid.base.errors import SolverError
 from thermid.base.linear_algebra import Array, Bools
 from thermid.fit.error_model import DepartureHeat, course_of, deviation, with_heats, with_laws
 from thermid.model.tree import Model
-from thermid.prediction._budget import Budget, Target, combined
+from thermid.prediction._budget import Assumed, Budget, Target, assumed_values, combined, open_ranges
 from thermid.prediction._known import Rows
 from thermid.simulation.runs import Ensemble, Scenario, Simulator, Solution, prepare
 from thermid.simulation.solver import Engine, MemberTurnings, Wiring
@@ -124,20 +124,6 @@ class Setting:
         carriers |= {wanted[n]: names for n, names in scales.items()}
         wide = Wiring(*with_heats(network, conditions, heats.values()), (*ready.free, *(s for names in scales.values() for s in names)))
         return cls(budget, ready, carriers, at, replace(ready, wiring=wide, engine=Engine(wide)), sizes)
-
-    @classmethod
-    def of_sizes(cls, model: Model, scenario: Scenario, sizes: Mapping[str, float], why: str, times: Any = None) -> Setting:
-        """Return values that are independent of each other made ready for a scenario, each by a source of its own.
-
-        Parameters
-        ----------
-        sizes : dict            Path -> standard deviation. [SI]
-        why : str               What the sources are.
-        times : array (times,)  As in `simulate`. [s]
-        """
-        sources = tuple(Source(path, "stated", Normal(), f"{path} {why}") for path in sizes)
-        rows = Rows(tuple(sizes), (False,) * len(sizes), {}, sources, (why,) * len(sizes), np.diag(list(sizes.values())))
-        return cls.of_budget(Budget.of_rows(rows, model, scenario), times=times)
 
     @cached_property
     def switches(self) -> bool:
@@ -341,3 +327,26 @@ def _shifted(points: MemberTurnings, times: Array, after: Array) -> MemberTurnin
     k = np.clip(np.searchsorted(times, points.times, side="right") - 1, 0, times.size - 2)
     part = (points.times - times[k]) / (times[k + 1] - times[k])
     return replace(points, kelvin=points.kelvin + (1.0 - part) * after[k, points.members] + part * after[k + 1, points.members])
+
+
+def assumed_effects(
+    model: Model, scenario: Scenario, elsewhere: Collection[str], nodes: Sequence[str], times: Any
+) -> list[tuple[Assumed, float, dict[str, float]]]:
+    """Return assumed values without a stated range, each with its relative standard deviation and node -> largest effect of that [K].
+
+    Parameters
+    ----------
+    elsewhere : set         Values that count otherwise, such as fitted ones.
+    times : array (times,)  When temperatures are compared, as in `simulate`. [s]
+    """
+    ranged = {p for r in open_ranges(model, scenario, elsewhere) for p in (r.path, *r.also)}
+    loose = assumed_values(model, scenario, {*elsewhere, *ranged})
+    if not loose:
+        return []
+    names, sizes = tuple(a.path for a in loose), np.diag([a.size for a in loose])
+    sources = tuple(Source(path, "stated", Normal(), f"{path} as assumed") for path in names)
+    rows = Rows(names, (False,) * len(names), {}, sources, ("as assumed",) * len(names), sizes)
+    setting = Setting.of_budget(Budget.of_rows(rows, model, scenario), times=times)
+    effects = setting.largest_effects(nodes)
+    relative = [a.size / abs(setting.ready.nominal[a.path]) for a in loose]
+    return [(a, r, {n: float(e[k]) for n, e in effects.items()}) for k, (a, r) in enumerate(zip(loose, relative, strict=True))]
