@@ -76,8 +76,6 @@ NARROWS = {
 """Cause -> what would narrow a band that comes from it."""
 DRAWN_MEMBERS = 2000
 """Members drawn where derivatives do not do."""
-SETTLED_MEMBERS = 128
-"""Of these settled one by one; each costs as much as 20 of its run."""
 MAX_MEAN_MISS, MAX_WIDTH_MISS = 0.1, 0.1
 """What the mean may be off by, in half-widths of the 95 % band, and its half-width, relative, before derivatives do not do."""
 NEGLIGIBLE_HALF_WIDTH = 0.05
@@ -544,8 +542,17 @@ def averaged(plain: Prediction, others: Sequence[ExplainedFit], explained: Seque
     )
     standing = worst([*(t.standing for t in explained), *fit.rests.values(), *([fit.verdict] if fit.verdict is not None else [])])
     warnings = tuple(dict.fromkeys(w for t in explained for w in t.warnings))
-    out = replace(plain, bands=bands, settled=settled, causes=causes, warnings=warnings)
-    return replace(out, standing=standing, explanation=words, left_out=explained[0].left_out, least=explained[0].least)
+    return replace(
+        plain,
+        bands=bands,
+        settled=settled,
+        causes=causes,
+        warnings=warnings,
+        standing=standing,
+        explanation=words,
+        left_out=explained[0].left_out,
+        least=explained[0].least,
+    )
 
 
 def _mixture(bands: Sequence[Band], weights: Array) -> Band:
@@ -555,10 +562,9 @@ def _mixture(bands: Sequence[Band], weights: Array) -> Band:
     parts: dict[str, Array] = {}
     shifts: dict[str, Array] = {}
     for b, w in zip(bands, weights, strict=True):
-        for cause, v in b.parted.parts.items():
-            parts[cause] = parts.get(cause, np.zeros(b.times.size)) + w * v
-        for cause, v in b.shifts.items():
-            shifts[cause] = shifts.get(cause, np.zeros(b.times.size)) + w * v
+        for several, of_band in ((parts, b.parted.parts), (shifts, b.shifts)):
+            for cause, v in of_band.items():
+                several[cause] = several.get(cause, np.zeros(b.times.size)) + w * v
     if len(bands) > 1:
         parts[DEFECTS] = weights @ (kelvin - mean) ** 2
     simulated = weights @ np.array([b.simulated for b in bands])
@@ -640,8 +646,11 @@ def undetermined_words(answer: WayAnswer, bands: Mapping[str, Band]) -> list[str
         if t.name not in budget.loose or not spread > 0.0:
             continue
         explained = {n: abs(float(answer.linear.columns[n][-2] @ shared)) / spread**0.5 for n in bands}
-        whole = {n: sum(float(v[-1]) for v in b.parts.values()) for n, b in bands.items()}
-        most = [n for n, kelvin in explained.items() if kelvin**2 > MAJOR_SHARE * whole[n] and kelvin > NEGLIGIBLE_HALF_WIDTH]
+        most = [
+            n
+            for n, kelvin in explained.items()
+            if kelvin**2 > MAJOR_SHARE * sum(float(v[-1]) for v in bands[n].parts.values()) and kelvin > NEGLIGIBLE_HALF_WIDTH
+        ]
         if most:
             out.append(
                 f"no reading determines '{t.name}': what was known of it before is most of the band of {quoted(most, 3)}. State a narrower "
@@ -769,11 +778,11 @@ def drawn_members(ways: Sequence[WayAnswer], chosen: NDArray[np.int64], sources:
 def _member_rest(way: WayAnswer, sources: Array, drawn: Drawn) -> dict[str, Array]:
     """Return node -> where members settle (members,) [K], as `_member_temperatures`; empty where some members settle nowhere.
 
-    The first `SETTLED_MEMBERS` are settled. T = a + b s + c s^2 + d r + e, s the straight line and r the end of the run, is fitted to them
-    and gives the others, each with the e of one of them (control variates, as in `missed`).
+    Four times `PROBE_MEMBERS` are settled, each at the cost of 20 runs. T = a + b s + c s^2 + d r + e, s the straight line and r the end of
+    the run, is fitted to them and gives the others, each with the e of one of them (control variates, as in `missed`).
     """
     setting, linear = way.setting, way.linear
-    few = sources[:, :SETTLED_MEMBERS]
+    few = sources[:, : 4 * PROBE_MEMBERS]
     straight = setting.cancelled(linear)[:, None] * few
     try:
         rest = setting.rest(few - straight, list(linear.settled and linear.columns))
@@ -781,10 +790,10 @@ def _member_rest(way: WayAnswer, sources: Array, drawn: Drawn) -> dict[str, Arra
         return {}
     out = {}
     for n, t in rest.items():
-        line, settled = linear.columns[n][-1] @ sources, t + linear.columns[n][-1] @ straight
-        terms = np.column_stack([np.vander(line, 3), np.nan_to_num(drawn.kelvin[n][-1])])
+        terms = np.column_stack([np.vander(linear.columns[n][-1] @ sources, 3), np.nan_to_num(drawn.kelvin[n][-1])])
+        settled = t + linear.columns[n][-1] @ straight
         curve = terms @ np.linalg.lstsq(terms[: t.size], settled, rcond=None)[0]
-        out[n] = curve + np.resize(settled - curve[: t.size], line.size)
+        out[n] = curve + np.resize(settled - curve[: t.size], curve.size)
     return out
 
 
@@ -802,8 +811,8 @@ def _left_out(budget: Budget, bands: Mapping[str, Band]) -> tuple[tuple[LeftOut,
     assumptions = assumed_left_out(budget, list(inner))
     weighs = {n: effect / max(inner[n], 1e-12) for _, effects in assumptions for n, effect in effects.items()}
     worst = max(weighs, key=weighs.__getitem__, default="")
-    with_effects = tuple(replace(x, kelvin=effects.get(worst, x.kelvin)) if effects else x for x, effects in assumptions)
-    return in_order((*budget.omitted, *with_effects)), inner[worst] if worst else max(errors.values(), default=0.0)
+    assumed = (replace(x, kelvin=effects.get(worst, x.kelvin)) if effects else x for x, effects in assumptions)
+    return in_order((*budget.omitted, *assumed)), inner[worst] if worst else max(errors.values(), default=0.0)
 
 
 @dataclass(frozen=True)

@@ -179,8 +179,10 @@ class Setting:
         if not self.switches:
             return {n: np.abs(column[:-1]).max(axis=0) for n, column in linear.columns.items()}
         members = self.temperatures(np.eye(len(self.budget.sources)), nodes, extremes=False).kelvin
-        ends = {n: (linear.run[n].kelvin, traces) for n, traces in members.items()}
-        return {n: np.max([np.abs(end(of, axis=0) - end(best)) for end in (np.max, np.min)], axis=0) for n, (best, of) in ends.items()}
+        return {
+            n: np.max([np.abs(end(traces, axis=0) - end(linear.run[n].kelvin)) for end in (np.max, np.min)], axis=0)
+            for n, traces in members.items()
+        }
 
     def cancelled(self, linear: Linear) -> Bools:
         """Return which sources (sources,) are values whose effect the values of a fit take back, solved again for each, in this scenario.
@@ -314,8 +316,10 @@ class Setting:
         """
         values, heat = self.values(sources), self._chain(forms=("heat",)) @ sources
         moves = self.full.settled(self._derivative_point)[1] if self.sizes else {}
-        members = [{n: v[k] for n, v in values.items()} for k in range(sources.shape[1])]
-        settled = [self.ready.settled(self.ready.with_units(v), sensitivities=False)[0] for v in members]
+        settled = [
+            self.ready.settled(self.ready.with_units({n: v[k] for n, v in values.items()}), sensitivities=False)[0]
+            for k in range(sources.shape[1])
+        ]
         after = {n: combined(self._added_after_run(n)[None, :], sources)[0] + (moves[n] @ heat if n in moves else 0.0) for n in nodes}
         return {n: np.array([member[n] for member in settled]) + after[n] for n in nodes}
 
@@ -343,10 +347,9 @@ def assumed_effects(
     loose = assumed_values(model, scenario, {*elsewhere, *ranged})
     if not loose:
         return []
-    names, sizes = tuple(a.path for a in loose), np.diag([a.size for a in loose])
+    names = tuple(a.path for a in loose)
     sources = tuple(Source(path, "stated", Normal(), f"{path} as assumed") for path in names)
-    rows = Rows(names, (False,) * len(names), {}, sources, ("as assumed",) * len(names), sizes)
+    rows = Rows(names, (False,) * len(names), {}, sources, ("as assumed",) * len(names), np.diag([a.size for a in loose]))
     setting = Setting.of_budget(Budget.of_rows(rows, model, scenario), times=times)
     effects = setting.largest_effects(nodes)
-    relative = [a.size / abs(setting.ready.nominal[a.path]) for a in loose]
-    return [(a, r, {n: float(e[k]) for n, e in effects.items()}) for k, (a, r) in enumerate(zip(loose, relative, strict=True))]
+    return [(a, a.size / abs(setting.ready.nominal[a.path]), {n: float(e[k]) for n, e in effects.items()}) for k, a in enumerate(loose)]

@@ -53,8 +53,8 @@ def tests(q: Qualification) -> Table:
         worst, why = q.smallest(t.test.name), "; ".join(t.open)
         where = [Cell(DASH), Cell(DASH), Cell(DASH)]
         if worst is not None:
-            left = Cell(f"{worst.left:.1f}", worst.counted.removeprefix(", ") or "bare", "bad" if worst.left < 0 else "main")
-            where = [Cell(worst.point), Cell(hours(worst.time)), left]
+            distance = Cell(f"{worst.left:.1f}", worst.counted.removeprefix(", ") or "bare", "bad" if worst.left < 0 else "main")
+            where = [Cell(worst.point), Cell(hours(worst.time)), distance]
         judged = verdict_cell(t.correlated, why)
         if t.correlation is None:
             judged = Cell("not decided: no log", "", "warn") if t.test.criteria else Cell("analysis", "", "soft")
