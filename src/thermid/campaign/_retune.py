@@ -24,7 +24,7 @@ from thermid.fit.error_model import KEY as ERRORS, errors_after, errors_without
 from thermid.model.deck import load_model
 from thermid.model.elements import Constant, Standing, exact, parameter
 from thermid.model.identity import PlaceStart, Replacement, definition_of, inside, instances, short_text, touching
-from thermid.model.tree import Model, Names, ParameterSet, ledger
+from thermid.model.tree import Model, Names, ParameterSet
 from thermid.physics.constants import ICE_POINT
 from thermid.simulation.network import compile_network
 from thermid.simulation.runs import Scenario, steady
@@ -110,13 +110,10 @@ class RetunePlan(Result):
     old, new : str          Titles of the old and the new part.
     stages : tuple          StagePlan of every stage.
     touched : tuple         Touch of every value of the campaign at the part's interfaces.
-    neighbours : dict       Surface beside the part -> exposed area before and after [m^2], and change at rest [K]; none is freed.
     before, after : dict    Sensor -> temperature at rest, the old part at the power of its model and the new one at that of its deck, all
                             else as in the last record. [K]
-    as_logged : dict        Sensor -> the same with the old part at the power that the last record has. [K]
     watts : (float, float)  Power of the part by its old model and by the new deck. [W]
     powered : str           Who gave the old part's power in its model, in words.
-    logged : float          Power of the old part in the last record. [W]
     replacement : Replacement   What became of the values at the place, in the uppermost model.
     campaign : Campaign     What was done before.
     model : Model           The new part.
@@ -127,13 +124,10 @@ class RetunePlan(Result):
     new: str
     stages: tuple[StagePlan, ...]
     touched: tuple[Touch, ...]
-    neighbours: Mapping[str, tuple[float, float, float]]
     before: Mapping[str, float]
     after: Mapping[str, float]
-    as_logged: Mapping[str, float]
     watts: tuple[float, float]
     powered: str
-    logged: float
     replacement: Replacement
     campaign: Campaign = field(repr=False)
     model: Model = field(repr=False)
@@ -242,20 +236,9 @@ class RetunePlan(Result):
             lines.append(f"    {s.name}: {s.action}{changed}, {s.why}")
         total = len(self.tests) + len(self.kept_tests)
         lines.append(f"  tests to repeat: {len(self.tests)} of {total}: {', '.join(self.tests)}")
-        lines += ["  neighbours, exposed area before -> after; their convection coefficients stay fixed:"] * bool(self.neighbours)
-        for name, (a, b, dt) in self.neighbours.items():
-            lines.append(f"    {name}: {1e4 * a:.4g} -> {1e4 * b:.4g} cm^2, {dt:+.2f} K at rest")
-        return "\n".join([*lines, *self._at_rest()])
-
-    def _at_rest(self) -> list[str]:
-        """Return the temperatures before and after, and those of the last record where the old part had another power in it."""
-        old = self.watts[0]
-        lines = ["  at rest before -> after:"]
+        lines.append("  at rest before -> after:")
         lines += [f"    {s}: {self.before[s] - ICE_POINT:.2f} -> {t - ICE_POINT:.2f} degC" for s, t in self.after.items()]
-        if abs(self.logged - old) > 1e-9:
-            shown = ", ".join(f"{s} {self.as_logged[s] - ICE_POINT:.2f} degC" for s in self.after)
-            lines.append(f"  the old part at the {self.logged:.4g} W of the last record: {shown}")
-        return lines
+        return "\n".join(lines)
 
 
 @takes_objects
@@ -298,17 +281,13 @@ def plan_retune(
         plan, touches = _staged(campaign, level, places[level.name], part, model)
         plans += [replace(p, bind=_bound(campaign.requests[p.of], p, seats)) for p in plan]
         touched += touches
-    by_deck, logged = _at_rest(campaign[top], part), _at_rest(campaign[top], "")
-    cold, warm, shown = _steady(above, by_deck), _steady(swapped, by_deck), _steady(above, logged)
-    watts, by_log = (_watts(above, by_deck, part), _watts(swapped, by_deck, part)), _watts(above, logged, part)
-    before, as_logged = (_observed(t, campaign[top]) for t in (cold, shown))
-    after = _observed(warm, campaign[top], {f"{part}.{a}": f"{part}.{b}" for a, b in seats.items()})
-    neighbours = _neighbours(above, swapped, part, cold, warm)
-    stages, values = tuple(plans), tuple(touched)
+    rest = _at_rest(campaign[top], part)
+    watts = _watts(above, rest, part), _watts(swapped, rest, part)
+    before = _observed(_steady(above, rest), campaign[top])
+    after = _observed(_steady(swapped, rest), campaign[top], {f"{part}.{a}": f"{part}.{b}" for a, b in seats.items()})
     return RetunePlan(
-        part, old.title, model.title, stages, values, neighbours, before, after, as_logged, watts, _powered(above, part), by_log, what,
-        campaign, model,
-    )  # fmt: skip
+        part, old.title, model.title, tuple(plans), tuple(touched), before, after, watts, _powered(above, part), what, campaign, model
+    )
 
 
 def check_replacement(campaign: str | os.PathLike[str], part: str, new: str | os.PathLike[str]) -> None:
@@ -431,12 +410,12 @@ def _touches(done: Calibration, level: Level, inner: str, new: Model) -> tuple[l
 
 
 def _at_rest(done: Calibration, without: str) -> Scenario:
-    """Return the last record of a fit with every input at its mean; loads of a part, where one is named, are left to its deck."""
+    """Return the last record of a fit with every input at its mean; loads of a part are left to its deck."""
     bare = done.experiments[-1].bare
 
     def constant(signals: Mapping[str, Any], unit: str) -> dict[str, Any]:
         """Return signals with their means over the run as texts with a unit, those of the part left out."""
-        remaining = {k: v for k, v in signals.items() if not without or not k.startswith(f"{without}.")}
+        remaining = {k: v for k, v in signals.items() if not k.startswith(f"{without}.")}
         return {k: f"{v.mean_over(0.0, bare.seconds)!r} [{unit}]" if not isinstance(v, Constant) else v for k, v in remaining.items()}
 
     return replace(
@@ -470,23 +449,6 @@ def _observed(rest: Mapping[str, float], done: Calibration, seats: Mapping[str, 
     """Return sensor -> temperature at rest, of the nodes that a model still has; `seats` says where sensors sit by now. [K]"""
     now = {o.sensor: (seats or {}).get(o.seat, o.seat) for o in done.experiments[-1].observations}
     return {sensor: rest[seat] for sensor, seat in now.items() if seat in rest}
-
-
-def _neighbours(
-    before: Model, after: Model, part: str, cold: Mapping[str, float], warm: Mapping[str, float]
-) -> dict[str, tuple[float, float, float]]:
-    """Return surface beside the part -> exposed area before and after, and the change of its node at rest."""
-    beside, old = touching(before, part), {line.surface: line for line in ledger(before)}
-    new = {line.surface: line.exposed for line in ledger(after)}
-    near = {s for s, line in old.items() if s in beside.neighbours or set(line.joints) & set(beside.elements)}
-    near |= {s for s, line in old.items() if abs(new.get(s, line.exposed) - line.exposed) > 1e-12}
-    out = {}
-    for surface in sorted(s for s in near if not s.startswith(f"{part}.")):
-        inner, _, name = surface.rpartition(".")
-        owner = before.submodel(inner) if inner else before
-        node = f"{inner}.{owner.canonical(owner.surfaces[name].of)}".lstrip(".")
-        out[surface] = (old[surface].exposed, new[surface], warm[node] - cold[node])
-    return out
 
 
 def retuned(

@@ -1,6 +1,6 @@
 """`predict`: what is known and a scenario in, a `Prediction` out: temperatures with their bands, and what the bands come from.
 
-`foresee` says the same of a test before it is made, and how large the errors were before anything was fitted.
+`foresee` says the same of a test before it is made.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ from thermid.prediction._known import Knowledge
 from thermid.prediction._setting import PROBE_MEMBERS, Drawn, Linear, Setting
 from thermid.simulation.runs import Scenario, Solution, simulate
 from thermid.simulation.solver import Options
-from thermid.values.store import LeftOut, State
+from thermid.values.store import LeftOut
 
 ROUNDING = 1e-9
 """Scatter of members below which they are one temperature, and rounding. [K]"""
@@ -76,8 +76,6 @@ NARROWS = {
 """Cause -> what would narrow a band that comes from it."""
 DRAWN_MEMBERS = 2000
 """Members drawn where derivatives do not do."""
-SETTLED_MEMBERS = 128
-"""Of these settled one by one; each costs as much as 20 of its run."""
 MAX_MEAN_MISS, MAX_WIDTH_MISS = 0.1, 0.1
 """What the mean may be off by, in half-widths of the 95 % band, and its half-width, relative, before derivatives do not do."""
 NEGLIGIBLE_HALF_WIDTH = 0.05
@@ -540,8 +538,17 @@ def averaged(plain: Prediction, others: Sequence[ExplainedFit], explained: Seque
     )
     standing = worst([*(t.standing for t in explained), *fit.rests.values(), *([fit.verdict] if fit.verdict is not None else [])])
     warnings = tuple(dict.fromkeys(w for t in explained for w in t.warnings))
-    out = replace(plain, bands=bands, settled=settled, causes=causes, warnings=warnings)
-    return replace(out, standing=standing, explanation=words, left_out=explained[0].left_out, least=explained[0].least)
+    return replace(
+        plain,
+        bands=bands,
+        settled=settled,
+        causes=causes,
+        warnings=warnings,
+        standing=standing,
+        explanation=words,
+        left_out=explained[0].left_out,
+        least=explained[0].least,
+    )
 
 
 def _mixture(bands: Sequence[Band], weights: Array) -> Band:
@@ -551,10 +558,9 @@ def _mixture(bands: Sequence[Band], weights: Array) -> Band:
     parts: dict[str, Array] = {}
     shifts: dict[str, Array] = {}
     for b, w in zip(bands, weights, strict=True):
-        for cause, v in b.parted.parts.items():
-            parts[cause] = parts.get(cause, np.zeros(b.times.size)) + w * v
-        for cause, v in b.shifts.items():
-            shifts[cause] = shifts.get(cause, np.zeros(b.times.size)) + w * v
+        for several, of_band in ((parts, b.parted.parts), (shifts, b.shifts)):
+            for cause, v in of_band.items():
+                several[cause] = several.get(cause, np.zeros(b.times.size)) + w * v
     if len(bands) > 1:
         parts[DEFECTS] = weights @ (kelvin - mean) ** 2
     simulated = weights @ np.array([b.simulated for b in bands])
@@ -636,8 +642,11 @@ def undetermined_words(answer: WayAnswer, bands: Mapping[str, Band]) -> list[str
         if t.name not in budget.loose or not spread > 0.0:
             continue
         explained = {n: abs(float(answer.linear.columns[n][-2] @ shared)) / spread**0.5 for n in bands}
-        whole = {n: sum(float(v[-1]) for v in b.parts.values()) for n, b in bands.items()}
-        most = [n for n, kelvin in explained.items() if kelvin**2 > MAJOR_SHARE * whole[n] and kelvin > NEGLIGIBLE_HALF_WIDTH]
+        most = [
+            n
+            for n, kelvin in explained.items()
+            if kelvin**2 > MAJOR_SHARE * sum(float(v[-1]) for v in bands[n].parts.values()) and kelvin > NEGLIGIBLE_HALF_WIDTH
+        ]
         if most:
             out.append(
                 f"no reading determines '{t.name}': what was known of it before is most of the band of {quoted(most, 3)}. State a narrower "
@@ -750,7 +759,7 @@ def drawn_members(ways: Sequence[WayAnswer], chosen: NDArray[np.int64], sources:
             kelvin = {n: way.linear.run[n].kelvin[:, None] + c[:-1] @ sources_of_way for n, c in columns.items()}
         else:
             drawn = _member_temperatures(way.setting, way.linear, sources_of_way, list(columns))
-            rest |= _member_rest(way, sources_of_way)
+            rest |= _member_rest(way, sources_of_way, drawn)
             kelvin = dict(drawn.kelvin)
             failed |= drawn.runs.failed if drawn.runs is not None else {}
         for n, traces in kelvin.items():
@@ -762,14 +771,14 @@ def drawn_members(ways: Sequence[WayAnswer], chosen: NDArray[np.int64], sources:
     return {n: m for n, m in every.items() if m[1].size}, lost
 
 
-def _member_rest(way: WayAnswer, sources: Array) -> dict[str, Array]:
+def _member_rest(way: WayAnswer, sources: Array, drawn: Drawn) -> dict[str, Array]:
     """Return node -> where members settle (members,) [K], as `_member_temperatures`; empty where some members settle nowhere.
 
-    The first `SETTLED_MEMBERS` are settled. T = a + b s + c s^2 + e, s the straight line, is fitted to them and gives the others, each
-    with the e of one of them (control variates, as in `missed`).
+    Four times `PROBE_MEMBERS` are settled, each at the cost of 20 runs. T = a + b s + c s^2 + d r + e, s the straight line and r the end of
+    the run, is fitted to them and gives the others, each with the e of one of them (control variates, as in `missed`).
     """
     setting, linear = way.setting, way.linear
-    few = sources[:, :SETTLED_MEMBERS]
+    few = sources[:, : 4 * PROBE_MEMBERS]
     straight = setting.cancelled(linear)[:, None] * few
     try:
         rest = setting.rest(few - straight, list(linear.settled and linear.columns))
@@ -777,10 +786,10 @@ def _member_rest(way: WayAnswer, sources: Array) -> dict[str, Array]:
         return {}
     out = {}
     for n, t in rest.items():
-        line, settled = linear.columns[n][-1] @ sources, t + linear.columns[n][-1] @ straight
-        powers = np.vander(line, 3)
-        curve = powers @ np.linalg.lstsq(powers[: t.size], settled, rcond=None)[0]
-        out[n] = curve + np.resize(settled - curve[: t.size], line.size)
+        terms = np.column_stack([np.vander(linear.columns[n][-1] @ sources, 3), np.nan_to_num(drawn.kelvin[n][-1])])
+        settled = t + linear.columns[n][-1] @ straight
+        curve = terms @ np.linalg.lstsq(terms[: t.size], settled, rcond=None)[0]
+        out[n] = curve + np.resize(settled - curve[: t.size], curve.size)
     return out
 
 
@@ -798,8 +807,8 @@ def _left_out(budget: Budget, bands: Mapping[str, Band]) -> tuple[tuple[LeftOut,
     assumptions = assumed_left_out(budget, list(inner))
     weighs = {n: effect / max(inner[n], 1e-12) for _, effects in assumptions for n, effect in effects.items()}
     worst = max(weighs, key=weighs.__getitem__, default="")
-    with_effects = tuple(replace(x, kelvin=effects.get(worst, x.kelvin)) if effects else x for x, effects in assumptions)
-    return in_order((*budget.omitted, *with_effects)), inner[worst] if worst else max(errors.values(), default=0.0)
+    assumed = (replace(x, kelvin=effects.get(worst, x.kelvin)) if effects else x for x, effects in assumptions)
+    return in_order((*budget.omitted, *assumed)), inner[worst] if worst else max(errors.values(), default=0.0)
 
 
 @dataclass(frozen=True)
@@ -898,13 +907,11 @@ class Foresight(Result):
     scenario : Scenario
     solution : Solution     The run with the best values.
     prediction : Prediction Expected temperatures with their errors and what these come from, at the same times.
-    before : dict           Node -> standard error (times,) if nothing had been fitted, the values anywhere in their ranges. [K]
     """
 
     scenario: Scenario
     solution: Solution
     prediction: Prediction
-    before: Mapping[str, Array] = field(default_factory=dict)
 
     @property
     def standing(self) -> Standing:
@@ -956,7 +963,7 @@ def foresee(
     without: Sequence[str] = (),
     options: Options | None = None,
 ) -> Foresight:
-    """Pretest prediction of a scenario: `predict`, the run with the best values, and the errors before any fit.
+    """Pretest prediction of a scenario: `predict`, and the run with the best values.
 
     Parameters
     ----------
@@ -972,36 +979,7 @@ def foresee(
     solution = simulate(budget.model, scenario, times=times, options=options)
     wanted = list(nodes) or list(solution.nodes)
     solution = solution.refined(wanted, STORED_TURNING_POINTS)
-    predicted_bands = predicted(budget, wanted, times=solution.times, options=options)
-    return Foresight(scenario, solution, predicted_bands, _before(budget, knowledge, wanted, solution.times, options))
-
-
-def _before(budget: Budget, knowledge: Knowledge, nodes: Sequence[str], times: Array, options: Options | None) -> dict[str, Array]:
-    """Prior predictive error: node -> standard error (times,) with every value anywhere in its range before any fit. [K]"""
-    states = {s.acts[0]: s for store in knowledge.stores for s in store.parameters.values() if s.acts}
-    sizes = {path: size for path, s in states.items() if (size := _size_before(s))}
-    if not sizes:
-        return {}
-    log, also = [path for path in sizes if states[path].log], {path: states[path].acts[1:] for path in sizes}
-    why = "before any fit"
-    return Setting.of_sizes(budget.model, budget.scenario, sizes, why, log=log, also=also, times=times, options=options).errors(nodes)
-
-
-def _size_before(v: State) -> float:
-    """Return the standard deviation of a value before its fit, in the fitted form; zero where nothing states it.
-
-    By its prior, else by a uniform law between its bounds, (high - low) / sqrt(12).
-    """
-    low, high = v.bounds
-    if v.prior is not None and np.isfinite(v.prior[1]):
-        return float(v.prior[1])
-    if v.log and low > 0 and np.isfinite(high):
-        return float(np.log(high / low)) / 12**0.5
-    if not v.log and np.isfinite(low) and np.isfinite(high):
-        return float(high - low) / 12**0.5
-    if v.log and low >= 0 and np.isfinite(high) and v.start > 0:
-        return float(min(1.0, (high - low) / 12**0.5 / v.start))
-    return 0.0
+    return Foresight(scenario, solution, predicted(budget, wanted, times=solution.times, options=options))
 
 
 def _wider(band: Band, variance: float, cause: str) -> Band:

@@ -17,7 +17,7 @@ from thermid.base.errors import SolverError
 from thermid.base.linear_algebra import Array, Bools
 from thermid.fit.error_model import DepartureHeat, course_of, deviation, with_heats, with_laws
 from thermid.model.tree import Model
-from thermid.prediction._budget import Budget, Target, combined
+from thermid.prediction._budget import Assumed, Budget, Target, assumed_values, combined, open_ranges
 from thermid.prediction._known import Rows
 from thermid.simulation.runs import Ensemble, Scenario, Simulator, Solution, prepare
 from thermid.simulation.solver import Engine, MemberTurnings, Wiring
@@ -125,32 +125,6 @@ class Setting:
         wide = Wiring(*with_heats(network, conditions, heats.values()), (*ready.free, *(s for names in scales.values() for s in names)))
         return cls(budget, ready, carriers, at, replace(ready, wiring=wide, engine=Engine(wide)), sizes)
 
-    @classmethod
-    def of_sizes(
-        cls,
-        model: Model,
-        scenario: Scenario,
-        sizes: Mapping[str, float],
-        why: str,
-        *,
-        log: Collection[str] = (),
-        also: Mapping[str, tuple[str, ...]] | None = None,
-        times: Any = None,
-        options: Any = None,
-    ) -> Setting:
-        """Return values that are independent of each other made ready for a scenario, each by a source of its own.
-
-        Parameters
-        ----------
-        sizes : dict    Path -> standard deviation; SI, or of the logarithm for those in `log`.
-        why : str       What the sources are.
-        also : dict     Path -> others that share its value.
-        """
-        sources = tuple(Source(path, "stated", Normal(), f"{path} {why}") for path in sizes)
-        logs = tuple(path in log for path in sizes)
-        rows = Rows(tuple(sizes), logs, also or {}, sources, (why,) * len(sizes), np.diag(list(sizes.values())))
-        return cls.of_budget(Budget.of_rows(rows, model, scenario), times=times, options=options)
-
     @cached_property
     def switches(self) -> bool:
         """Whether temperatures switch anything, in the run with the best values or in one of `PROBE_MEMBERS`.
@@ -195,13 +169,6 @@ class Setting:
             columns[n] = np.vstack([slopes, rest[None, :]]) @ chain + self._added_after_run(n)[None, :]
         return Linear(run, settled, columns)
 
-    def errors(self, nodes: Sequence[str]) -> dict[str, Array]:
-        """Return node -> standard error (times,): by derivatives, and of `PROBE_MEMBERS` members where anything switches. [K]"""
-        if not self.switches:
-            return {n: np.linalg.norm(column[:-1], axis=1) for n, column in self.linear(nodes).columns.items()}
-        sources = self.budget.drawn(self.budget.numbers(0, 0, PROBE_MEMBERS))
-        return {n: np.nanstd(traces, axis=1) for n, traces in self.temperatures(sources, nodes, extremes=False).kelvin.items()}
-
     def largest_effects(self, nodes: Sequence[str]) -> dict[str, Array]:
         """Return node -> largest change over the run by a standard deviation of each source (sources,). [K]
 
@@ -212,8 +179,10 @@ class Setting:
         if not self.switches:
             return {n: np.abs(column[:-1]).max(axis=0) for n, column in linear.columns.items()}
         members = self.temperatures(np.eye(len(self.budget.sources)), nodes, extremes=False).kelvin
-        ends = {n: (linear.run[n].kelvin, traces) for n, traces in members.items()}
-        return {n: np.max([np.abs(end(of, axis=0) - end(best)) for end in (np.max, np.min)], axis=0) for n, (best, of) in ends.items()}
+        return {
+            n: np.max([np.abs(end(traces, axis=0) - end(linear.run[n].kelvin)) for end in (np.max, np.min)], axis=0)
+            for n, traces in members.items()
+        }
 
     def cancelled(self, linear: Linear) -> Bools:
         """Return which sources (sources,) are values whose effect the values of a fit take back, solved again for each, in this scenario.
@@ -347,8 +316,10 @@ class Setting:
         """
         values, heat = self.values(sources), self._chain(forms=("heat",)) @ sources
         moves = self.full.settled(self._derivative_point)[1] if self.sizes else {}
-        members = [{n: v[k] for n, v in values.items()} for k in range(sources.shape[1])]
-        settled = [self.ready.settled(self.ready.with_units(v), sensitivities=False)[0] for v in members]
+        settled = [
+            self.ready.settled(self.ready.with_units({n: v[k] for n, v in values.items()}), sensitivities=False)[0]
+            for k in range(sources.shape[1])
+        ]
         after = {n: combined(self._added_after_run(n)[None, :], sources)[0] + (moves[n] @ heat if n in moves else 0.0) for n in nodes}
         return {n: np.array([member[n] for member in settled]) + after[n] for n in nodes}
 
@@ -360,3 +331,25 @@ def _shifted(points: MemberTurnings, times: Array, after: Array) -> MemberTurnin
     k = np.clip(np.searchsorted(times, points.times, side="right") - 1, 0, times.size - 2)
     part = (points.times - times[k]) / (times[k + 1] - times[k])
     return replace(points, kelvin=points.kelvin + (1.0 - part) * after[k, points.members] + part * after[k + 1, points.members])
+
+
+def assumed_effects(
+    model: Model, scenario: Scenario, elsewhere: Collection[str], nodes: Sequence[str], times: Any
+) -> list[tuple[Assumed, float, dict[str, float]]]:
+    """Return assumed values without a stated range, each with its relative standard deviation and node -> largest effect of that [K].
+
+    Parameters
+    ----------
+    elsewhere : set         Values that count otherwise, such as fitted ones.
+    times : array (times,)  When temperatures are compared, as in `simulate`. [s]
+    """
+    ranged = {p for r in open_ranges(model, scenario, elsewhere) for p in (r.path, *r.also)}
+    loose = assumed_values(model, scenario, {*elsewhere, *ranged})
+    if not loose:
+        return []
+    names = tuple(a.path for a in loose)
+    sources = tuple(Source(path, "stated", Normal(), f"{path} as assumed") for path in names)
+    rows = Rows(names, (False,) * len(names), {}, sources, ("as assumed",) * len(names), np.diag([a.size for a in loose]))
+    setting = Setting.of_budget(Budget.of_rows(rows, model, scenario), times=times)
+    effects = setting.largest_effects(nodes)
+    return [(a, a.size / abs(setting.ready.nominal[a.path]), {n: float(e[k]) for n, e in effects.items()}) for k, a in enumerate(loose)]

@@ -4,8 +4,6 @@ from thermid.prediction._budget import (
     SILENT as SILENT,
     UNFITTED as UNFITTED,
     Spread as Spread,
-    assumed_values as assumed_values,
-    open_ranges as open_ranges,
 )
 from thermid.prediction._known import Knowledge as Knowledge
 from thermid.prediction._predict import (
@@ -22,5 +20,5 @@ from thermid.prediction._records import (
     record_bands as record_bands,
     record_request as record_request,
 )
-from thermid.prediction._setting import Setting as Setting
+from thermid.prediction._setting import assumed_effects as assumed_effects
 from thermid.prediction._split import Split as Split, split as split

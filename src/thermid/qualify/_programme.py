@@ -18,7 +18,7 @@ from thermid.base.sourced import VERDICTS, weigh
 from thermid.base.units import counted
 from thermid.campaign.verdicts import Limits, Margin, margins
 from thermid.model.elements import Standing
-from thermid.prediction.bands import IN_TESTS, SILENT, UNFITTED, Foresight, Knowledge, Setting, assumed_values, open_ranges
+from thermid.prediction.bands import IN_TESTS, SILENT, UNFITTED, Foresight, Knowledge, assumed_effects
 from thermid.qualify._plan import LockStatus, Plan, load_plan, lock_status, note_look
 from thermid.qualify._trial import Trial, run_test
 
@@ -228,7 +228,7 @@ def _margin_as_dict(m: Margin) -> dict[str, Any]:
     """Return a margin as a dictionary for JSON: temperatures [degC], margins and uncertainties [K], time [s], as keys say."""
     celsius = {"predicted_C": m.predicted - 273.15, "limit_C": m.limit - 273.15}
     sizes = {"uncertainty_K": m.uncertainty, "acceptance_K": m.policy.acceptance.value, "qualification_K": m.policy.qualification.value}
-    flat = {"flat_K": m.flat.value, "flat_left_K": m.flat_left, "bought_K": m.bought}
+    flat = {"flat_K": m.flat.value, "flat_left_K": m.flat_left}
     counted = {"counted": dict(m.shares), "not_counted": list(m.not_counted), "assumed_K": m.assumed}
     where = {"point": m.point, "side": m.side, "test": m.run, "time_s": m.time, "state": m.state}
     return where | celsius | sizes | {"margin_K": m.margin, "mark": m.mark, "passed": m.passed, "undecided": m.undecided} | flat | counted
@@ -366,20 +366,13 @@ def assumption_effects(knowledge: Knowledge, name: str, run: Foresight, nodes: M
     ahead = f"{knowledge.at}." if knowledge.at else ""
     fitted = {ahead + p for v in knowledge.values for p in (*v, *(q for w in v.values() for q in w.also))}
     table = model.parameter_table()
-    ranged = {p for r in open_ranges(model, run.scenario, fitted) for p in (r.path, *r.also)}
-    loose = assumed_values(model, run.scenario, {*fitted, *ranged})
-    if not loose:
-        return []
     times = run.solution.times[:: max(1, run.solution.times.size // 60)]
-    setting = Setting.of_sizes(model, run.scenario, {a.path: a.size for a in loose}, "as assumed", times=times)
-    effects = setting.largest_effects([*nodes])
     out = []
-    for k, one in enumerate(loose):
-        path, parameter, value = one.path, table[one.path].parameter, abs(setting.ready.nominal[one.path])
+    for one, spread, effects in assumed_effects(model, run.scenario, fitted, [*nodes], times):
+        path, parameter = one.path, table[one.path].parameter
         key, around = path.removeprefix(ahead), bool(fitted) and path.startswith(ahead)
         for node, point in nodes.items():
-            effect = float(effects[node][k])
-            out.append(Assumption(key, parameter.text, parameter.basis, one.size / value, effect, point, name, one.ranged, around))
+            out.append(Assumption(key, parameter.text, parameter.basis, spread, effects[node], point, name, one.ranged, around))
     return out
 
 

@@ -118,7 +118,7 @@ def test_few_settled_members_and_their_line_say_what_all_would(monkeypatch: pyte
     known = td.design.Knowledge(plate({"htc": HTC, "area": area}))
     spread = {"air": "1 [K]", "scale.heat": "15 [%]", "skin.area": "range"}
     few = td.predict(known, BENCH, spread=spread, draws=1000).settled["plate"]
-    monkeypatch.setattr(predict, "SETTLED_MEMBERS", 1000)
+    monkeypatch.setattr(predict, "PROBE_MEMBERS", 250)
     whole = td.predict(known, BENCH, spread=spread, draws=1000).settled["plate"]
     wide = whole.high - whole.low
     assert wide > 5.0

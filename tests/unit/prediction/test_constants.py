@@ -13,7 +13,7 @@ from scipy import optimize, stats
 import thermid as td
 from thermid.base.errors import IdentificationError
 from thermid.prediction._budget import assumed_values, first_line
-from thermid.prediction._predict import Band, _missed_at, foresee, predict
+from thermid.prediction._predict import Band, _missed_at, predict
 from thermid.prediction.advice import doubts_without_gas
 from thermid.values.store import LeftOut
 
@@ -54,22 +54,7 @@ BENCH = td.Scenario("bench", boundaries={"air": "24 [degC]"}, start="24 [degC]",
 
 
 class TestBeforeAFit:
-    """What is known of a value by its bounds: anything between is as likely, so its deviation is the width over the root of 12."""
-
-    @pytest.mark.parametrize(
-        ("bounds", "log_sd"),
-        [({"min": 1, "max": 30}, math.log(30.0) / math.sqrt(12.0)), ({"min": 0, "max": 8}, 8.0 / math.sqrt(12.0) / 5.0)],
-    )
-    def test_of_a_fitted_value(self, bounds: dict[str, float], log_sd: float) -> None:
-        model = plate(htc={"value": "5 [W/(m^2 K)]", **bounds})
-        run = td.simulate(model, BENCH)
-        data = td.Record.from_arrays(
-            "log", run.times, {"T": td.Channel.from_array("T", run["plate"].kelvin, unit="K", role="node", target="plate", noise=0.05)}
-        )
-        fit = td.calibrate(model, data, ["skin.htc"], scenario=BENCH)
-        seen = foresee(td.design.Knowledge.of_source(fit), BENCH)
-        ends = [td.simulate(model.with_values({"skin.htc": f"{5 * f} [W/(m^2 K)]"}), BENCH)["plate"].kelvin[-1] for f in (1.001, 0.999)]
-        assert seen.before["plate"][-1] == pytest.approx((ends[1] - ends[0]) / 0.002 * log_sd, rel=0.01)
+    """What is assumed of a value that nothing was fitted to."""
 
     def test_of_an_assumed_value(self) -> None:
         """By the range of its deck, or a tenth of itself where it has none: the deviation that is taken for engineering guesses."""

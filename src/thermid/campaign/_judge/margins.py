@@ -89,7 +89,6 @@ class Margin(Result):
     time : float                [s]
     predicted : float           [K]
     error : float               Standard error of the prediction. [K]
-    before : float              The same if nothing had been fitted; nan where that has no size. [K]
     shares : dict               Cause -> share of the variance. [-]
     limit : float               [K]
     limit_mark : str            Mark of the limit.
@@ -108,7 +107,6 @@ class Margin(Result):
     time: float
     predicted: float
     error: float
-    before: float
     shares: Mapping[str, float]
     limit: float
     limit_mark: str
@@ -157,11 +155,6 @@ class Margin(Result):
     def flat_left(self) -> float:
         """What is left to the limit by the flat rule. [K]"""
         return self.room - self.flat.value - self.policy.acceptance.value - self.policy.qualification.value
-
-    @property
-    def bought(self) -> float:
-        """By how much the calibration narrowed the uncertainty; nan where that before it has no size. [K]"""
-        return NormalDist().inv_cdf(0.5 + 0.5 * self.policy.level) * (self.before - self.error)
 
     @property
     def exceedance(self) -> float:
@@ -277,13 +270,12 @@ def _sides(name: str, run: Foresight, one: Limits, k: int, side: str, policy: Po
             continue
         towards = np.where(inside, sign * band.kelvin + HALF_WIDTH_95 * error, -np.inf)
         index = int(towards.argmax())
-        before = run.before.get(one.node, run.before.get(band.path))
         shares = {c: float(v[index] / error[index] ** 2) if error[index] > 0 else 0.0 for c, v in band.parts.items()}
         expected, size = float(band.kelvin[index]), float(error[index])
         if band.switches:
             expected, end = band.extreme(sign, during=inside)
             size = sign * (end - expected) / HALF_WIDTH_95
-        figures = (float(band.times[index]), expected, size, float(before[index]) if before is not None else np.nan)
+        figures = (float(band.times[index]), expected, size)
         out.append(Margin(one.point, side, state_name, name, *figures, shares, ends[k], one.mark, policy, tested, standing=run.standing))
     return out
 

@@ -557,7 +557,7 @@ def _values(campaign: Campaign) -> Iterator[tuple[Calibration, FittedValue]]:
 
 
 def _fitted(campaign: Campaign) -> Table:
-    """Return the table of fitted values with their 95 % intervals, those of the last stage first."""
+    """Return the table of the values of the uppermost fit with their 95 % intervals; it counts those of the stages below."""
     columns = [
         Head("value"),
         Head("stage"),
@@ -566,12 +566,16 @@ def _fitted(campaign: Campaign) -> Table:
         Head("unit"),
     ]
     rows: list[Line] = []
-    for c, v in _values(campaign):
+    every = list(_values(campaign))
+    shown = [(c, v) for c, v in every if c is every[0][0]]
+    for c, v in shown:
         error = v.shown(v.error)
         ends = Cell("not determined", "", "bad")
         if math.isfinite(error):
             ends = Cell(" .. ".join(significant(v.converted(end), error) for end in interval(v)))
         rows.append([Cell(v.path, v.origin, "main"), c.stage, Cell(significant(v.in_unit, error), "", "main"), ends, pretty(v.unit)])
+    if more := len(every) - len(shown):
+        rows.append([Cell(f"and {counted(more, 'value')} of stages below: see the parameters by level", "", "soft wrap"), "", "", "", ""])
     return Table.of_rows(columns, rows, "Intervals include the constant errors of sensors and powers.", "Fitted values")
 
 

@@ -170,10 +170,7 @@ def retune_object(plan: RetunePlan) -> dict[str, Any]:
         ],
         "tests": list(plan.tests),
         "kept_tests": list(plan.kept_tests),
-        "neighbours": {n: {"exposed_before": a, "exposed_after": b, "change": dt} for n, (a, b, dt) in plan.neighbours.items()},
         "watts": list(plan.watts),
-        "logged": plan.logged,
         "before": dict(plan.before),
-        "as_logged": dict(plan.as_logged),
         "after": dict(plan.after),
     }

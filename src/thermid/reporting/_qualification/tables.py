@@ -53,8 +53,8 @@ def tests(q: Qualification) -> Table:
         worst, why = q.smallest(t.test.name), "; ".join(t.open)
         where = [Cell(DASH), Cell(DASH), Cell(DASH)]
         if worst is not None:
-            left = Cell(f"{worst.left:.1f}", worst.counted.removeprefix(", ") or "bare", "bad" if worst.left < 0 else "main")
-            where = [Cell(worst.point), Cell(hours(worst.time)), left]
+            distance = Cell(f"{worst.left:.1f}", worst.counted.removeprefix(", ") or "bare", "bad" if worst.left < 0 else "main")
+            where = [Cell(worst.point), Cell(hours(worst.time)), distance]
         judged = verdict_cell(t.correlated, why)
         if t.correlation is None:
             judged = Cell("not decided: no log", "", "warn") if t.test.criteria else Cell("analysis", "", "soft")
@@ -476,7 +476,7 @@ def settled(t: Trial) -> Table:
 
 
 def margin_table(q: Qualification) -> Table:
-    """Return what is added up from the predicted temperature to the limit, the flat rule beside it, and what the calibration bought."""
+    """Return what is added up from the predicted temperature to the limit, and the flat rule beside it."""
     columns = [
         Head("reference point"),
         Head("side"),
@@ -491,7 +491,6 @@ def margin_table(q: Qualification) -> Table:
         Head("result"),
         Head("flat rule, K", True),
         Head("margin by it, K", True),
-        Head("calibration bought, K", True, "reduction of the 95 % interval"),
     ]
     rows: list[Line] = []
     for m in q.margins:
@@ -502,7 +501,7 @@ def margin_table(q: Qualification) -> Table:
         line: Line = [*head, Cell(f"{m.printed:.1f}", shares), *added, Cell(f"{limit_celsius(m.limit)} [{m.limit_mark}]")]
         line += [Cell(signed(m.margin, 1), "", "bad" if m.margin < 0 else "main"), verdict_cell(m.passed, m.undecided)]
         line += [Cell(f"{m.flat.value:g} [{m.flat.mark}]", m.flat.source), signed(m.flat_left, 1)]
-        rows.append([*line, f"{m.bought:.1f}" if math.isfinite(m.bought) else DASH])
+        rows.append(line)
     policy = q.margins[0].policy.name if q.margins else DASH
     tested = "correlated by a balance test" if q.plan.content.margins.balance_tested else "no balance test yet"
     return Table.of_rows(

@@ -83,7 +83,6 @@ def test_a_margin_of_another_level_has_that_quantile(fit: td.Calibration) -> Non
     assert hot.time == run.prediction.times[at]
     half = replace(hot, policy=replace(hot.policy, level=0.5))
     assert half.uncertainty == pytest.approx(0.6744898 * hot.error)
-    assert half.bought == pytest.approx(0.6744898 * (hot.before - hot.error))
     assert hot.error == pytest.approx(run.prediction["proc"].error[at], rel=1e-6)
 
 
