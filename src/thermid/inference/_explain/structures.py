@@ -374,6 +374,10 @@ def search_structure(
         return _Searching(request, catalogue, budget, executor).run(rounds, begin or {})
 
 
+Try = tuple[tuple[MissingElement, ...], Request, Mapping[str, float]]
+"""Changes, the request with them, and where new unknowns begin. [SI]"""
+
+
 class EvaluationBudget:
     """Evaluations that a search may still take, and the least that one took. [s]
 
@@ -669,7 +673,7 @@ def fitted_structure(
 
 
 def fitted_structures(
-    tries: Sequence[tuple[tuple[MissingElement, ...], Request, Mapping[str, float]]],
+    tries: Sequence[Try],
     values_before: Mapping[str, float],
     budget: EvaluationBudget,
     executor: Workers,
