@@ -791,13 +791,13 @@ def weighed(pieces: Sequence[Binned], priors: Array, pulls: Array, level: float 
     return Weighed(weights, information * back - priors, scores / scale - pulls)
 
 
-def evidences(pieces: Sequence[Binned], priors: Array, pulls: Array, noise: int | None = None) -> tuple[Array, Array, Array, Array, Array]:
+def evidences(pieces: Sequence[Binned], priors: Array, pulls: Array) -> tuple[Array, Array, Array, Array, Array]:
     """Return the log-likelihood of traces, but for a constant of their readings alone, with all unknowns integrated out (several, noises).
 
     Beside it stand how far each unknown would move, and its standard error (several, noises, unknowns), what of the log-likelihood is
     promised by that way (several, noises), and the mean square of the residuals in units of the stated noise, weighed by the inverse of
-    their covariance (noises,). White noise of each trace is as stated, or as large as it is inside its stretches, where residuals are
-    independent; what wanders has one ratio to it and one time in all traces, those of each noise on a grid. Models of the same readings are
+    their covariance (noises,). White noise of each trace is as stated, or as large as it is inside its stretches;
+    what wanders has one ratio to it and one time in all traces, those of each noise on a grid. Models of the same readings are
     compared with the same unknowns first, those of `priors` zero flat, and more behind them.
 
     Parameters
@@ -821,9 +821,8 @@ def evidences(pieces: Sequence[Binned], priors: Array, pulls: Array, noise: int 
         information[:, t.acting[:, None], t.acting] += taken @ slopes
         scores[:, t.acting] += (taken @ residuals[..., None])[..., 0]
         square = np.sum(shrunk * residuals**2, axis=1)
-        inside = b.inner * b.within
-        alone += 0.5 * (np.log(shrunk).sum(axis=1) - square - inside / size - (b.inner + b.count.size) * np.log(size))
-        squares += size * square + inside
+        alone += 0.5 * (np.log(shrunk).sum(axis=1) - square)
+        squares += size * square + b.inner * b.within
         weights += shrunk.sum(axis=1) + b.inner
     logs, moves, errors, gains = [], [], [], []
     for prior_of_member, pull in zip(prior_information, pulls * scale, strict=True):
@@ -843,7 +842,7 @@ def white_rows(pieces: Sequence[Binned], noise: int, like: Sequence[Binned]) -> 
 
     White noise is as stated, or as large as it is inside the stretches of `like`, the same traces at other values.
     """
-    rows, slopes = [], []
+    rows, slopes = [np.zeros(0)], [np.zeros((0, pieces[0].slopes.shape[1]))]
     for b, other in zip(pieces, like, strict=True):
         if b.count.size >= MIN_SPARE_STRETCHES:
             t = _TraceBasis.of_trace(b, np.ones(b.slopes.shape[1]))

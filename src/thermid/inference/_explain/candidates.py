@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import itertools
 import math
 import re
@@ -208,16 +209,21 @@ class MissingElement:
             """Return the request with the element that the candidate adds."""
             return other.make(self.make(request))
 
-        first = [*self.starts] or [{}]
-        starts = tuple({**a, **b} for a, b in itertools.product(first[:2], [*other.starts][:2] or [{}]))
-        nodes, additive = self.nodes + other.nodes, self.additive and other.additive
-        name, chosen = f"{self.name}, and {other.name}", self.chosen + other.chosen
-        bends, delay = self.bends or other.bends, self.delay + other.delay
-        of_power = self.of_power or other.of_power
-        sizes = {**self.sizes, **other.sizes}
-        tips = self.tips + other.tips
-        request = other.make(self.request)
-        return MissingElement(name, request, judge, make, nodes, sizes, starts, additive, chosen, bends, delay, of_power, tips)
+        return MissingElement(
+            f"{self.name}, and {other.name}",
+            other.make(self.request),
+            judge,
+            make,
+            self.nodes + other.nodes,
+            {**self.sizes, **other.sizes},
+            tuple({**a, **b} for a, b in itertools.product(self.starts[:2] or ({},), other.starts[:2] or ({},))),
+            self.additive and other.additive,
+            self.chosen + other.chosen,
+            self.bends or other.bends,
+            self.delay + other.delay,
+            self.of_power or other.of_power,
+            self.tips + other.tips,
+        )
 
 
 @dataclass(frozen=True)
@@ -354,10 +360,7 @@ def hidden_defects(structure: Fitted) -> Iterator[MissingElement]:
     places = _missed_most(_places(structure))
     lags = [_lag(structure.request, p) for p in places if p.channels and not p.lags]
     if lags:
-        whole = lags[0]
-        for lag in lags[1:]:
-            whole = whole.beside(lag)
-        yield whole if len(lags) == 1 else replace(whole, name="a lag of every sensor", tips=whole.nodes)
+        yield lags[0] if len(lags) == 1 else _all_alike("a lag of every sensor", lags)
     for place in places:
         yield _second_mass(structure.request, place, "hidden_mass")
     yield from _missing_contacts(structure, places, of_parts=False)
@@ -413,12 +416,13 @@ def _same_everywhere(structure: Fitted, places: Sequence[_Place]) -> Iterator[Mi
             [p for p in places if p.load and _may_grow(request, p.load)],
         ),
     )
-    for name, change, at in kinds:
-        if len(at) > 1:
-            whole = change(request, at[0])
-            for place in at[1:]:
-                whole = whole.beside(change(request, place))
-            yield replace(whole, name=name, tips=whole.nodes)  # only lags add masses here
+    yield from (_all_alike(name, [change(request, place) for place in at]) for name, change, at in kinds if len(at) > 1)
+
+
+def _all_alike(name: str, changes: Sequence[MissingElement]) -> MissingElement:
+    """Return changes of one kind at several places as one; of these kinds only lags add masses."""
+    whole = functools.reduce(MissingElement.beside, changes)
+    return replace(whole, name=name, tips=whole.nodes)
 
 
 def _places(structure: Fitted, hidden: bool = False) -> list[_Place]:

@@ -15,7 +15,7 @@ from thermid.base.results import Result
 from thermid.fit.calibration import Calibration, Request, SensorStatistics, fit as refit
 from thermid.inference._explain.candidates import missing_elements
 from thermid.inference._explain.heats import unlogged_powers
-from thermid.inference._explain.structures import EvaluationBudget, FittedStructure, fitted_structure, fitted_structures
+from thermid.inference._explain.structures import EvaluationBudget, FittedStructure, Try, fitted_structure, fitted_structures
 from thermid.inference._explain.thresholds import (
     MAX_REFITTED_ELEMENTS,
     MIN_RECORDS_COMPARED,
@@ -136,7 +136,7 @@ class Candidate:
         )
         word = "" if self.possible else ", which is not physically possible"
         rmse, weighted = (" -> ".join(short(x, 3) for x in pair) for pair in (self.rmse, self.weighted))
-        return f"{text}; found {self.found}{word}; RMSE {rmse} K, {weighted} of the stated noise as the comparison weighs residuals"
+        return f"{text}; found {self.found}{word}; RMSE {rmse} K, weighed by the noise {weighted}"
 
 
 @dataclass(frozen=True, eq=False)
@@ -177,7 +177,7 @@ class Criticism(Result):
     def __str__(self) -> str:
         """Return findings and suggestion as text."""
         coloured = [t for t in self.traces if not t.is_noise]
-        lines = [f"{self.title}: {len(self.traces) - len(coloured)} of {len(self.traces)} traces have white residuals"]
+        lines = [f"{self.title}: residuals are noise in {len(self.traces) - len(coloured)} of {len(self.traces)} traces"]
         lines += [f"  failed check: {check}" for check in self.checks]
         lines += [f"  {t}" for t in (coloured or self.traces)[:8]]
         if self.candidates:
@@ -337,9 +337,10 @@ def _tried(fit: Calibration, request: Request, executor: Workers, progress: Call
         elements = [*missing_elements(fit, request), *unlogged_powers(base)]
         alone = noise_of([base.weighing])
         scores = base.promises(_with_progress(elements, len(elements), "element", 0.2, progress), refused, alone)
-        tries = [((s.change,), s.change.request, s.start) for s in scores[:MAX_REFITTED_ELEMENTS]]
-        first = [*fitted_structures(tries[:1], base.fitted, budget, None)]
-        noise = noise_of(one.weighing for one in (base, *first) if not isinstance(one, str))
+        tries: list[Try] = [((s.change,), s.change.request, s.start) for s in scores[:MAX_REFITTED_ELEMENTS]]
+        noise, first = alone, next(fitted_structures(tries[:1], base.fitted, budget, None), "")
+        if not isinstance(first, str):
+            noise, tries[0] = noise_of((base.weighing, first.weighing)), (first.changes, first.request, first.values)
         refits = fitted_structures(tries, base.fitted, budget, executor, noise=noise)
         outcomes = [*_with_progress(refits, len(tries), "refit", 0.5, progress)]
         refused += [(changes[0].name, why) for (changes, _, _), why in zip(tries, outcomes, strict=True) if isinstance(why, str)]

@@ -17,10 +17,11 @@ import numpy as np
 
 from thermid.base.errors import IdentificationError, ThermidError
 from thermid.base.linear_algebra import Indices, one_thread
-from thermid.fit.calibration import MEASURED, Calibration, Experiment, Request, Unknown, build_problem, fit_problem, starting_point
+from thermid.fit.calibration import MEASURED, Calibration, Experiment, Request, Unknown, build_problem, fit_problem
 from thermid.fit.discrepancy import FREE_AIR, constant_coefficients
 from thermid.inference._explain.candidates import Fitted, MissingElement, hidden_defects
 from thermid.inference._explain.causes import SizedValue
+from thermid.inference._explain.structures import linearised, starting_values
 from thermid.inference._explain.thresholds import (
     FAR_PART,
     FAR_STEPS,
@@ -151,13 +152,10 @@ def _promises(fit: Calibration, request: Request, change: MissingElement | None,
     try:
         changed = request if change is None else change.make(request)
         problem = build_problem(changed if clock is None else clock.make(changed, FIRST_SWITCH_POSITION))
-        end = fit.fitted
-        at = np.array([end.get(u.name, x) for u, x in zip(problem.unknowns, starting_point(problem.unknowns), strict=True)])
-        here = problem.compressed(at)
+        at = starting_values(problem, fit.fitted, {})
+        rows, slopes = linearised(problem, at)
     except ThermidError:
         return True  # the refit says why
-    priors, prior_slopes = problem.prior_rows(at)
-    rows, slopes = np.concatenate([here.rows, priors]), np.concatenate([here.slopes, prior_slopes])
     chi_square_left = float(np.sum((rows + slopes @ np.linalg.lstsq(slopes, -rows, rcond=None)[0]) ** 2)) / max(problem.freedom, 1)
     return chi_square_left <= max(MAX_NOISE_CHI_SQUARE, (1.0 - MIN_PROMISED_FALL) * fit.reduced_chi_square)
 

@@ -11,9 +11,11 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from operator import itemgetter
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -109,7 +111,7 @@ class FittedStructure:
         """Return what each change found, in words, and whether that is physically possible."""
         errors = [*self.errors().values()] if self.noise is None else self.weighing.errors[self.noise]
         several = zip(self.problem.unknowns, self.end.fitted, errors, strict=True)
-        values = {u.name: _ValueWithError(u.to_value(float(x)), float(u.slope(float(x)) * error)) for u, x, error in several}
+        values = {u.name: SimpleNamespace(value=u.to_value(float(x)), error=float(u.slope(float(x)) * error)) for u, x, error in several}
         return [c.judge(values) for c in self.changes]
 
     @property
@@ -161,27 +163,58 @@ class FittedStructure:
         systems, unchanged = _systems(self.problem, at, noise, like), np.zeros(at.size, dtype=bool)
         before = [_stepped(self.problem.unknowns, at, rows, matrix, unchanged)[0] for rows, matrix in systems]
         reduced = max(self.end.chi_square / max(self.problem.freedom, 1.0), 1e-12)
-        out = [*_promised_together(self, every_change, noise, like)]
+        out = [p for run in _laid_together(self, every_change) for p in self._promised(*run, IDLE_SHARE, noise, like)]
         done = [p.change for p in out]
         for change in (c for c in every_change if c not in done):
-            why, count = "", len(out)
+            why, several = "", list[PromisedChange]()
             for start in change.starts or ({},):
                 try:
                     problem = build_problem(change.request)
-                    at = starting_values(problem, self.fitted, start)
-                    systems = _systems(problem, at, noise, like)
+                    own = {u.name for u in problem.unknowns if u.name not in self.fitted} if change.additive else ()
+                    run = problem, starting_values(problem, self.fitted, start), [(change, own, start)], ()
+                    several += self._promised(*run, 1.0, noise, like, before)
                 except ThermidError as error:
                     why = error.message
-                    continue
-                new = np.array([change.additive and u.name not in self.fitted for u in problem.unknowns], dtype=bool)
-                stepped = [_stepped(problem.unknowns, at, rows, matrix, new) for rows, matrix in systems]
-                gains = tuple(b - after for b, (after, _) in zip(before, stepped, strict=True))
-                out.append(PromisedChange(change, {**start, **stepped[-1][1]}, gains))
-            refused += [(change.name, why)] if len(out) == count else []
+            refused += [] if several else [(change.name, why)]
+            out += several
         most = [max(max(gains), 1e-12) for gains in zip(*(p.gains for p in out), strict=True)]
         ranked = sorted(out, key=lambda p: -max(gain / top for gain, top in zip(p.gains, most, strict=True)))
         best = {id(p.change): p for p in reversed(ranked)}  # of several starts the best
         return [replace(p, gains=tuple(gain / reduced for gain in p.gains)) for p in ranked if best[id(p.change)] is p]
+
+    def _promised(
+        self,
+        problem: Problem,
+        at: Array,
+        laid: Sequence[tuple[MissingElement, Collection[str], Mapping[str, float]]],
+        added: Collection[str],
+        share: float,
+        noise: int | None,
+        like: Sequence[Binned],
+        before: Sequence[float] = (),
+    ) -> Iterator[PromisedChange]:
+        """Yield what changes that lie over one problem promise, each alone; see `promises`.
+
+        Parameters
+        ----------
+        at : array (unknowns,)  Where it is looked at.
+        laid : sequence         Changes, the unknowns that are small values of each, at a `share` of where they begin, and its start. [SI]
+        added : collection      Unknowns of all changes that lie over it together.
+        before : sequence       Cost without a change, in each noise; what is left without those of `added` by default.
+        """
+        systems = _systems(problem, at, noise, like)
+
+        def stepped(own: Collection[str]) -> list[tuple[float, dict[str, float]]]:
+            """Return the cost after one step in each noise with the `own` unknowns of those that were added, and what they become."""
+            taken = [j for j, u in enumerate(problem.unknowns) if u.name in own or u.name not in added]
+            unknowns, new = [problem.unknowns[j] for j in taken], np.array([problem.unknowns[j].name in own for j in taken], dtype=bool)
+            return [_stepped(unknowns, at[taken], rows, matrix[:, taken], new, share) for rows, matrix in systems]
+
+        before = before or [cost for cost, _ in stepped(())]
+        for change, own, start in laid:
+            after = stepped(own)
+            gains = tuple(b - cost for b, (cost, _) in zip(before, after, strict=True))
+            yield PromisedChange(change, {**start, **after[-1][1]}, gains)
 
     @property
     def full_request(self) -> Request:
@@ -212,14 +245,6 @@ class FittedStructure:
             search=how,
             structural_errors=bool(self.changes),
         )
-
-
-@dataclass(frozen=True)
-class _ValueWithError:
-    """A fitted value [SI] and its standard error [SI], as a judge reads them."""
-
-    value: float
-    error: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -347,6 +372,10 @@ def search_structure(
         catalogue = changes or (lambda structure: list(structure.changes()))
         budget = evaluations if isinstance(evaluations, EvaluationBudget) else EvaluationBudget(evaluations)
         return _Searching(request, catalogue, budget, executor).run(rounds, begin or {})
+
+
+Try = tuple[tuple[MissingElement, ...], Request, Mapping[str, float]]
+"""Changes, the request with them, and where new unknowns begin. [SI]"""
 
 
 class EvaluationBudget:
@@ -587,13 +616,12 @@ def _stepped(
     return 0.5 * float(residuals @ residuals + step @ step), larger
 
 
-def _promised_together(
-    structure: FittedStructure, changes: Iterable[MissingElement], noise: int | None, like: Sequence[Binned]
-) -> Iterator[PromisedChange]:
-    """Yield what small elements promise, each alone: all of one run of every record; see `FittedStructure.promises`.
+def _laid_together(
+    structure: FittedStructure, changes: Iterable[MissingElement]
+) -> Iterator[tuple[Problem, Array, list[tuple[MissingElement, Collection[str], Mapping[str, float]]], Collection[str]]]:
+    """Yield problems over which small elements lie together, where they are looked at, which they are, and all unknowns that they add.
 
-    All lie over the model together, so small that they do not act: a derivative says what each would do. None are yielded of those that
-    cannot be laid over it so.
+    They are so small that they do not act: a derivative says what each would do. Those that cannot be laid over it so are left out.
     """
     together: list[MissingElement] = []
     names: set[str] = set()
@@ -602,27 +630,14 @@ def _promised_together(
             together.append(change)
             names |= {*change.sizes}
     for k in range(0, len(together), MAX_LAID_TOGETHER):
-        laid = together[k : k + MAX_LAID_TOGETHER]
-        request = structure.request
+        laid, request = together[k : k + MAX_LAID_TOGETHER], structure.request
         for change in laid:
             request = change.make(request)
-        try:
+        with suppress(ThermidError):
             problem = build_problem(request)
             begun = {u.name: u.to_value(u.to_fitted(u.start)) * IDLE_SHARE for u in problem.unknowns if u.name in names}
             at = np.maximum(starting_values(problem, structure.fitted, begun), [u.fitted_bounds()[0] for u in problem.unknowns])
-            systems = _systems(problem, at, noise, like)
-        except ThermidError:
-            continue
-        before: list[float] = []
-        for change in (None, *laid):
-            own = change.sizes if change else {}
-            taken = [j for j, u in enumerate(problem.unknowns) if u.name in own or u.name not in names]
-            unknowns, new = [problem.unknowns[j] for j in taken], np.array([problem.unknowns[j].name in own for j in taken], dtype=bool)
-            stepped = [_stepped(unknowns, at[taken], rows, matrix[:, taken], new, IDLE_SHARE) for rows, matrix in systems]
-            if change:
-                yield PromisedChange(change, stepped[-1][1], tuple(b - after for b, (after, _) in zip(before, stepped, strict=True)))
-            else:
-                before = [after for after, _ in stepped]
+            yield problem, at, [(change, change.sizes, {}) for change in laid], names
 
 
 def fitted_structure(
@@ -658,7 +673,7 @@ def fitted_structure(
 
 
 def fitted_structures(
-    tries: Sequence[tuple[tuple[MissingElement, ...], Request, Mapping[str, float]]],
+    tries: Sequence[Try],
     values_before: Mapping[str, float],
     budget: EvaluationBudget,
     executor: Workers,
@@ -742,17 +757,15 @@ def _ended(
 ) -> tuple[Fit, CauseScore]:
     """Return where a fit ended, and how likely readings are there."""
     begun, at = time.process_time(), starting_values(problem, values_before, start)
-    if noise is not None:
-        score, at = weighed_in_noise(problem, at, sizes, noise, request.loss, request.loss_scale)
-        return ended(problem, at, request.loss, request.loss_scale), score.less(chosen)
-    if not rounds:
-        score = weighed_at(problem, at, sizes, request.loss, request.loss_scale)
-        return ended(problem, at, request.loss, request.loss_scale), score.less(chosen)
-    end = minimise(problem, request.loss, request.loss_scale, at, budget.watch(request.name), SEARCH_DONE_STEP, rounds)
+    loss = request.loss, request.loss_scale
+    if noise is not None or not rounds:
+        score, at = weighed_in_noise(problem, at, sizes, noise, *loss) if noise is not None else (weighed_at(problem, at, sizes, *loss), at)
+        return ended(problem, at, *loss), score.less(chosen)
+    end = minimise(problem, *loss, at, budget.watch(request.name), SEARCH_DONE_STEP, rounds)
     budget.pace = min(budget.pace, (time.process_time() - begun) / max(end.evaluations, 1))
     if not np.isfinite(end.cost):
         raise IdentificationError("its fit does not end at a finite cost.", request.name, code="fit.model-fails")
-    return end, weighed_at(problem, end.fitted, sizes, request.loss, request.loss_scale).less(chosen)
+    return end, weighed_at(problem, end.fitted, sizes, *loss).less(chosen)
 
 
 def _structure_at(

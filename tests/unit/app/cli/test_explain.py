@@ -29,7 +29,7 @@ def lagging(campaign: Path) -> Path:
 def test_noise_needs_no_element(fitted_campaign: Path, call: Call) -> None:
     said = call("criticise", fitted_campaign, "--stage", "box")
     assert said.code == 0
-    assert said.out.startswith("box: 1 of 1 traces have white residuals")
+    assert said.out.startswith("box: residuals are noise in 1 of 1 traces")
     assert "candidates, each alone" not in said.out
     found = call("criticise", fitted_campaign, "--stage", "box", "--json").object["stages"]["box"]
     assert (found["suggested"], found["candidates"], found["traces"][0]["white"]) == (None, [], True)

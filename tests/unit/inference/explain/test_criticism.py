@@ -38,7 +38,7 @@ def test_noise_is_left_alone() -> None:
     found = td.inference.criticise(fitted(box(BARE)))
     assert found.traces[0].statistics.white
     assert (found.candidates, found.suggested) == ((), None)
-    assert "1 of 1 traces have white residuals" in str(found)
+    assert "residuals are noise in 1 of 1 traces" in str(found)
 
 
 @pytest.mark.parametrize(

@@ -43,21 +43,6 @@ def test_evidence_is_that_of_dense_normal_distributions(wander: float) -> None:
     assert found == pytest.approx(likeliest(b.mean, -b.slopes, b.times, prior, -pull), abs=1e-3)
 
 
-def test_what_residuals_do_inside_stretches_counts_as_independent_readings_do() -> None:
-    """Two models whose stretches have the same means: the density of all readings tells them apart, means alone do not."""
-    problem = build_problem(_asked())
-    (b,) = binned(problem, starting_point(problem.unknowns)).values()
-    rng = np.random.default_rng(5)
-    inside = rng.standard_normal((b.times.size, 4))
-    inside -= inside.mean(axis=1, keepdims=True)
-    scores = []
-    for part in (0.5, 0.9):
-        within = float(np.sum((part * inside) ** 2)) / (3 * b.times.size)
-        stretches = type(b)(b.mean, 4.0 * b.count, b.times, b.slopes, within, 3 * b.times.size, 1.0)
-        scores.append(evidences([stretches], np.eye(3)[None], np.zeros((1, 3)))[0])
-    assert scores[0] - scores[1] == pytest.approx(np.full((1, GRID_TIMES * RATIOS), 0.5 * (0.9**2 - 0.5**2) * float(np.sum(inside**2))))
-
-
 def _asked():  # type: ignore[no-untyped-def]
     from thermid.fit.calibration import Request
 
