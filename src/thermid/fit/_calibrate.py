@@ -78,8 +78,11 @@ def own_standing(
         return Standing("not credible", "; ".join([*moved.contradictions(), *wrong]), values.stage, request.accepted)
     short_of = [f"'{u.name}' ended at its {side} bound" for u, side, _ in at_bounds(problem, minimum, total)]
     short_of += _beyond_stated(problem, spread, request.adequate) if request.adequate and spread is not None else []
-    farthest = [(name, far) for name, far in _far_from_prior(problem, minimum).items() if far > STRAINED][:1]
-    short_of += [f"'{name}' lies {far:.1f} standard deviations from its prior (limit {STRAINED:g})" for name, far in farthest]
+    short_of += [
+        f"'{name}' lies {far:.1f} standard deviations from its prior (limit {STRAINED:g})"
+        for name, far in [*_far_from_prior(problem, minimum).items()][:1]
+        if far > STRAINED
+    ]
     times, words = _beyond_accuracy(problem, minimum)
     short_of += [words] if times > ASIDE else []
     if short_of:

@@ -85,22 +85,21 @@ class FittedWay:
         and what no element explains.
         """
         runs, weights = self.runs, weights_of(self.members.log_evidence)
-        step, left = weights @ self.members.mean, weights @ self.left[:, 0] ** 2
+        step, unexplained = weights @ self.members.mean, weights @ self.left[:, 0] ** 2
         problem, at, count = runs.problem, runs.moved(step[: len(runs.values)]), len(runs.problem.unknowns)
         sizes = {c.name: x for c, x in zip(runs.columns, step[len(runs.values) :].tolist(), strict=True)}
         laws = {p: law.moved({w: sizes.pop(f"{w} of {p}", 0.0) for w in law.shape}) for p, law in self.laws.items()}
-        apart = []
+        apart, acting = [], (np.zeros(len(sizes)), np.array([*sizes.values()]))
         for i, e in enumerate(problem.experiments):
-            network, acting, seen = with_laws(e.network, laws), (np.zeros(len(sizes)), np.array([*sizes.values()])), []
-            heats = [DepartureHeat(n, ()) for n in sizes]
+            network, heats, traces = with_laws(e.network, laws), [DepartureHeat(n, ()) for n in sizes], list[Sequence[SensorRows]]()
             for amounts in acting:
                 course = course_in_fit(problem, i, network, at, heats, amounts)
-                laid = {c.name: h for c, h in runs.departures.shared(network, course, self.way, laws)}
-                heats = [laid.get(n, DepartureHeat(n, ())) for n in sizes]
-                seen.append([t.averaged() for t in traces_of(problem, i, network, heats, at, amounts)])
-            for line, found in zip(*seen, strict=True):
-                ahead = line.residuals - line.rows[:, count:] @ acting[1]
-                apart.append((found.residuals - ahead) / np.sqrt(line.noise**2 + left))
+                heat_of_column = {c.name: h for c, h in runs.departures.shared(network, course, self.way, laws)}
+                heats = [heat_of_column.get(n, DepartureHeat(n, ())) for n in sizes]
+                traces.append([t.averaged() for t in traces_of(problem, i, network, heats, at, amounts)])
+            for straight, acted in zip(*traces, strict=True):
+                promised = straight.residuals - straight.rows[:, count:] @ acting[1]
+                apart.append((acted.residuals - promised) / np.sqrt(straight.noise**2 + unexplained))
         return float(np.sqrt(np.mean(np.concatenate(apart) ** 2)))
 
 

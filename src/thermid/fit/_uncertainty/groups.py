@@ -179,9 +179,9 @@ def _structural(here: Information, there: Information, at: list[int]) -> Group:
         if scale is None or other is None:
             continue
         size = np.abs(scale) * here.sizes[at]
-        if not _same_space(part * (scale / size)[:, None], lasting * (other / size)[:, None]):
-            continue
-        return Group(names, True, form, moves, _combinations(here, at, part * scale[:, None], form, scale))
+        p, q = (np.linalg.qr(x / np.linalg.norm(x, axis=0))[0] for x in (part * (scale / size)[:, None], lasting * (other / size)[:, None]))
+        if np.linalg.norm(q - p @ (p.T @ q)) < ANGLE:  # they span the same space
+            return Group(names, True, form, moves, _combinations(here, at, part * scale[:, None], form, scale))
     return Group(names, stays, "mixture", moves, ())
 
 
@@ -193,13 +193,6 @@ def _scales(info: Information, at: list[int], form: str) -> Array | None:
     if (values <= 0).any():
         return None
     return slopes / values if form == "power law" else -slopes / values**2
-
-
-def _same_space(a: Array, b: Array) -> bool:
-    """Whether two sets of directions span the same space."""
-    p, _ = np.linalg.qr(a / np.linalg.norm(a, axis=0))
-    q, _ = np.linalg.qr(b / np.linalg.norm(b, axis=0))
-    return bool(np.linalg.norm(q - p @ (p.T @ q)) < ANGLE)
 
 
 def _combinations(info: Information, at: list[int], null: Array, form: str, scale: Array) -> tuple[Combination, ...]:

@@ -258,8 +258,6 @@ def _chi_square(weights: Array, scores: Array, spread: Array) -> Together:
 
 
 MOVED, NOT_REJECTED, UNDECIDED = "moved", "not rejected", "this log cannot decide"
-EVERY = "all together"
-"""Name of the group of all values that a fit inherits."""
 DETECTABLE_SHIFT_SHARE = 0.1
 """A value is called not rejected only where a shift by this part of it would be found."""
 MAX_STATED_ERRORS = 3.0
@@ -432,13 +430,9 @@ class Moves:
     def warnings(self) -> list[str]:
         """Return a remark where values moved, parts of which no single value did, or all of them together."""
         alone = {m.path: f"{m.path} ({m.deviations:+.1f} standard errors)" for m in self.values if m.verdict == MOVED}
-        together = {
-            g.name: f"{g.name} ({some(g.paths, 'values')}; chance {short(g.chance)})"
-            for g in self.groups
-            if g.verdict == MOVED and not alone.keys() & {*g.paths}
-        }
-        parts = [words for name, words in together.items() if name != EVERY]
-        far = [*alone.values(), *(parts or together.values())]
+        moved = [g for g in self.groups if g.verdict == MOVED and not alone.keys() & {*g.paths}]
+        parts = [g for g in moved if g is not self.groups[-1]]  # the last one is all together
+        far = [*alone.values(), *(f"{g.name} ({some(g.paths, 'values')}; chance {short(g.chance)})" for g in parts or moved)]
         if not far:
             return []
         return [
@@ -680,7 +674,7 @@ def _groups(values: Sequence[Move], test: Callable[[Sequence[Sequence[str]]], li
         parts.setdefault(m.part, []).append(m)
     several = {part: moves for part, moves in parts.items() if 1 < len(moves) < len(values)}
     named = [(f"part '{part}'" if part else "the model's own", moves) for part, moves in several.items()]
-    every = [*named, *([(EVERY, list(values))] if len(values) > 1 else [])]
+    every = [*named, *([("all together", list(values))] if len(values) > 1 else [])]
     determined = [[m.path for m in moves if math.isfinite(m.deviations)] for _, moves in every]
     tests = iter(test([paths for paths in determined if paths]))
     tests_of_groups = [next(tests) if paths else Together(0.0, 0, math.nan) for paths in determined]
