@@ -169,21 +169,6 @@ class Setting:
             columns[n] = np.vstack([slopes, rest[None, :]]) @ chain + self._added_after_run(n)[None, :]
         return Linear(run, settled, columns)
 
-    def largest_effects(self, nodes: Sequence[str]) -> dict[str, Array]:
-        """Return node -> largest change over the run by a standard deviation of each source (sources,). [K]
-
-        By derivatives; where anything switches that of the highest and of the lowest temperature, since at an instant runs differ by their
-        switching times.
-        """
-        linear = self.linear(nodes)
-        if not self.switches:
-            return {n: np.abs(column[:-1]).max(axis=0) for n, column in linear.columns.items()}
-        members = self.temperatures(np.eye(len(self.budget.sources)), nodes, extremes=False).kelvin
-        return {
-            n: np.max([np.abs(end(traces, axis=0) - end(linear.run[n].kelvin)) for end in (np.max, np.min)], axis=0)
-            for n, traces in members.items()
-        }
-
     def cancelled(self, linear: Linear) -> Bools:
         """Return which sources (sources,) are values whose effect the values of a fit take back, solved again for each, in this scenario.
 
@@ -338,6 +323,9 @@ def assumed_effects(
 ) -> list[tuple[Assumed, float, dict[str, float]]]:
     """Return assumed values without a stated range, each with its relative standard deviation and node -> largest effect of that [K].
 
+    By derivatives over the run; where anything switches that of the highest and of the lowest temperature, since at an instant runs differ
+    by their switching times.
+
     Parameters
     ----------
     elsewhere : set         Values that count otherwise, such as fitted ones.
@@ -351,5 +339,12 @@ def assumed_effects(
     sources = tuple(Source(path, "stated", Normal(), f"{path} as assumed") for path in names)
     rows = Rows(names, (False,) * len(names), {}, sources, ("as assumed",) * len(names), np.diag([a.size for a in loose]))
     setting = Setting.of_budget(Budget.of_rows(rows, model, scenario), times=times)
-    effects = setting.largest_effects(nodes)
+    linear = setting.linear(nodes)
+    effects = {n: np.abs(column[:-1]).max(axis=0) for n, column in linear.columns.items()}
+    if setting.switches:
+        members = setting.temperatures(np.eye(len(loose)), nodes, extremes=False).kelvin
+        effects = {
+            n: np.max([np.abs(end(traces, axis=0) - end(linear.run[n].kelvin)) for end in (np.max, np.min)], axis=0)
+            for n, traces in members.items()
+        }
     return [(a, a.size / abs(setting.ready.nominal[a.path]), {n: float(e[k]) for n, e in effects.items()}) for k, a in enumerate(loose)]
