@@ -727,20 +727,18 @@ def _bases(time_bytes: bytes, counts: bytes) -> tuple[Array, Array]:
     times, count = np.frombuffer(time_bytes), np.frombuffer(counts)
     spacing, typical = float(np.median(np.diff(times))), float(np.median(count))
     root = np.sqrt(count / typical)
-    ties = [correlation_of_means(times, max(round(typical), 1), spacing, time) for time in _grid_times(times)]
+    ties = [
+        correlation_of_means(times, max(round(typical), 1), spacing, time) for time in wander_times(times)[GRID_RATIOS - 1 :: GRID_RATIOS]
+    ]
     sizes, vectors = np.linalg.eigh(np.array([root[:, None] * tie * root for tie in ties]))
     return np.maximum(sizes, 0.0), vectors
 
 
-def _grid_times(times: Array) -> Array:
-    """Return the correlation times (times,) that are tried for a trace in stretches at some times. [s]"""
-    spacing, span = float(np.median(np.diff(times))), float(times[-1] - times[0])
-    return np.geomspace(spacing, max(span, 2.0 * spacing), GRID_TIMES)
-
-
 def wander_times(times: Array) -> Array:
     """Return the correlation time of what wanders in each noise of the grid of `evidences` (noises,), zero in the calmest ones. [s]"""
-    return (_grid_times(times)[:, None] * (np.arange(GRID_RATIOS) > 0)).ravel()
+    spacing, span = float(np.median(np.diff(times))), float(times[-1] - times[0])
+    tried = np.geomspace(spacing, max(span, 2.0 * spacing), GRID_TIMES)
+    return (tried[:, None] * (np.arange(GRID_RATIOS) > 0)).ravel()
 
 
 def correlation_of_means(times: Array, samples: int, spacing: float, time: float) -> Array:
@@ -807,14 +805,14 @@ def evidences(pieces: Sequence[Binned], priors: Array, pulls: Array) -> tuple[Ar
     pulls : array (several, unknowns)               Its scores where the unknowns stand.
     """
     of_time, of_ratio = np.divmod(np.arange(GRID_TIMES * GRID_RATIOS), GRID_RATIOS)
-    seen = [(b, max(1.0, b.within)) for b in pieces if b.count.size >= MIN_SPARE_STRETCHES]
-    calm = [replace(b, mean=b.mean / size**0.5, slopes=b.slopes / size**0.5) for b, size in seen]
+    scaled = [(b, max(1.0, b.within)) for b in pieces if b.count.size >= MIN_SPARE_STRETCHES]
+    calm = [replace(b, mean=b.mean / size**0.5, slopes=b.slopes / size**0.5) for b, size in scaled]
     count = priors.shape[-1]
     scale = _scales(calm, priors[0])
     prior_information = priors * np.outer(scale, scale) + ZERO_INFORMATION * np.eye(count)
     information, scores = np.zeros((of_time.size, count, count)), np.zeros((of_time.size, count))
     alone, squares, weights = np.zeros((3, of_time.size))
-    for (b, size), trace in zip(seen, calm, strict=True):
+    for (b, size), trace in zip(scaled, calm, strict=True):
         t = _TraceBasis.of_trace(trace, scale)
         shrunk, residuals, slopes = t.shrunk[of_time, of_ratio], t.residuals[of_time], t.slopes[of_time]
         taken = np.swapaxes(shrunk[..., None] * slopes, 1, 2)

@@ -67,9 +67,9 @@ class TraceCriticism:
 
     def to_dict(self) -> dict[str, Any]:
         """Return its figures, in SI."""
-        own = {k: getattr(self.statistics, k) for k in ("rmse", "lag_one", "effective_samples", "white")}
+        sizes = {k: getattr(self.statistics, k) for k in ("rmse", "lag_one", "effective_samples", "white")}
         slopes = {n: {"slope": slope, "error": error} for n, (slope, error) in self.slopes.items()}
-        return {"record": self.record, "sensor": self.sensor, "noise": self.noise, **own, "loud": self.loud, "slopes": slopes}
+        return {"record": self.record, "sensor": self.sensor, "noise": self.noise, **sizes, "loud": self.loud, "slopes": slopes}
 
     def __str__(self) -> str:
         """RMSE, autocorrelation, and what the residuals go with, in words."""
@@ -187,8 +187,8 @@ class Criticism(Result):
             lines += [f"    {c}" for c in self.candidates if c.refused or c.evidence > WORTH_A_WORD]
             idle = [c.name for c in self.candidates if c.found and c.evidence <= WORTH_A_WORD]
             lines += [f"    no evidence for {'; '.join(idle)}"] if idle else []
-            left = [c.name for c in self.candidates if not (c.found or c.refused)]
-            lines += [f"    not refitted, as one evaluation promises less of them: {'; '.join(left)}"] if left else []
+            rest = [c.name for c in self.candidates if not (c.found or c.refused)]
+            lines += [f"    not refitted, as one evaluation promises less of them: {'; '.join(rest)}"] if rest else []
             best = self.suggested
             if best is not None:
                 others = [c for c in self.candidates if c is not best and c.found and c.possible and c.proved]
@@ -363,8 +363,8 @@ def _tried(fit: Calibration, request: Request, executor: Workers, progress: Call
             out[n] = replace(candidate, found=words, possible=possible, fit=whole), one
             if possible:
                 break
-    left = [Candidate(s.change.name) for s in scores[MAX_REFITTED_ELEMENTS:]] + [Candidate(name, refused=why) for name, why in refused]
-    return [*(candidate for candidate, _ in out), *left], float(base.weighing.wander[likeliest])
+    untried = [Candidate(s.change.name) for s in scores[MAX_REFITTED_ELEMENTS:]] + [Candidate(name, refused=why) for name, why in refused]
+    return [*(candidate for candidate, _ in out), *untried], float(base.weighing.wander[likeliest])
 
 
 def _weighed(one: FittedStructure, base: FittedStructure, noise: int) -> Candidate:

@@ -429,17 +429,17 @@ def _weighed_courses(
     rows, matrix = linearised(problem, at)
     place = {u.name: k for k, u in enumerate(problem.unknowns)}
     of_course = [place[f"{c.name}_{k}.power"] for k, c in enumerate(courses)]
-    known = [k for k in range(at.size) if k not in of_course]
-    scale = np.array([PROMISED_STEP * problem.unknowns[k].scale for k in known])
+    unchanged = [k for k in range(at.size) if k not in of_course]
+    scale = np.array([PROMISED_STEP * problem.unknowns[k].scale for k in unchanged])
     answers = [matrix[:, k] / problem.unknowns[k].slope(float(at[k])) for k in of_course]  # per watt
-    others, free = rows - powers[0] * answers[0], np.concatenate([matrix[:, known] * scale, np.eye(scale.size)])
+    others, free = rows - powers[0] * answers[0], np.concatenate([matrix[:, unchanged] * scale, np.eye(scale.size)])
     out = []
     for course, answer in zip(courses, answers, strict=True):
         size = float(np.linalg.norm(answer)) or 1.0
         wide = np.column_stack([free, np.concatenate([answer / size, np.zeros(scale.size)])])
         step = np.linalg.lstsq(wide, np.concatenate([-others, np.zeros(scale.size)]), rcond=None)[0]
         squares = float(np.sum((np.concatenate([others, np.zeros(scale.size)]) + wide @ step) ** 2))
-        moved = {problem.unknowns[k].name: float(at[k] + d) for k, d in zip(known, scale * step[:-1], strict=True)}
+        moved = {problem.unknowns[k].name: float(at[k] + d) for k, d in zip(unchanged, scale * step[:-1], strict=True)}
         power = float(step[-1]) / size
         out.append((0.5 * squares if power > 0.0 else np.inf, replace(course, power=max(power, 0.0)), moved))
     return out

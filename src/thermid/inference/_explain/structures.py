@@ -170,8 +170,8 @@ class FittedStructure:
             for start in change.starts or ({},):
                 try:
                     problem = build_problem(change.request)
-                    own = {u.name for u in problem.unknowns if u.name not in self.fitted} if change.additive else ()
-                    run = problem, starting_values(problem, self.fitted, start), [(change, own, start)], ()
+                    small = {u.name for u in problem.unknowns if u.name not in self.fitted} if change.additive else ()
+                    run = problem, starting_values(problem, self.fitted, start), [(change, small, start)], ()
                     several += self._promised(*run, 1.0, noise, like, before)
                 except ThermidError as error:
                     why = error.message
@@ -186,7 +186,7 @@ class FittedStructure:
         self,
         problem: Problem,
         at: Array,
-        laid: Sequence[tuple[MissingElement, Collection[str], Mapping[str, float]]],
+        together: Sequence[tuple[MissingElement, Collection[str], Mapping[str, float]]],
         added: Collection[str],
         share: float,
         noise: int | None,
@@ -198,21 +198,21 @@ class FittedStructure:
         Parameters
         ----------
         at : array (unknowns,)  Where it is looked at.
-        laid : sequence         Changes, the unknowns that are small values of each, at a `share` of where they begin, and its start. [SI]
+        together : sequence     Changes, the unknowns that are small values of each, at a `share` of their starts, and its start. [SI]
         added : collection      Unknowns of all changes that lie over it together.
         before : sequence       Cost without a change, in each noise; what is left without those of `added` by default.
         """
         systems = _systems(problem, at, noise, like)
 
-        def stepped(own: Collection[str]) -> list[tuple[float, dict[str, float]]]:
-            """Return the cost after one step in each noise with the `own` unknowns of those that were added, and what they become."""
-            taken = [j for j, u in enumerate(problem.unknowns) if u.name in own or u.name not in added]
-            unknowns, new = [problem.unknowns[j] for j in taken], np.array([problem.unknowns[j].name in own for j in taken], dtype=bool)
+        def stepped(small: Collection[str]) -> list[tuple[float, dict[str, float]]]:
+            """Return the cost after one step in each noise with the `small` unknowns of those that were added, and what they become."""
+            taken = [j for j, u in enumerate(problem.unknowns) if u.name in small or u.name not in added]
+            unknowns, new = [problem.unknowns[j] for j in taken], np.array([problem.unknowns[j].name in small for j in taken], dtype=bool)
             return [_stepped(unknowns, at[taken], rows, matrix[:, taken], new, share) for rows, matrix in systems]
 
         before = before or [cost for cost, _ in stepped(())]
-        for change, own, start in laid:
-            after = stepped(own)
+        for change, small, start in together:
+            after = stepped(small)
             gains = tuple(b - cost for b, (cost, _) in zip(before, after, strict=True))
             yield PromisedChange(change, {**start, **after[-1][1]}, gains)
 
@@ -630,14 +630,14 @@ def _laid_together(
             together.append(change)
             names |= {*change.sizes}
     for k in range(0, len(together), MAX_LAID_TOGETHER):
-        laid, request = together[k : k + MAX_LAID_TOGETHER], structure.request
-        for change in laid:
+        group, request = together[k : k + MAX_LAID_TOGETHER], structure.request
+        for change in group:
             request = change.make(request)
         with suppress(ThermidError):
             problem = build_problem(request)
             begun = {u.name: u.to_value(u.to_fitted(u.start)) * IDLE_SHARE for u in problem.unknowns if u.name in names}
             at = np.maximum(starting_values(problem, structure.fitted, begun), [u.fitted_bounds()[0] for u in problem.unknowns])
-            yield problem, at, [(change, change.sizes, {}) for change in laid], names
+            yield problem, at, [(change, change.sizes, {}) for change in group], names
 
 
 def fitted_structure(

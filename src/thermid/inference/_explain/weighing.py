@@ -92,20 +92,20 @@ def weighed_in_noise(
     ------
     SolverError   When a record cannot be run where the fit ended.
     """
-    seen = {fitted.tobytes(): (begun := seen_in_stretches(problem, fitted, loss, loss_scale))}
+    readings_at = {fitted.tobytes(): (begun := seen_in_stretches(problem, fitted, loss, loss_scale))}
 
     def local(x: Array) -> tuple[float, Array, Array]:
         """Return cost, rows and slopes at some values, made white in the noise; the readings there are kept."""
-        if x.tobytes() not in seen:
-            seen[x.tobytes()] = seen_in_stretches(problem, x, loss, loss_scale)
-        parts = white_rows(seen[x.tobytes()], noise, begun), _prior_rows(problem, x, sizes, 1.0)
+        if x.tobytes() not in readings_at:
+            readings_at[x.tobytes()] = seen_in_stretches(problem, x, loss, loss_scale)
+        parts = white_rows(readings_at[x.tobytes()], noise, begun), _prior_rows(problem, x, sizes, 1.0)
         rows, slopes = (np.concatenate(part) for part in zip(*parts, strict=True))
         return 0.5 * float(rows @ rows), rows, slopes
 
     low, high = np.array([u.fitted_bounds() for u in problem.unknowns]).reshape(-1, 2).T
     scale = np.array([u.scale for u in problem.unknowns])
     end = descend(local, fitted, (low, high), scale, done=NOISE_DONE_STEP, relative=NOISE_DONE_GAIN, rounds=MOST_STEPS_IN_NOISE)
-    whole, _, gains = _weighed(problem, end.x, sizes, seen[end.x.tobytes()])
+    whole, _, gains = _weighed(problem, end.x, sizes, readings_at[end.x.tobytes()])
     return whole.less(gains), end.x
 
 
