@@ -228,10 +228,10 @@ def _margin_as_dict(m: Margin) -> dict[str, Any]:
     """Return a margin as a dictionary for JSON: temperatures [degC], margins and uncertainties [K], time [s], as keys say."""
     celsius = {"predicted_C": m.predicted - 273.15, "limit_C": m.limit - 273.15}
     sizes = {"uncertainty_K": m.uncertainty, "acceptance_K": m.policy.acceptance.value, "qualification_K": m.policy.qualification.value}
-    flat = {"flat_K": m.flat.value, "flat_left_K": m.flat_left}
+    fixed = {"fixed_K": m.fixed.value, "left_with_fixed_K": m.left_with_fixed}
     counted = {"counted": dict(m.shares), "not_counted": list(m.not_counted), "assumed_K": m.assumed}
     where = {"point": m.point, "side": m.side, "test": m.run, "time_s": m.time, "state": m.state}
-    return where | celsius | sizes | {"margin_K": m.margin, "mark": m.mark, "passed": m.passed, "undecided": m.undecided} | flat | counted
+    return where | celsius | sizes | {"margin_K": m.margin, "mark": m.mark, "passed": m.passed, "undecided": m.undecided} | fixed | counted
 
 
 @takes_objects

@@ -1,4 +1,4 @@
-"""From a predicted temperature to a limit: model uncertainty, acceptance and qualification margin in one table, beside the flat rule.
+"""From a predicted temperature to a limit: model uncertainty, acceptance and qualification margin in one table, beside a fixed margin.
 
 The power margin of controlled heaters too.
 """
@@ -16,7 +16,7 @@ from thermid.base.errors import NameNotFoundError, ScenarioError, look_up, refus
 from thermid.base.expression import amount
 from thermid.base.linear_algebra import HALF_WIDTH_95
 from thermid.base.results import Result
-from thermid.base.sourced import Figure, weakest
+from thermid.base.sourced import MARKS, Figure, weakest
 from thermid.campaign._judge.limits import STATES, Limits, times_in_state
 from thermid.model.elements import UNJUDGED, Standing
 from thermid.physics.constants import ICE_POINT
@@ -64,12 +64,12 @@ POLICIES = {
 """Named rules; a project may give its own."""
 
 
-def flat_margin(kelvin: float, tested: bool) -> Figure:
-    """Return the flat thermal uncertainty margin of passive hardware. [K]
+def fixed_margin(kelvin: float, tested: bool) -> Figure:
+    """Return the fixed thermal uncertainty margin of passive hardware. [K]
 
     SMC-S-016, 4.4.2.1 and Table 4.4-2: 11 C where a balance test correlated the model, 17 C where none did; less for colder hardware.
 
-    >>> flat_margin(300.0, True).value, flat_margin(300.0, False).value, flat_margin(153.0, True).value
+    >>> fixed_margin(300.0, True).value, fixed_margin(300.0, False).value, fixed_margin(153.0, True).value
     (11.0, 17.0, 8.0)
     """
     if not tested:
@@ -147,14 +147,14 @@ class Margin(Result):
         return self.sign * (self.limit - self.predicted)
 
     @property
-    def flat(self) -> Figure:
-        """The flat margin in place of the model's uncertainty. [K]"""
-        return flat_margin(self.predicted, self.tested)
+    def fixed(self) -> Figure:
+        """The fixed margin of the standard in place of the model's uncertainty. [K]"""
+        return fixed_margin(self.predicted, self.tested)
 
     @property
-    def flat_left(self) -> float:
-        """What is left to the limit by the flat rule. [K]"""
-        return self.room - self.flat.value - self.policy.acceptance.value - self.policy.qualification.value
+    def left_with_fixed(self) -> float:
+        """What is left to the limit with the fixed margin in place of the uncertainty. [K]"""
+        return self.room - self.fixed.value - self.policy.acceptance.value - self.policy.qualification.value
 
     @property
     def exceedance(self) -> float:
@@ -199,12 +199,15 @@ class Margin(Result):
     def __str__(self) -> str:
         """Return the sum as a line."""
         p = self.policy
+        mark = weakest((p.acceptance.mark, p.qualification.mark))
+        source = "" if mark == "read" else f", {MARKS[mark]}"
         word = f"not decided: {self.undecided}" if self.undecided else "met" if self.passed else "NOT met"
         return (
             f"{self.point}, {self.side} ({self.run}, {self.time / 3600:.2f} h, {self.state}): {self.predicted - ICE_POINT:.1f} degC, "
-            f"uncertainty {self.printed:.1f} + acceptance {p.acceptance.value:g} [{p.acceptance.mark}] + qualification "
-            f"{p.qualification.value:g} [{p.qualification.mark}], limit {self.limit - ICE_POINT:.1f} degC: {self.margin:+.1f} K, {word}; "
-            f"by the flat {self.flat.value:g} K: {self.flat_left:+.1f} K"
+            f"uncertainty {self.printed:.1f} + acceptance {p.acceptance.value:g} + qualification {p.qualification.value:g} "
+            f"({p.name}{source}), limit {self.limit - ICE_POINT:.1f} degC: "
+            f"{self.margin:+.1f} K, {word}; with the fixed {self.fixed.value:g} K of {SMC} in place of the uncertainty: "
+            f"{self.left_with_fixed:+.1f} K"
         )
 
 
@@ -224,7 +227,7 @@ def margins(
     runs : dict             Name -> what is expected of it.
     limits : sequence       Of the reference points.
     policy : Policy, str    What is added up, or the name of one of `POLICIES`.
-    tested : bool           Whether a balance test correlated the model: 11 K against 17 K in the flat rule.
+    tested : bool           Whether a balance test correlated the model: 11 K against 17 K of fixed margin.
     states : dict           Run -> its state, for points whose limits name no loads; operating by default.
 
     Raises

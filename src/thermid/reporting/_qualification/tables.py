@@ -476,7 +476,7 @@ def settled(t: Trial) -> Table:
 
 
 def margin_table(q: Qualification) -> Table:
-    """Return what is added up from the predicted temperature to the limit, and the flat rule beside it."""
+    """Return what is added up from the predicted temperature to the limit, and the fixed margin of a standard beside it."""
     columns = [
         Head("reference point"),
         Head("side"),
@@ -489,8 +489,8 @@ def margin_table(q: Qualification) -> Table:
         Head("limit, °C", True),
         Head("margin, K", True),
         Head("result"),
-        Head("flat rule, K", True),
-        Head("margin by it, K", True),
+        Head("fixed margin, K", True),
+        Head("left with it, K", True),
     ]
     rows: list[Line] = []
     for m in q.margins:
@@ -500,7 +500,7 @@ def margin_table(q: Qualification) -> Table:
         shares = "; ".join(f"{c} {100 * s:.0f} %" for c, s in m.shares.items())
         line: Line = [*head, Cell(f"{m.printed:.1f}", shares), *added, Cell(f"{limit_celsius(m.limit)} [{m.limit_mark}]")]
         line += [Cell(signed(m.margin, 1), "", "bad" if m.margin < 0 else "main"), verdict_cell(m.passed, m.undecided)]
-        line += [Cell(f"{m.flat.value:g} [{m.flat.mark}]", m.flat.source), signed(m.flat_left, 1)]
+        line += [Cell(f"{m.fixed.value:g} [{m.fixed.mark}]", m.fixed.source), signed(m.left_with_fixed, 1)]
         rows.append(line)
     policy = q.margins[0].policy.name if q.margins else DASH
     tested = "correlated by a balance test" if q.plan.content.margins.balance_tested else "no balance test yet"

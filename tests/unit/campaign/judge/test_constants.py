@@ -16,7 +16,7 @@ from thermid.base.errors import IdentificationError, ScenarioError
 from thermid.campaign._judge.correlation import Overlay, correlate
 from thermid.campaign._judge.criteria import METRICS, Criteria, Residuals
 from thermid.campaign._judge.limits import Limits
-from thermid.campaign._judge.margins import flat_margin, heater_duty, margins
+from thermid.campaign._judge.margins import fixed_margin, heater_duty, margins
 from thermid.prediction.bands import Knowledge, foresee
 from unit.qualify.things import soak, unit
 
@@ -106,16 +106,16 @@ def test_readings_may_begin_two_intervals_after_a_settled_stretch(late: float, c
 
 
 @pytest.mark.parametrize("step", range(10))
-def test_the_flat_margin_shrinks_by_a_kelvin_every_32_fahrenheit(step: int) -> None:
+def test_the_fixed_margin_shrinks_by_a_kelvin_every_32_fahrenheit(step: int) -> None:
     """SMC-S-016, Table 4.4-2: 11 K down to -70 degC, and a kelvin less for every 17.9 K below."""
     edge = 273.15 - 70.0 - 17.9 * step
-    assert flat_margin(edge + 1.0, True).value == 11.0 - step
-    assert flat_margin(edge - 1.0, True).value == (10.0 - step if step < 9 else 1.0)
+    assert fixed_margin(edge + 1.0, True).value == 11.0 - step
+    assert fixed_margin(edge - 1.0, True).value == (10.0 - step if step < 9 else 1.0)
 
 
 def test_a_model_that_no_balance_test_correlated_needs_17_kelvin() -> None:
     """SMC-S-016, 4.4.2.1: 11 K and the 6 K that a balance test is worth."""
-    assert flat_margin(300.0, False).value - flat_margin(300.0, True).value == 6.0
+    assert fixed_margin(300.0, False).value - fixed_margin(300.0, True).value == 6.0
 
 
 def test_a_window_of_two_stored_times_is_enough_for_a_duty() -> None:

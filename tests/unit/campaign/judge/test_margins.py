@@ -1,4 +1,4 @@
-"""Margins: what is added up, beside the flat rule."""
+"""Margins: what is added up, beside the fixed margin of a standard."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import thermid as td
 from by_code import raises_code
 from thermid.base.errors import NameNotFoundError, ScenarioError
 from thermid.campaign._judge.limits import Limits
-from thermid.campaign._judge.margins import POLICIES, flat_margin, heater_duty, margins
+from thermid.campaign._judge.margins import POLICIES, fixed_margin, heater_duty, margins
 from thermid.prediction.bands import Knowledge, foresee
 from unit.qualify.things import soak, unit
 
@@ -42,7 +42,7 @@ def test_the_sum_is_that_of_its_parts_and_the_error_is_the_prediction_s(fit: td.
     assert hot.error == pytest.approx(told["proc"].error[-1], rel=1e-6)
     assert hot.uncertainty == pytest.approx(1.959964 * hot.error)
     assert hot.margin == pytest.approx(343.15 - hot.predicted - hot.uncertainty - 10.0)
-    assert hot.flat_left == pytest.approx(343.15 - hot.predicted - 11.0 - 10.0)
+    assert hot.left_with_fixed == pytest.approx(343.15 - hot.predicted - 11.0 - 10.0)
     assert sum(hot.shares.values()) == pytest.approx(1.0)
     assert hot.passed == (hot.margin >= 0)
 
@@ -80,9 +80,9 @@ def test_a_margin_from_memory_decides_nothing() -> None:
     ("celsius", "tested", "expected"),
     [(20.0, True, 11), (20.0, False, 17), (-70.0, True, 11), (-71.0, True, 10), (-100.0, True, 9), (-230.0, True, 2), (-240.0, True, 1)],
 )
-def test_the_flat_margin_of_colder_hardware(celsius: float, tested: bool, expected: float) -> None:
+def test_the_fixed_margin_of_colder_hardware(celsius: float, tested: bool, expected: float) -> None:
     """SMC-S-016, Table 4.4-2."""
-    assert flat_margin(celsius + 273.15, tested).value == expected
+    assert fixed_margin(celsius + 273.15, tested).value == expected
 
 
 def test_every_number_of_a_policy_has_a_mark() -> None:
