@@ -247,8 +247,10 @@ def _check_plain(value: Any, words: tuple[str, ...], name: str, function: str) -
         plain = value[()] if isinstance(value, np.ndarray) and value.ndim == 0 else value  # as `Trace.at` returns one number
         alone = isinstance(plain, str | bytes | Mapping) and not {"str", "Mapping", "dict"} & {*words}  # which is no list of its parts
         of_kind = isinstance(plain, bool | np.bool_) == ("bool" in words) and any(isinstance(plain, kind) for kind, _ in allowed)
-        if alone or not (of_kind and _has_size(plain)) or (name in COUNTS and plain < 0):
+        if alone or not (of_kind and _has_size(plain)):
             raise DeckError(f"`{name}` takes {allowed[0][1]}, not {_brief(value)}.", function, code="value.wrong-kind")
+        if name in COUNTS and plain < 0:
+            raise DeckError(f"`{name}` is counted from 0 on, not {_brief(value)}.", function, code="value.outside-range")
 
 
 def check_two(value: Any, name: str, where: str) -> None:

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thermid.base.arguments import takes_objects
-from thermid.base.errors import IdentificationError, NameNotFoundError, SolverError, nearest, quoted
+from thermid.base.errors import NameNotFoundError, SolverError, nearest, quoted
 from thermid.base.expression import seconds
 from thermid.base.files import FileKinds, replacing
 from thermid.base.linear_algebra import Array, Bools
@@ -483,18 +483,7 @@ class PredictRequest:
     as_logged: bool
 
     def answer(self, knowledge: Knowledge, nodes: Sequence[str] | None) -> Prediction:
-        """Return the prediction by what is known.
-
-        Raises
-        ------
-        IdentificationError   When there are fewer draws than none.
-        """
-        if self.draws < 0:
-            raise IdentificationError(
-                f"{self.draws} members are too few. Give 0 for derivatives alone, or some hundred.",
-                knowledge.model.title,
-                code="value.outside-range",
-            )
+        """Return the prediction by what is known."""
         budget = budget_of(knowledge, self.scenario, self.spread, without=self.without, as_logged=self.as_logged)
         return predicted(budget, nodes, every=self.every, times=self.times, draws=self.draws, seed=self.seed, options=self.options)
 
