@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from thermid.campaign._file import read_campaign
+from thermid.campaign._file import CampaignSource, read_campaign
 
 from .conftest import Call
 
@@ -26,7 +26,10 @@ def lagging(campaign: Path) -> Path:
     return campaign
 
 
-def test_noise_needs_no_element(fitted_campaign: Path, call: Call) -> None:
+def test_noise_needs_no_element(fitted_campaign: Path, call: Call, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A hold-out record says nothing of residuals, and stays unopened."""
+    opened: list[str] = []
+    monkeypatch.setattr(CampaignSource, "record", lambda self, name, *a, _old=CampaignSource.record, **k: opened.append(name) or _old(self, name, *a, **k))
     said = call("criticise", fitted_campaign, "--stage", "box")
     assert said.code == 0
     assert said.out.startswith("box: residuals are noise in 1 of 1 traces")
