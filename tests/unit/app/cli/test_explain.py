@@ -28,12 +28,15 @@ def lagging(campaign: Path) -> Path:
 
 def test_noise_needs_no_element(fitted_campaign: Path, call: Call, monkeypatch: pytest.MonkeyPatch) -> None:
     """A hold-out record says nothing of residuals, and stays unopened."""
-    opened: list[str] = []
-    monkeypatch.setattr(CampaignSource, "record", lambda self, name, *a, _old=CampaignSource.record, **k: opened.append(name) or _old(self, name, *a, **k))
+    opened: set[str] = set()
+    bound = CampaignSource.bound
+    monkeypatch.setattr(CampaignSource, "bound", lambda source, name, stage: (opened.add(name), bound(source, name, stage))[1])
     said = call("criticise", fitted_campaign, "--stage", "box")
     assert said.code == 0
     assert said.out.startswith("box: residuals are noise in 1 of 1 traces")
     assert "candidates, each alone" not in said.out
+    assert [v.record for v in read_campaign(fitted_campaign).content.verdicts] == ["pair_two"]
+    assert opened == {"box_bench", "pair_one"}
     found = call("criticise", fitted_campaign, "--stage", "box", "--json").object["stages"]["box"]
     assert (found["suggested"], found["candidates"], found["traces"][0]["white"]) == (None, [], True)
 
