@@ -59,6 +59,11 @@ class CampaignSource:
         """Stages that are accepted as they are, whatever their standing."""
         return tuple(dict.fromkeys((*self.content.accept, *self.accept)))
 
+    @property
+    def unjudged(self) -> CampaignSource:
+        """The stages alone: without verdicts, which open hold-out records, and without a joint fit."""
+        return replace(self, content=self.content.model_copy(update={"joint": None, "verdicts": []}))
+
     def where(self, key: str) -> str:
         """Return file, line and key path."""
         return Places(self.path.name, self.lines)(key)

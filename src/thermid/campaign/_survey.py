@@ -367,7 +367,7 @@ def fleet_in(
     wanted = table.stage or names[-1]
     refuse_unknown([wanted], names, source.where("fleet.stage"), "no stage '{}'.", NameNotFoundError)
     k = names.index(wanted)
-    below = source.content.model_copy(update={"stages": stages[:k], "joint": None, "verdicts": []})
+    below = source.unjudged.content.model_copy(update={"stages": stages[:k]})
     done = run_stages(replace(source, content=below), cache=cache, notice=notice, executor=executor).stages if stages[k].inherit else {}
     request = request_of(source, stages[k], k, done)
     records = {name: unit.records for name, unit in table.units.items()} or {r.name: [r.name] for r in request.records}

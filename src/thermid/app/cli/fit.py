@@ -222,7 +222,7 @@ def estimate(
     """
     conditions = load_scenario(scenario) if scenario is not None else None
     drivers = pairs(noise, "--noise")
-    result = staged(campaign, data, results, stage=stage)
+    result = staged(campaign, data, results, stage=stage, judged=False)
     request = result.requests[result[stage].stage if stage else list(result)[-1]]
     with working(f"process noise of stage '{request.name}'"):
         estimation = estimated(replace(request, fit_start=False), drivers, {}, with_unit(horizon, "s"))

@@ -287,7 +287,7 @@ def _fits(campaign: Path, stage: str, data: Path | None, results: Path | None) -
     ------
     NameNotFoundError   When no stage of that name was fitted to logs.
     """
-    done = staged(campaign, data, results, stage=stage).stages
+    done = staged(campaign, data, results, stage=stage, judged=False).stages
     fitted = {name: fit for name, fit in done.items() if fit.records}
     if not stage:
         return fitted

@@ -91,8 +91,11 @@ def staged(
     executor: Workers = None,
     stage: str = "",
     records: Sequence[str] = (),
+    judged: bool = True,
 ) -> Campaign:
     """Run a campaign with progress, taking finished stages from the results folder: beside the campaign by default.
+
+    What asks nothing of verdicts leaves hold-out records unopened (`judged`).
 
     Raises
     ------
@@ -104,7 +107,9 @@ def staged(
     refuse_unknown([stage] if stage else [], [s.name for s in source.content.stages], path.name, "no stage '{}'.", NameNotFoundError)
     source.pick(records, "--record")
     with campaign_progress(path) as progress:
-        return run_stages(source, data=data, notice=progress, cache=None if fresh else folder, accept=accept or (), executor=executor)
+        return run_stages(
+            source if judged else source.unjudged, notice=progress, cache=None if fresh else folder, accept=accept or (), executor=executor
+        )
 
 
 def check_target(to: Path | None) -> None:

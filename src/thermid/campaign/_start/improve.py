@@ -142,7 +142,7 @@ def improve(path: Path, stage: str = "", evaluations: int = EVALUATIONS, data: P
     names = [s.name for s in source.content.stages]
     name = stage or names[-1]
     refuse_unknown([name], names, path.name, "no stage '{}'.", DeckError)
-    before = run_stages(path, data=data, cache=path.parent / "results", executor=executor).stages[name]
+    before = run_stages(source.unjudged, cache=path.parent / "results", executor=executor).stages[name]
     if before.request is None or not before.request.records:
         raise DeckError(
             f"stage '{name}' has values tuned by hand and fits nothing, so structures cannot be compared. Give a stage that fits records.",

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from thermid.campaign._file import read_campaign
+from thermid.campaign._file import CampaignSource, read_campaign
 
 from .conftest import Call
 
@@ -26,11 +26,17 @@ def lagging(campaign: Path) -> Path:
     return campaign
 
 
-def test_noise_needs_no_element(fitted_campaign: Path, call: Call) -> None:
+def test_noise_needs_no_element(fitted_campaign: Path, call: Call, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A hold-out record says nothing of residuals, and stays unopened."""
+    opened: set[str] = set()
+    bound = CampaignSource.bound
+    monkeypatch.setattr(CampaignSource, "bound", lambda source, name, stage: (opened.add(name), bound(source, name, stage))[1])
     said = call("criticise", fitted_campaign, "--stage", "box")
     assert said.code == 0
     assert said.out.startswith("box: residuals are noise in 1 of 1 traces")
     assert "candidates, each alone" not in said.out
+    assert [v.record for v in read_campaign(fitted_campaign).content.verdicts] == ["pair_two"]
+    assert opened == {"box_bench", "pair_one"}
     found = call("criticise", fitted_campaign, "--stage", "box", "--json").object["stages"]["box"]
     assert (found["suggested"], found["candidates"], found["traces"][0]["white"]) == (None, [], True)
 
