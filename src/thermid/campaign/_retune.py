@@ -290,19 +290,37 @@ def plan_retune(
     )
 
 
-def check_replacement(campaign: str | os.PathLike[str], part: str, new: str | os.PathLike[str]) -> None:
+def check_replacement(
+    campaign: str | os.PathLike[str], part: str, new: str | os.PathLike[str], logs: CampaignSource | None = None, part_only: bool = False
+) -> None:
     """Refuse a part that does not fit its place in the model of a campaign's last stage, before any stage runs.
+
+    Of new `logs` those must be there that are due whatever the stages find: of the tests of the part alone, and of the last stage where it
+    fits values of the part.
 
     Raises
     ------
-    ThermidError   As `plan_retune`, such as for areas that the view factors of an enclosure do not allow.
+    ThermidError   As `plan_retune`, such as for areas that the view factors of an enclosure do not allow, or for logs that are missing.
     """
     source, model = read_campaign(campaign), load_model(new)
-    last = len(source.content.stages) - 1
-    above = source.model(source.content.stages[last].model, source.where(f"stages.{last}.model"))
+    *below, top = source.content.stages
+    above = source.model(top.model, source.where(f"stages.{len(below)}.model"))
     path = above.canonical(part)
+    swapped = above.replaced(path, model)[0]
     with errors_at(f"'{model.title}' at {path}", ": "):
-        compile_network(above.replaced(path, model)[0])
+        compile_network(swapped)
+    if logs is None:
+        return
+    alone = {n for p, i in top.inherit.items() if above.canonical(p) == path for n in i.stages}
+    due = [n for s in below if s.name in alone for n in s.records]
+    values, touched = ParameterSet(above), touching(above, path)
+    own = {p for p in map(above.canonical, top.free) if inside(p, path) and p not in {*touched.settings, *top.freeze}}
+    own &= ParameterSet(swapped).table.keys()
+    if any(not touched.why(values, p)[1] for p in own) and not part_only:
+        due += top.records
+    missing = [n for n in dict.fromkeys(due) if n in logs.content.records and not logs.in_data(n)]
+    if missing:
+        raise MissingDataError(_missing(logs, missing), logs.path.name)
 
 
 def _bound(request: Request, plan: StagePlan, seats: Mapping[str, str]) -> dict[str, str]:

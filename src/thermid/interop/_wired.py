@@ -213,7 +213,8 @@ def wired(model: Model, scenario: Scenario, what: str | Writer) -> Wired:
     refuse_controls(network.controls, writer.name, "Export the model without it, or one run for each share.")
     wiring = Wiring(network, scenario)
     numbers = wiring.flowing(with_formulas(network), {})
-    idle = [row for row in numbers.conductors if writer.numbers and _is_idle(row)]
+    laws = [row for row in numbers.conductors if writer.numbers and row.form in ("power", "table") and not row.signal]
+    idle = [row for row in laws if value_of(row.coefficients[0]) == 0.0]
     numbers = replace(numbers, conductors=tuple(row for row in numbers.conductors if row not in idle))
     _refuse_laws(network, numbers, writer)
     sources = _sources(network, wiring, numbers, writer)
@@ -240,11 +241,6 @@ def wired(model: Model, scenario: Scenario, what: str | Writer) -> Wired:
     _refuse_bent_courses(out, writer)
     _refuse_other_formulas(out, wiring, writer)
     return out
-
-
-def _is_idle(row: ConductorRow) -> bool:
-    """Return whether a conductor of a law beside the linear ones and radiation conducts nothing at any temperature."""
-    return row.form in ("power", "table") and not row.signal and value_of(row.coefficients[0]) == 0.0
 
 
 def _refuse_laws(network: Network, numbers: Numbers, writer: Writer) -> None:

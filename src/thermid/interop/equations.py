@@ -284,11 +284,12 @@ class _Derivation:
     def _eliminate(self, node: str, several: bool) -> None:
         """Replace a massless node by a mesh between its neighbours; its own heat goes to them by the same weights."""
         sympy = self.sympy
-        star = {
-            next(iter(pair - {node})): (arms[0] if len(arms) == 1 else 1 / sum(1 / a for a in arms))
-            for pair, arms in self.arms.items()
-            if node in pair
-        }
+        star = {}
+        for joined, arms in self.arms.items():
+            if node in joined:
+                (end,) = joined - {node}
+                arm = arms[0] if len(arms) == 1 else 1 / sum(1 / a for a in arms)
+                star[end] = self._defined(arm, f"R_{self._word(node)}_{self._word(end)}", f"resistance between {node} and {end} [K/W]")
         if not star:
             raise DeckError(
                 f"the massless node '{node}' has no conductance to any node, so its temperature is undefined. Connect it.",
@@ -299,11 +300,14 @@ class _Derivation:
         ends = list(star)
         product = {k: sympy.Mul(*(star[e] for e in ends if e not in k)) for k in combinations(ends, 2)}
         single = {e: sympy.Mul(*(star[o] for o in ends if o != e)) for e in ends}
-        delta = self._delta(node, sympy.Add(*(single[e] for e in ends)), several) if len(ends) > 1 else sympy.Integer(1)
+        delta = sympy.Integer(1)
+        if len(ends) > 1:
+            name = f"Delta_{self._word(node)}" if several else "Delta"
+            delta = self._abbreviated(sympy.Add(*(single[e] for e in ends)), name, f"abbreviation from the elimination of {node}")
         for pair, above in product.items():
             # R between two neighbours: Delta over the product of the other arms
             self.arms.setdefault(frozenset(pair), []).append(delta / above)
-        own_heat = self.q.pop(node)
+        own_heat = self._defined(self.q.pop(node), f"Q_{self._word(node)}", f"heat that reaches {node} [W]")
         everything = sympy.Mul(*star.values())
         for end in ends:
             if end in self.q:
@@ -311,10 +315,21 @@ class _Derivation:
         mean = sympy.Add(*(single[e] * self.t[e] for e in ends))
         self.recovered.append((node, (mean + own_heat * everything) / delta))
 
-    def _delta(self, node: str, expression: Expr, several: bool) -> Expr:
-        """Return the symbol that abbreviates the denominator of an eliminated node."""
-        word = re.sub(r"^T_?", "", self.names.temperature[node])
-        symbol = self._symbol(f"Delta_{word}" if several else "Delta", f"abbreviation from the elimination of {node}")
+    def _word(self, node: str) -> str:
+        """Return the symbol of a node's temperature without its T."""
+        return re.sub(r"^T_?", "", self.names.temperature[node])
+
+    def _defined(self, expression: Expr, name: str, what: str) -> Expr:
+        """Return a symbol for what holds abbreviations, so that eliminations one after the other do not put them into each other."""
+        if expression.is_Symbol or not expression.free_symbols & self.auxiliaries.keys():
+            return expression
+        while name in self.symbols:
+            name += "_"
+        return self._abbreviated(expression, name, what)
+
+    def _abbreviated(self, expression: Expr, name: str, what: str) -> Expr:
+        """Return the symbol that abbreviates an expression."""
+        symbol = self._symbol(name, what)
         self.auxiliaries[symbol] = expression
         return symbol
 

@@ -160,7 +160,7 @@ class _Writer:
             nodes=", ".join(w.massive),
             massless=f"\n% Without mass, and eliminated: {', '.join(w.massless)}." if w.massless else "",
             version=version("thermid"),
-            names=", ".join(_quoted(n) for n in w.massive),
+            names=", ".join("'" + n.replace("'", "''") + "'" for n in w.massive),
             breaks="\n".join(_listed("  breaks = ", w.breaks(), column=True)),
             parameters="".join(
                 f"  p.{word} = {number_text(p.value)};  % {one_line(f'[{p.unit}] {p.note}')}\n" for word, p in fields if p.formula is None
@@ -338,8 +338,3 @@ def _wrapped(start: str, words: Sequence[str], between: str, end: str) -> Iterat
         last = k == len(rows) - 1
         head = start if k == 0 else "    "
         yield f"{head}{between.join(row)}{end if last else between.rstrip() + ' ...'}"
-
-
-def _quoted(text: str) -> str:
-    """Return a text in single quotes of Octave."""
-    return "'" + text.replace("'", "''") + "'"

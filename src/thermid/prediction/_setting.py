@@ -169,6 +169,18 @@ class Setting:
             columns[n] = np.vstack([slopes, rest[None, :]]) @ chain + self._added_after_run(n)[None, :]
         return Linear(run, settled, columns)
 
+    def secants(self, linear: Linear) -> Linear:
+        """Return it with half the difference of members a standard deviation either way for derivatives, where anything switches.
+
+        At an instant they differ by their switching times, so by the hysteresis at most.
+        """
+        if not self.switches:
+            return linear
+        sizes = np.where(self.budget.sizes > 0.0, self.budget.sizes, 1.0)
+        up, down = (self.temperatures(sign * np.diag(sizes), list(linear.columns), extremes=False).kelvin for sign in (1.0, -1.0))
+        settled = np.full((1, sizes.size), np.nan)
+        return replace(linear, columns={n: np.vstack([(up[n] - down[n]) / (2.0 * sizes), settled]) for n in up})
+
     def cancelled(self, linear: Linear) -> Bools:
         """Return which sources (sources,) are values whose effect the values of a fit take back, solved again for each, in this scenario.
 

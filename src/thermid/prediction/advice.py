@@ -43,7 +43,7 @@ from thermid.prediction._budget import AVERAGED, Budget, budget_of
 from thermid.prediction._known import Knowledge, Rows, instruments_of, rows_of
 from thermid.prediction._predict import WayAnswer, mixed_answer
 from thermid.simulation.network import compile_network
-from thermid.simulation.runs import Scenario, Workers, in_tasks, network_for
+from thermid.simulation.runs import Scenario, Workers, in_tasks, network_for, simulate
 from thermid.values.store import Normal, Source
 
 CHAMBER_STEP = 20.0
@@ -63,6 +63,10 @@ EMISSIVITY_SD = 0.15
 JOINT_LOG_SD = 0.7
 """Standard deviation of the logarithm of a joint's conductance without gas about that with it: a factor of two either way. Gas carries more
 than half of the heat between bare, lightly pressed faces (Yovanovich, IEEE Trans. CPT 28 (2005) 182); a filled joint loses nothing. [-]"""
+SWITCHING_REMARK = (
+    "not counted: temperatures switch parts of tests such as '{}', and readings near an instant of switching tell less than these figures "
+    "say"
+)
 NAME = "next test"
 DURATIONS = 24
 MIN_SINGULAR_VALUE = 1e-9
@@ -197,6 +201,7 @@ class Advice(Result):
     options : tuple         The best first.
     beside : dict           Of a prediction: cause -> standard error [K] that it has besides and that these figures leave out.
     remarks : tuple of str  What the figures take for granted of the noise.
+    not_counted : str       What no figure counts, printed first; empty where nothing.
     """
 
     target: str
@@ -207,6 +212,7 @@ class Advice(Result):
     options: tuple[Option, ...]
     beside: Mapping[str, float] = field(default_factory=dict)
     remarks: tuple[str, ...] = ()
+    not_counted: str = ""
 
     @property
     def best(self) -> Option:
@@ -222,7 +228,7 @@ class Advice(Result):
         aim = f", wanted +- {self._shown(self.goal)}" if np.isfinite(self.goal) else ""
         is_met = self.now <= self.goal  # never without a goal
         aim += ". The goal is met already; no further test is needed for it" if is_met else ""
-        lines = [f"Next test for {self.target}: now +- {self._shown(self.now)}{aim}"]
+        lines = [*filter(None, [self.not_counted]), f"Next test for {self.target}: now +- {self._shown(self.now)}{aim}"]
         width = max(len(o.name) for o in self.options)
         for o in self.options:
             if o.refused:
@@ -332,6 +338,7 @@ class Before:
     def temperature(self, node: str, at: float) -> tuple[Array, float, dict[str, float]]:
         """Return how a temperature responds (sources,), its value, and cause -> error that no test takes away. [K]"""
         ways = [WayAnswer.of_budget(w, budget_of_way, [node], None, [at], None) for w, budget_of_way in self.budget.weighted_ways]
+        ways = [replace(w, linear=w.setting.secants(w.linear)) for w in ways]
         (columns,) = max(ways, key=lambda w: w.weight).linear.columns.values()
         parts, _, centre, _ = mixed_answer(ways, next(iter(ways[0].linear.columns)), np.zeros(1))
         beside = {cause: float(np.sqrt(v[0])) for cause, v in parts.items() if cause in (*UNTESTED_CAUSES, AVERAGED)}
@@ -533,9 +540,20 @@ def next_test(
     tasks = [(f"action '{a.name}'", (before, a, a.sensors or instruments, every, gradient, wanted)) for a in todo]
     options = [option for _, option in sorted(in_tasks(_option, tasks, executor), key=lambda numbered: numbered[0])]
     ranked = sorted(options, key=lambda o: _rank(o, wanted))
-    return Advice(
-        label, value, now, slot, wanted, tuple(ranked), beside, (*_remarks(before, instruments), *_repeat_remarks(ranked, slot, value))
-    )
+    remarks = (*_remarks(before, instruments), *_repeat_remarks(ranked, slot, value))
+    switched = next((a.name for a in todo if _switches(model, a.scenario)), "")
+    not_counted = SWITCHING_REMARK.format(switched) if switched else ""
+    return Advice(label, value, now, slot, wanted, tuple(ranked), beside, remarks, not_counted)
+
+
+def _switches(model: Model, scenario: Scenario) -> bool:
+    """Return whether temperatures switch anything in a run; false where it cannot be made."""
+    if not network_for(model, scenario).switches:
+        return False
+    try:
+        return bool(simulate(model, scenario)._run.answer.switched)
+    except ThermidError:
+        return False
 
 
 def _repeat_remarks(options: Sequence[Option], slot: str, value: float) -> tuple[str, ...]:

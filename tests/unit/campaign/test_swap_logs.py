@@ -14,6 +14,7 @@ import thermid as td
 from by_code import raises_code
 from thermid.app.cli.app import app
 from thermid.base.errors import DeckError, MissingDataError
+from thermid.campaign.studies import check_replacement, new_logs
 from thermid.measure.records import Record
 from thermid.model.deck import load_model
 from thermid.prediction.bands import Knowledge
@@ -290,6 +291,19 @@ def test_logs_that_are_not_there_are_missed_before_any_fit(own: Path, tmp_path: 
     call = ["swap", str(own / "own" / "campaign.toml"), "x", str(own / "no_deck.toml"), "--new-data", str(tmp_path)]
     done = CliRunner().invoke(app, call)
     assert "has no log of unit" in str(done.exception), "and not that the deck is missing, which is found after the fits"
+
+
+def test_a_log_that_is_due_whatever_stages_find_is_missed_before_any_fit(campaign: td.Campaign, own: Path, tmp_path: Path) -> None:
+    """With a log of another test in the folder they were missed after all stages had run, 16 s of work in a small campaign."""
+    (tmp_path / "supply.csv").write_text("")
+    call = ["swap", str(own / "own" / "campaign.toml"), "x", str(own / "new.toml"), "--new-data", str(tmp_path)]
+    assert "has no log of unit" in str(CliRunner().invoke(app, [*call, "--results", str(tmp_path / "kept")]).exception)
+    assert not (tmp_path / "kept").exists(), "no stage ran"
+    assert campaign.source is not None
+    deck, again = new_part(campaign, tmp_path, "d")
+    (again / "logs" / "part.csv").unlink()
+    with raises_code("record.log-missing", MissingDataError, match="has no log of part"):
+        check_replacement(campaign.source.path, "x", deck, new_logs(campaign.source.path, again))
 
 
 def test_the_written_deck_has_the_text_of_every_start(campaign: td.Campaign, tmp_path: Path) -> None:

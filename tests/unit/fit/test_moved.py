@@ -88,6 +88,7 @@ def test_a_value_that_moved_and_its_neighbour_that_did_not(stack: Model, below: 
     assert other.moved.moved == ("a.power", "all together")
     (warning,) = (w for w in other.warnings if w.startswith("check: significantly different from the stage below: a.power (+"))
     assert ". The parts behave differently in the assembly than" in warning
+    assert warning.endswith(other.moved["a.power"].remedy), "lags and clocks of its logs may be the cause as well"
     assert "  values of the stages below -> by the logs of this stage alone:" in str(other)
     assert re_power(other.moved["a.power"])
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +15,7 @@ from by_code import raises_code
 from thermid.base.errors import DeckError, IdentificationError, NameNotFoundError, ScenarioError
 from thermid.fit.calibration import Calibration, Request, calibrate, fit
 from thermid.prediction._budget import Spread
-from thermid.prediction._predict import Prediction, predict
+from thermid.prediction._predict import Prediction, _mixed, predict
 from thermid.simulation.runs import Scenario, simulate
 from unit.fit.bench import HTC, MASS, box, log, pair
 
@@ -48,6 +49,15 @@ def test_it_is_the_simulation_with_the_error_of_the_covariance(found: Calibratio
     low, high = told["case"].interval(0.95)
     assert (high - low) / 2 == pytest.approx(1.959964 * by_hand, rel=2e-3)
     assert told["air"].error.max() == 0.0
+
+
+def test_rounding_is_no_error(found: Calibration) -> None:
+    """A boundary at 45 degC, averaged over ways of carrying heat, was '45.00 +- 5.7e-14 degC'."""
+    air = plain(found, HOT)["air"]
+    ulp = np.full(air.times.size, np.spacing(318.15) ** 2)
+    assert " +- 0 degC" in str(replace(air, parts={"averaged": ulp}).final)
+    apart = [replace(air.final, celsius=air.final.celsius + x) for x in (0.0, float(np.sqrt(ulp[0])))]
+    assert " +- 0 degC" in str(_mixed(apart, np.array([0.5, 0.5])))
 
 
 def test_what_is_settled_is_the_steady_state(found: Calibration) -> None:

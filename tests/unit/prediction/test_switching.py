@@ -124,6 +124,19 @@ def test_margins_are_those_of_the_extremes_of_members(found: Calibration, told: 
     assert max(effects["bat"] for *_, effects in assumed) < 1.0
 
 
+def test_advice_on_a_switched_temperature_is_that_of_members() -> None:
+    """By derivatives the battery was "now +- 24.9 K" at the end; figures of tests that switch say first what they leave out."""
+    model, air = deck(0.25, 220.0, 340.0, 6.0, (ON, OFF)), {"air": "22 [degC]"}
+    priors = {"cell.conductance": ("0.25 [W/K]", "0.0375 [W/K]"), "bat.capacitance": ("220 [J/K]", "33 [J/K]")}
+    given: dict[str, Any] = {"sensors": {"bat": "0.1 [K]"}, "priors": priors}
+    step = td.design.Action("warm, with a step", COLD.with_(boundaries=air, loads={"heater": "3 [W]"}))
+    advice = td.design.next_test(model, td.design.Aim(COLD, "bat"), [step], **given)
+    assert 0.0 < advice.best.error < advice.now < OFF - ON
+    assert advice.not_counted == ""
+    switched = td.design.next_test(model, "cell.conductance", [step, td.design.Action("cold", COLD)], **given)
+    assert "'cold'" in str(switched).splitlines()[0]
+
+
 def test_where_nothing_switches_derivatives_do(found: Calibration) -> None:
     assert td.predict(found, COLD.with_(boundaries={"air": "25 [degC]"}))["bat"].members is None
 

@@ -58,7 +58,7 @@ from thermid.campaign.stages import (
 )
 from thermid.campaign.studies import check_replacement, new_logs, plan_retune
 from thermid.campaign.verdicts import CampaignPrediction
-from thermid.fit.calibration import Calibration, LocalSpec
+from thermid.fit.calibration import Calibration
 from thermid.fit.error_model import SIZES
 from thermid.fit.estimation import estimated
 from thermid.model.deck import load_model, save_model
@@ -320,7 +320,7 @@ def swap(
     if to is not None:
         to.mkdir(parents=True, exist_ok=True)  # a name that is no folder's is refused before minutes of work
     logs = new_logs(campaign, new_data) if new_data is not None else None
-    check_replacement(campaign, part, deck)
+    check_replacement(campaign, part, deck, logs, part_only)
     sensors = pairs(sensor_at, "--sensor-at")
     plan = plan_retune(staged(campaign, data, results, accept), part, deck, sensors=sensors)
     content: dict[str, Any] = {"plan": retune_object(plan)}
@@ -486,7 +486,7 @@ def _predict_without_scenario(
     scores = []
     for run in source.pick(patterns, "--record"):
         verdict = next((v for v in source.content.verdicts if v.model == name and run in source.pick([v.record], "verdicts")), None)
-        local_table = {n: _as_table(s) for n, s in source.local_of_record(run).items()}
+        local_table = {n: s.to_table() for n, s in source.local_of_record(run).items()}
         scenario = verdict.scenario if verdict is not None and verdict.scenario is not None else stage.scenario
         readings = verdict.readings if verdict is not None and verdict.readings is not None else stage.readings
         local = local_of(verdict.local) if verdict is not None else local_of(stage.local) | local_table
@@ -509,11 +509,6 @@ def _predict_without_scenario(
         lines.append(f"fitted by the stage itself: {', '.join(fitted_records)}")
     say(as_json, {"stage": name, "records": [t.to_dict() for t in scores]}, "\n".join(lines), verbose)
     leave(fit.standing)
-
-
-def _as_table(spec: LocalSpec) -> dict[str, str]:
-    """Return a value that each record has for itself as a table."""
-    return {"start": spec.start} | ({"sd": f"{spec.sd} [K]"} if math.isfinite(spec.sd) else {})
 
 
 def _spreads(texts: list[str]) -> dict[str, Any]:

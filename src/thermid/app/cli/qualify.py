@@ -79,17 +79,13 @@ def plan(
     for test, sensors in predictions.items():
         lines.append(f"  {test}")
         for sensor, p in sensors.items():
-            ends = [_end(p[f"{end}_C"], HALF_WIDTH_95 * p[f"{end}_error_K"]) for end in ("lowest", "highest")]
+            half_widths = {end: HALF_WIDTH_95 * p[f"{end}_error_K"] for end in ("lowest", "highest")}
+            ends = [f"{p[f'{end}_C']:.1f}" + (f" +- {half:.1f}" if half > 0.0 else "") for end, half in half_widths.items()]
             known = "95 %" if p["highest_error_K"] > 0.0 else "no error is known, because no fit stands behind the model"
             lines.append(f"    {sensor}: {' .. '.join(ends)} degC ({known})")
     answer = {"title": planned.title, "standing": standing.to_dict(), "plan": shown, "predictions": predictions}
     say(as_json, answer, "\n".join([*lines, str(status)]), verbose)
     leave(standing)
-
-
-def _end(celsius: float, error: float) -> str:
-    """Return a temperature [degC] with its error [K] as text; by itself where nothing is known of the error."""
-    return f"{celsius:.1f} +- {error:.1f}" if error > 0.0 else f"{celsius:.1f}"
 
 
 def qualify(

@@ -228,13 +228,9 @@ def removed(content: Mapping[str, Any], keys: Sequence[str]) -> list[Edit]:
     if table not in ("nodes", "needs", "submodels"):
         now = _schedule_of(content, table, name)
         return [*edits, *([Edit(("controls", content[table][name][SWITCHED[table]]))] if now and now["on"] else [])]
-    joined = [(t, n) for t in TABLES for n, e in content.get(t, {}).items() if (t, n) != (table, name) and _touches(e, name)]
+    others = [(t, n, e) for t in TABLES for n, e in content.get(t, {}).items() if (t, n) != (table, name)]
+    joined = [(t, n) for t, n, e in others if any(end == name or end.startswith(f"{name}.") for end in ends_of(e))]
     return [*(Edit(pair) for pair in joined), *edits]
-
-
-def _touches(element: Mapping[str, Any], name: str) -> bool:
-    """Whether an element is joined to a node, or to a node of a part."""
-    return any(end == name or end.startswith(f"{name}.") for end in ends_of(element))
 
 
 def ends_of(element: Mapping[str, Any]) -> list[str]:

@@ -89,7 +89,9 @@ class WorstCases(Result):
         lines = []
         for word, case in (("hot", self.hot), ("cold", self.cold)):
             if case is not None:
-                values = ", ".join(f"{name} {_shown(value, self.units[name])}" for name, value in case.values.items())
+                units = {name: unit.removeprefix("1") for name, unit in self.units.items()}
+                shown = {n: text_of(v) if units[n] == "K" else f"{v:.6g} {units[n]}".rstrip() for n, v in case.values.items()}
+                values = ", ".join(f"{name} {text}" for name, text in shown.items())
                 spare = f"{case.spare:.3f} K left" if case.spare >= 0.0 else f"VIOLATED by {-case.spare:.3f} K"
                 lines.append(f"{word}: {spare}, {case.by}: {values}")
         if self.declined:
@@ -162,11 +164,6 @@ def worst_case(
     if hot is None and cold is None:
         raise ScenarioError("no operating limit is finite. Give a lower one, an upper one, or both.", "limits", code="value.incomplete")
     return WorstCases(hot, cold, task.units, task.one_way, task.searched, task.declined, task.count)
-
-
-def _shown(value: float, unit: str) -> str:
-    """Return a value with its unit; a temperature in degC."""
-    return text_of(value) if unit == "K" else f"{value:.6g} {unit}".rstrip("1 ") if unit == "1" else f"{value:.6g} {unit}"
 
 
 class _Ranges:

@@ -7,7 +7,6 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
 import tomlkit
 from tomlkit.items import AoT
 
@@ -16,7 +15,7 @@ from thermid.base.files import may_write, read_text, unsealed, write_text
 from thermid.campaign._file import CampaignSource, read_campaign
 from thermid.campaign._stages import run_stages
 from thermid.campaign._start.project import TEMPLATE
-from thermid.fit.calibration import Calibration, LocalSpec, Request, fit
+from thermid.fit.calibration import Calibration, Request, fit
 from thermid.inference.criticism import EVALUATIONS, MissingElement, StructureSearch, search_structure
 from thermid.measure.amounts import short
 from thermid.measure.records import Record
@@ -294,7 +293,7 @@ def _written(path: Path, stage: str, before: Request, after: Request, delays: Se
         scenario_table = dict(table.get("scenario", {}))
         scenario_table["initial"] = {n: c if isinstance(c, str) else f"{c!r} [K]" for n, c in scenario.initial.items()}
         table["scenario"] = tomlkit.item(scenario_table)
-    local = {n: _local(s) for n, s in after.local.items() if n not in before.local}
+    local = {n: s.to_table() for n, s in after.local.items() if n not in before.local}
     if local:
         table["local"] = tomlkit.item({**dict(table.get("local", {})), **local})
     for delay in delays:
@@ -318,8 +317,3 @@ def with_step(table: Any, delay: Delay) -> None:
     step = tomlkit.inline_table()
     step.update(delay.step)
     table["prepare"].append(step)
-
-
-def _local(spec: LocalSpec) -> dict[str, str]:
-    """Return a value of each record as a table of a campaign."""
-    return {"start": spec.start, **({"sd": f"{spec.sd:.3g} [K]"} if np.isfinite(spec.sd) else {})}

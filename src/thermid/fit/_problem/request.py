@@ -47,6 +47,10 @@ class LocalSpec:
     start: str
     sd: float = math.inf
 
+    def to_table(self) -> dict[str, str]:
+        """Return it as a table of a campaign."""
+        return {"start": self.start} | ({"sd": f"{self.sd:.6g} [K]"} if math.isfinite(self.sd) else {})
+
     @classmethod
     def read(cls, written: Any, where: str) -> LocalSpec:
         """Return it from a temperature, the name of a channel, or a table with `start` and `sd`."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import ClassVar
 
 import numpy as np
 
@@ -299,6 +300,8 @@ class Move:
     below_error: float = math.nan
     below_random: float = math.nan
 
+    remedy: ClassVar[str] = "Check contacts, radiation and powers that the part has only in the assembly, and lags and clocks of its logs."
+
     @property
     def verdict(self) -> str:
         """Moved, not rejected, or this log cannot decide."""
@@ -437,7 +440,7 @@ class Moves:
             return []
         return [
             f"significantly different from the stage below: {some(far, 'values')}. The parts behave differently in the assembly than "
-            "alone, or the stage below lacked physics. Check contacts, radiation and powers in the assembly."
+            f"alone, or the stage below lacked physics. {Move.remedy}"
         ]
 
 

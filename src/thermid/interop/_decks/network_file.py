@@ -367,7 +367,9 @@ class NetworkFile:
         for span, ratios in places.items():
             ratio = next(iter(ratios.values()))
             text = self.texts[span.file][span.begin : span.end]
-            if all(_is_same_number(ratio, change_ratio) for change_ratio in ratios.values()) and _scales(text):
+            # a factor can stand beside a number or an expression, not beside an array or a list
+            scales = re.fullmatch(r"[\w.+\-*/() ]+", text) and not re.fullmatch(r"\s*S?A\d+\s*", text, re.IGNORECASE)
+            if scales and all(_is_same_number(ratio, change_ratio) for change_ratio in ratios.values()):
                 changed -= {p for p in ratios if rows[p]}
                 if not _is_same_number(ratio, 1.0):
                     out[span] = _times(text, ratio)
@@ -390,11 +392,6 @@ class NetworkFile:
 def _is_same_number(a: float, b: float) -> bool:
     """Return whether two values are one number written twice."""
     return math.isclose(a, b, rel_tol=1e-9)
-
-
-def _scales(text: str) -> bool:
-    """Return whether a factor can stand beside a text of a file: a number, or an expression without an array or a list."""
-    return re.fullmatch(r"[\w.+\-*/() ]+", text) is not None and re.fullmatch(r"\s*S?A\d+\s*", text, re.IGNORECASE) is None
 
 
 SCALED: Final = {"conduction": "conductance", "radiation": "area", "table": "scale", "flow": "mass_flow"}

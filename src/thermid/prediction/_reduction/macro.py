@@ -57,8 +57,9 @@ def macro_model(host: Model | str | os.PathLike[str], unit: Model | str | os.Pat
     shapes = model.own_tables()
     bare = [v.path for v in host_values(model, at) if not v.source]
     if bare:
+        have = "one value of the host has" if len(bare) == 1 else f"{len(bare)} values of the host have"
         raise DeckError(
-            f"{_count(len(bare))} no source: {quoted(bare)}. Give the source of each: "
+            f"{have} no source: {quoted(bare)}. Give the source of each: "
             '{ value = ..., source = "measured", "datasheet", "published", "derived" or "assumed", basis = "..." }'
             f"{', with source and basis beside the points of a table' if any(p in shapes for p in bare) else ''}.",
             model.file or model.title,
@@ -100,8 +101,3 @@ def assumed(model: Model) -> tuple[str, ...]:
         if shape.source == "assumed":
             first.setdefault(where, path)
     return tuple(first.values())
-
-
-def _count(values: int) -> str:
-    """Return how many values of the host have something, in words that agree."""
-    return "one value of the host has" if values == 1 else f"{values} values of the host have"

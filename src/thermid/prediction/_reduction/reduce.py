@@ -468,7 +468,8 @@ def reduce(
     network = network_for(model, cases[0])
     held = frozenset(network.find(f"{ahead}{k}" if at and not k.startswith(ahead) else k) for k in keep)
     points = [n.path for n in network.flat.nodes if n.reference_point and n.path.startswith(ahead)]
-    offered = _offered(model.submodel(at) if at else model, ahead, network)
+    part_model = model.submodel(at) if at else model
+    offered = frozenset(p for o in part_model.offers if (p := ahead + part_model.canonical(o)) in network.nodes)
     stay = held | offered | {load.node for load in network.flat.loads if load.path.startswith(ahead)}
     judged = points or sorted(stay)
     part = part_of(network, runs[0], ahead, stay | frozenset(points), judged)
@@ -485,11 +486,6 @@ def reduce(
         model.title,
         code="value.outside-range",
     )
-
-
-def _offered(part: Model, ahead: str, network: Network) -> frozenset[str]:
-    """Return the nodes of a network that a part offers; `ahead` is the prefix of its paths."""
-    return frozenset(p for o in part.offers if (p := ahead + part.canonical(o)) in network.nodes)
 
 
 def _tried(

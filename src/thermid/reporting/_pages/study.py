@@ -114,7 +114,12 @@ def steps(study: Study) -> list[PageBlock]:
     actions = Table.of_rows(
         [Head("no."), Head("action", wrapped=True), Head("state"), Head("stages", wrapped=True)],
         [
-            [Cell(str(k), "", "main"), a.name, _state(a.state), ", ".join(a.stages) or a.note or DASH]
+            [
+                Cell(str(k), "", "main"),
+                a.name,
+                Cell(f"✓ {a.state}", "", "good") if a.state == "done" else Cell(a.state, "", "soft"),
+                ", ".join(a.stages) or a.note or DASH,
+            ]
             for k, a in enumerate(study.actions, 1)
         ],
     )
@@ -135,11 +140,6 @@ def steps(study: Study) -> list[PageBlock]:
         Words(f"Metrics: {', '.join(m.replace('_', ' ') for m in study.metrics)} of measured less simulated."),
         actions,
     ]
-
-
-def _state(state: str) -> Cell:
-    """Return the cell of the state of a step."""
-    return Cell(f"✓ {state}", "", "good") if state == "done" else Cell(state, "", "soft")
 
 
 def _instruments(study: Study) -> Table:

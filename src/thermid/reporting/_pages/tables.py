@@ -651,13 +651,7 @@ def _todo(campaign: Campaign, named: Sequence[CampaignPrediction]) -> Iterator[t
     for c in _fits(campaign):
         for m in c.moved.values:
             if m.verdict == MOVED:
-                yield (
-                    (
-                        f"{m.path} differs significantly from the result of {m.stage}. Check contacts, radiation and powers that the "
-                        "part has only in the assembly, and lags and clocks of its logs."
-                    ),
-                    c.stage,
-                )
+                yield f"{m.path} differs significantly from the result of {m.stage}. {m.remedy}", c.stage
         for value in c.values.parameters.values():
             if at_bound(value):
                 yield f"{value.path} ended at a bound. Widen its bounds, or check the power, area or position that it depends on.", c.stage

@@ -411,11 +411,6 @@ def trace(
     return compared(block.times, block.measured, predicted, key, f"{label}, RMSE {rmse:.3g} K", drive=drive, limit=limit, size=size)
 
 
-def _spread(count: int) -> Array:
-    """Return offsets within a line (count,) that keep dots of one value apart, the same ones every time."""
-    return np.asarray(((np.arange(count) * 0.618034) % 1.0 - 0.5) * 0.3, dtype=np.float64)
-
-
 def overview(lines: Sequence[Dots]) -> Graphic:
     """Return the RMSE of every record as a dot, a line per stage, a colour and mark per sensor, with a stroke at each median."""
     sensors = list(dict.fromkeys(s for line in lines for s in line.values))
@@ -447,7 +442,8 @@ def overview(lines: Sequence[Dots]) -> Graphic:
         for at, (sensor, errors) in enumerate(line.values.items()):
             m, values = sensors.index(sensor), np.asarray(errors, dtype=float)
             shift = 0.0 if len(line.values) == 1 else 0.5 * (at / (len(line.values) - 1) - 0.5)
-            offsets = _spread(values.size) / len(line.values) if values.size > 1 else np.zeros(1)
+            # dots of one value lie apart, the same way every time
+            offsets = ((np.arange(values.size) * 0.618034) % 1.0 - 0.5) * 0.3 / len(line.values) if values.size > 1 else np.zeros(1)
             out += [dot(m, place(float(v)), middle + row * (shift + float(o))) for v, o in zip(values, offsets, strict=True)]
             if values.size > 1:
                 median = f"M{place(float(np.median(values))):.1f} {middle + row * shift - 8:.1f}v16"
