@@ -548,10 +548,8 @@ def next_test(
 
 def _switches(model: Model, scenario: Scenario) -> bool:
     """Return whether temperatures switch anything in a run; false where it cannot be made."""
-    if not network_for(model, scenario).switches:
-        return False
     try:
-        return bool(simulate(model, scenario)._run.answer.switched)
+        return bool(network_for(model, scenario).switches) and bool(simulate(model, scenario)._run.answer.switched)
     except ThermidError:
         return False
 

@@ -12,7 +12,7 @@ import pytest
 
 import thermid as td
 from by_code import raises_code
-from thermid.base.errors import IdentificationError, NameNotFoundError, ScenarioError
+from thermid.base.errors import DeckError, IdentificationError, NameNotFoundError, ScenarioError
 from thermid.fit.calibration import Calibration, Request, calibrate, fit
 from thermid.prediction._budget import Spread
 from thermid.prediction._predict import Prediction, _mixed, predict
@@ -154,7 +154,7 @@ def test_what_is_spread_twice_or_wrongly_is_refused(found: Calibration) -> None:
         plain(found, HOT, spread={"heat": "2 [%]"})
     with raises_code("name.unknown", NameNotFoundError, match="'aire'.*'air'"):
         plain(found, HOT, spread={"aire": "1 [K]"})
-    with raises_code("value.outside-range", IdentificationError, match="-3"):
+    with raises_code("value.wrong-kind", DeckError, match="-3"):
         plain(found, HOT, draws=-3)
     with raises_code("value.outside-range", ScenarioError, match="'air': its low end"):
         plain(found, HOT, spread={"air": {"low": "41 [degC]", "high": "39 [degC]"}})
