@@ -114,12 +114,6 @@ class Estimate:
         return f"{self.celsius:.2f} +- {short(self.error)} degC ({self.low:.2f} .. {self.high:.2f})"
 
 
-def _error_of(variance: Array) -> Array:
-    """Return the standard errors of variances [K^2]; what is `ROUNDING` alone is none. [K]"""
-    size = np.sqrt(variance)
-    return np.where(size < ROUNDING, 0.0, size)
-
-
 def parted(parts: Mapping[str, Array], variance: Array) -> dict[str, Array]:
     """Return cause -> its part of a variance (times,), in proportion to `parts`; zeros where these are zero. [K^2]"""
     whole = np.sum([np.zeros(variance.size), *parts.values()], axis=0)
@@ -198,8 +192,10 @@ class Band(Result):
     def error(self) -> Array:
         """Standard error (times,). [K]"""
         if self.members is not None:
-            return _error_of(np.mean((self.members - self.kelvin[:, None]) ** 2, axis=1))
-        return _error_of(np.sum([np.zeros(self.times.size), *self.parts.values()], axis=0))
+            variance = np.mean((self.members - self.kelvin[:, None]) ** 2, axis=1)
+        else:
+            variance = np.sum([np.zeros(self.times.size), *self.parts.values()], axis=0)
+        return np.where(variance < ROUNDING**2, 0.0, np.sqrt(variance))
 
     def interval(self, level: float = 0.95) -> tuple[Array, Array]:
         """Return the lower and upper ends (times,) of the band that holds the truth with a probability. [degC]"""
@@ -569,7 +565,8 @@ def _mixed(several: Sequence[Estimate], weights: Array) -> Estimate:
     variances = {c: float(weights @ [e.shares.get(c, 0.0) * e.error**2 for e in several]) for e in several for c in e.shares}
     if len(several) > 1:
         variances[DEFECTS] = float(weights @ [(e.celsius - celsius) ** 2 for e in several])
-    error = float(_error_of(np.array(sum(variances.values()))))
+    variance = sum(variances.values())
+    error = variance**0.5 if variance >= ROUNDING**2 else 0.0
     wide = NormalDist().inv_cdf(0.975) * error
     return Estimate(celsius, error, celsius - wide, celsius + wide, _shares(variances))
 

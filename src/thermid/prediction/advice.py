@@ -541,17 +541,14 @@ def next_test(
     options = [option for _, option in sorted(in_tasks(_option, tasks, executor), key=lambda numbered: numbered[0])]
     ranked = sorted(options, key=lambda o: _rank(o, wanted))
     remarks = (*_remarks(before, instruments), *_repeat_remarks(ranked, slot, value))
-    switched = next((a.name for a in todo if _switches(model, a.scenario)), "")
-    not_counted = SWITCHING_REMARK.format(switched) if switched else ""
+    not_counted = next((SWITCHING_REMARK.format(a.name) for a in todo if _switches(model, a.scenario)), "")
     return Advice(label, value, now, slot, wanted, tuple(ranked), beside, remarks, not_counted)
 
 
 def _switches(model: Model, scenario: Scenario) -> bool:
     """Return whether temperatures switch anything in a run; false where it cannot be made."""
-    if not network_for(model, scenario).switches:
-        return False
     try:
-        return bool(simulate(model, scenario)._run.answer.switched)
+        return bool(network_for(model, scenario).switches) and bool(simulate(model, scenario)._run.answer.switched)
     except ThermidError:
         return False
 
