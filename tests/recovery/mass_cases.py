@@ -185,7 +185,7 @@ def searched(first: Calibration) -> Calibration:
 def criticised(first: Calibration) -> Calibration:
     """Return the fit with the element that criticism suggests."""
     best = criticise(first).suggested
-    return first if best is None or best.structure is None else fit(best.structure.full_request)
+    return first if best is None or best.fit is None else best.fit
 
 
 def departed(first: Calibration) -> Calibration:

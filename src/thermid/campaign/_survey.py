@@ -367,14 +367,12 @@ def fleet_in(
     wanted = table.stage or names[-1]
     refuse_unknown([wanted], names, source.where("fleet.stage"), "no stage '{}'.", NameNotFoundError)
     k = names.index(wanted)
-    below = source.unjudged.content.model_copy(update={"stages": stages[:k]})
-    done = run_stages(replace(source, content=below), cache=cache, notice=notice, executor=executor).stages if stages[k].inherit else {}
-    request = request_of(source, stages[k], k, done)
+    below = replace(source, content=source.unjudged.content.model_copy(update={"stages": stages[:k] if stages[k].inherit else []}))
+    request = request_of(source, stages[k], k, run_stages(below, cache=cache, notice=notice, executor=executor).stages)
     records = {name: unit.records for name, unit in table.units.items()} or {r.name: [r.name] for r in request.records}
     requests = {name: _of_unit(source, request, name, patterns) for name, patterns in records.items()}
     _refuse_shared(source, requests)
-    covariates = {name: unit.covariates for name, unit in table.units.items()}
-    return fleet_of(requests, covariates, source.content.title, executor)
+    return fleet_of(requests, {name: unit.covariates for name, unit in table.units.items()}, source.content.title, executor)
 
 
 def _of_unit(source: CampaignSource, request: Request, name: str, patterns: list[str]) -> Request:

@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, TypeVar
 
 import numpy as np
 
 from thermid.base.arguments import takes_objects
-from thermid.base.errors import IdentificationError
+from thermid.base.errors import IdentificationError, ThermidError
 from thermid.base.linear_algebra import Array, one_thread
 from thermid.base.results import Result
-from thermid.fit.calibration import Calibration, Request, SensorStatistics
+from thermid.fit.calibration import Calibration, Request, SensorStatistics, fit as refit
 from thermid.inference._explain.candidates import missing_elements
 from thermid.inference._explain.heats import unlogged_powers
 from thermid.inference._explain.structures import EvaluationBudget, FittedStructure, Try, fitted_structure, fitted_structures
@@ -100,7 +100,7 @@ class Candidate:
     widths : (float, float) The same with half and with twice the widths of the table.
     rmse : (float, float)   Before and after, all sensors, at the values that are likeliest in the noise of the comparison. [K]
     weighted : (float, float)   The same in units of the stated noise, weighed by the inverse of that noise: what the evidence rests on. [-]
-    structure : FittedStructure   The refit, whose `full_request` is for a full fit; None where none was made.
+    fit : Calibration       The full fit of what is suggested; None of all others.
     refused : str           Why it could not be tried; empty where it was.
     """
 
@@ -111,7 +111,7 @@ class Candidate:
     widths: tuple[float, float] = (-np.inf, -np.inf)
     rmse: tuple[float, float] = (np.nan, np.nan)
     weighted: tuple[float, ...] = (np.nan, np.nan)
-    structure: FittedStructure | None = None
+    fit: Calibration | None = None
     refused: str = ""
 
     @property
@@ -327,7 +327,8 @@ def _with_progress(items: Iterable[_Item], count: int, words: str, begin: float,
 def _tried(fit: Calibration, request: Request, executor: Workers, progress: Callable[[str, float], None]) -> tuple[list[Candidate], float]:
     """Return every missing element, the best supported first, and over what time residuals that count as noise wander. [s]
 
-    Those that one evaluation promises most of are refitted, all in the noise that is the likeliest with the best of them.
+    Those that one evaluation promises most of are refitted, all in the noise that is the likeliest with the best of them; what is suggested
+    is fitted in full.
     """
     with one_thread():
         budget, refused = EvaluationBudget(), list[tuple[str, str]]()
@@ -347,9 +348,23 @@ def _tried(fit: Calibration, request: Request, executor: Workers, progress: Call
         likeliest = noise_of(one.weighing for one in (base, *refitted))
         refitted = [one if noise == likeliest else one.in_noise(likeliest) for one in refitted]
         base = base.in_noise(likeliest)
-    out = sorted((_weighed(one, base, likeliest) for one in refitted), key=lambda c: -c.evidence)
+    out = [(_weighed(one, base, likeliest), one) for one in refitted]
+    out.sort(key=lambda row: -row[0].evidence)
+    for n, (candidate, one) in enumerate(out):
+        if candidate.possible and candidate.proved:
+            progress(f"full fit with {candidate.name}", 0.8)
+            try:
+                whole = refit(one.full_request)
+            except ThermidError as error:
+                out[n] = replace(candidate, refused=error.message, found=""), one
+                continue
+            locals_by_name = {f"{v.record}: {v.name}": v for v in whole.local}
+            words, possible = one.changes[0].judge({**whole.values.assignments, **locals_by_name})
+            out[n] = replace(candidate, found=words, possible=possible, fit=whole), one
+            if possible:
+                break
     untried = [Candidate(s.change.name) for s in scores[MAX_REFITTED_ELEMENTS:]] + [Candidate(name, refused=why) for name, why in refused]
-    return [*out, *untried], float(base.weighing.wander[likeliest])
+    return [*(candidate for candidate, _ in out), *untried], float(base.weighing.wander[likeliest])
 
 
 def _weighed(one: FittedStructure, base: FittedStructure, noise: int) -> Candidate:
@@ -358,4 +373,4 @@ def _weighed(one: FittedStructure, base: FittedStructure, noise: int) -> Candida
     halved, _, doubled = 2.0 * (one.weighing.logs - base.weighing.logs)[:, noise]
     averaged = 2.0 * float(one.weighing.averaged[noise] - base.weighing.averaged[noise])
     rmse, weighted = (base.rmse, one.rmse), tuple(float(s.weighing.squares[noise] ** 0.5) for s in (base, one))
-    return Candidate(one.name, words, possible, averaged, (float(halved), float(doubled)), rmse, weighted, one)
+    return Candidate(one.name, words, possible, averaged, (float(halved), float(doubled)), rmse, weighted)
