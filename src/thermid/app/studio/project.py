@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import fnmatch
 import os
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -539,7 +540,7 @@ class Watch:
         """Return what may belong to the file: decks, scenarios, plans and tables of its folder, those inside and the one above; logs."""
         folder, root = self._path.parent, project_root(self._path.parent)
         files = [*folder.glob("*.toml"), *folder.glob("*/*.toml"), *(folder.parent.glob("*.toml") if folder != root else ())]
-        files += [f for pattern in self._patterns for f in pattern.parent.glob(pattern.name)]
+        files += [f for pattern in self._patterns for f in _matching(pattern)]
         return [f for f in files if not f.resolve().is_relative_to(self._apart)]
 
     def _stamps(self) -> dict[Path, Stamp]:
@@ -563,7 +564,7 @@ class Watch:
                         waiting.append(named)
                     else:
                         stamps.setdefault(named, _stamp(named))
-        return stamps | {f: _stamp(f) for pattern in self._patterns for f in pattern.parent.glob(pattern.name)}
+        return stamps | {f: _stamp(f) for pattern in self._patterns for f in _matching(pattern)}
 
 
 def _stamp(file: Path) -> Stamp:
@@ -601,3 +602,12 @@ def _named(folder: Path, text: str, roots: Sequence[Path]) -> Iterator[Path]:
                 yield target
         elif target.suffix == ".toml" or (target.suffix and target.is_file()):
             yield target
+
+
+def _matching(pattern: Path) -> Iterator[Path]:
+    """Yield the files of a folder that a pattern matches; any text is one, which pathlib refuses of some."""
+    try:
+        names = os.listdir(pattern.parent)
+    except OSError:
+        return
+    yield from (pattern.parent / n for n in fnmatch.filter(names, pattern.name))

@@ -206,7 +206,7 @@ class Margin(Result):
             f"{self.point}, {self.side} ({self.run}, {self.time / 3600:.2f} h, {self.state}): {self.predicted - ICE_POINT:.1f} degC, "
             f"uncertainty {self.printed:.1f} + acceptance {p.acceptance.value:g} + qualification {p.qualification.value:g} "
             f"({p.name}{source}), limit {self.limit - ICE_POINT:.1f} degC: "
-            f"{self.margin:+.1f} K, {word}; with the fixed {self.fixed.value:g} K of {SMC} in place of the uncertainty: "
+            f"{self.margin:+.1f} K, {word}; with the fixed {self.fixed.value:g} K of {SMC} instead of the uncertainty: "
             f"{self.left_with_fixed:+.1f} K"
         )
 

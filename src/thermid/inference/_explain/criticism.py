@@ -182,7 +182,7 @@ class Criticism(Result):
         lines += [f"  {t}" for t in (coloured or self.traces)[:8]]
         if self.candidates:
             about = duration_text(float(short(self.wander, 2)))
-            wander = f" what wanders over about {about} counts as noise, so RMSE need not fall" if self.wander else ""
+            wander = f" residuals autocorrelated over about {about} count as noise, so RMSE need not fall" if self.wander else ""
             lines.append(f"  candidates, each alone:{wander}")
             lines += [f"    {c}" for c in self.candidates if c.refused or c.evidence > WORTH_A_WORD]
             idle = [c.name for c in self.candidates if c.found and c.evidence <= WORTH_A_WORD]

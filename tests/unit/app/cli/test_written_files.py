@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from unit.app.cli.conftest import Call
-from unit.app.cli.test_outputs import FOLDERS, OUTPUTS, PORTS, laboratory
+from unit.app.cli.test_outputs import FOLDERS, OUTPUTS, laboratory
 
 LOGS = {"look", "settle", "watch"}
 DECKS = {"check", "simulate", "steady", "compare", "diagram", "export", "deliver", "equations"}
@@ -69,8 +69,8 @@ ENDINGS |= {"--figure": ".png", "--picture": ".pdf", **dict.fromkeys(("import", 
 ENDINGS |= dict.fromkeys(("correlate", "report", "qualify"), ".html")
 HOLDS = (*FOLDERS, "deliver", "write-back", "swap")
 """What writes a folder."""
-NOTHING = (*PORTS, "import of SINDA", "example", "hold", "report --results", "look --cut")
-"""What has no capture to read, no capture to cut, or writes over what is here or a folder of pieces."""
+NOTHING = ("import of SINDA", "example", "hold", "report --results", "look --cut")
+"""What needs a deck of another kind, cuts nothing here, or writes over what is here or a folder of pieces."""
 
 
 @pytest.fixture(scope="module")
