@@ -264,7 +264,7 @@ def read_initfcn(source: str | os.PathLike[str]) -> InitFcn:
         except ThermidError as error:
             faults.append(error)
             reader.failed.add(statement.name)
-    _refuse(faults, another=len(faults) > max(len(reader.parameters), 0 if file.endswith(".toml") else MAX_FAULTS_LISTED))
+    _refuse(faults, another=len(faults) > max(len(reader.parameters), MAX_FAULTS_LISTED if Path(file).suffix in ("", ".m", ".txt") else 0))
     if not reader.parameters:
         raise ExpressionError(
             "the script sets no name. It needs lines such as 'Acc_m = 0.054; % Mass [kg].'", file, code="import.not-understood"
@@ -273,7 +273,7 @@ def read_initfcn(source: str | os.PathLike[str]) -> InitFcn:
 
 
 MAX_FAULTS_LISTED = 12
-"""Faults that are listed whatever else a script holds; a TOML file is none."""
+"""Faults that are listed whatever else a script holds, if it is named as one."""
 
 
 def _refuse(faults: list[ThermidError], another: bool) -> None:
