@@ -1,4 +1,4 @@
-"""The equations of a linear network as symbols: massless nodes eliminated, matrix form, steady state; as text, LaTeX and MathML.
+"""The equations of a linear network as symbols: massless nodes eliminated, matrix form, steady state; as LaTeX and as code.
 
 Needs sympy (``pip install 'thermid[symbolic]'``), which is imported when equations are asked for.
 """
@@ -117,7 +117,7 @@ class Equations(Shown):
         import sympy
 
         def shown(expression: Expr) -> str:
-            """Return an expression as it is drawn."""
+            """Return an expression in the form asked for: LaTeX or MathML."""
             return str(sympy.latex(expression, order="none"))
 
         rows = [
@@ -132,7 +132,7 @@ class Equations(Shown):
         from sympy import mathml
 
         def shown(expression: Expr) -> str:
-            """Return an expression as it is drawn."""
+            """Return an expression in the form asked for: LaTeX or MathML."""
             return str(mathml(expression, printer="presentation", order="none"))
 
         def rate(c: Expr, t: Expr) -> str:
@@ -142,6 +142,36 @@ class Equations(Shown):
         sides = [(rate(c, t), shown(q)) for t, c, q in zip(self.states, self.capacitances, self.heat, strict=True)]
         sides += [(shown(s), shown(e)) for s, e in (*self.auxiliaries.items(), *self.massless.items())]
         return tuple(f'<math display="block"><mrow>{lhs}<mo>=</mo>{right}</mrow></math>' for lhs, right in sides)
+
+    def python(self, name: str = "derivatives") -> str:
+        """Return the state equations as a Python function of time, temperatures and a dictionary of values."""
+        from sympy import pycode
+
+        states = ", ".join(map(str, self.states))
+        lines = [f"def {name}(t, T, p):", f'    """Rates of the states {states}. [K/s]"""']
+        lines.append(f"    {states} = T" if len(self.states) > 1 else f"    ({states},) = T")
+        lines += [f'    {s} = p["{s}"]' for s in self.values]
+        lines += [f'    {s} = p["{s}"](t)' for s in self.inputs]
+        lines += [f"    {s} = {pycode(e)}" for s, e in self.auxiliaries.items()]
+        lines += ["    return [", *(f"        {pycode(r)}," for r in self.rates), "    ]"]
+        return "\n".join(lines) + "\n"
+
+    def octave(self, name: str = "derivatives") -> str:
+        """Return the state equations as an Octave or MATLAB function, in the form of Fig. 20: inputs are ``p.<name>_fun(t)``."""
+        from sympy import octave_code
+
+        def scalar(expression: Expr) -> str:
+            """Return an expression in Octave with operators of scalars."""
+            return re.sub(r"\.([*/^])", r"\1", str(octave_code(expression)))
+
+        lines = [f"function dTdt = {name}(t, T, p)"]
+        lines += [f"  {s} = T({k});" for k, s in enumerate(self.states, 1)]
+        lines += [f"  {s} = p.{s};" for s in self.values]
+        lines += [f"  {s} = p.{s}_fun(t);" for s in self.inputs]
+        lines += [f"  {s} = {scalar(e)};" for s, e in self.auxiliaries.items()]
+        lines += [f"  d{s}dt = {scalar(r)};" for s, r in zip(self.states, self.rates, strict=True)]
+        lines += [f"  dTdt = [{'; '.join(f'd{s}dt' for s in self.states)}];", "end"]
+        return "\n".join(lines) + "\n"
 
     def __str__(self) -> str:
         """The equations as plain text, with what each symbol stands for."""

@@ -257,7 +257,7 @@ def export(
 
 def equations(
     deck: Deck,
-    form: Annotated[str, typer.Option("--as", help="text or latex.")] = "text",
+    form: Annotated[str, typer.Option("--as", help="text, latex, python or octave.")] = "text",
     name: Annotated[list[str], typer.Option("--name", help="PATH=SYMBOL of a conductor, node or load, such as stack.gap=R_cn3.")] = [],  # noqa: B006
     to: To = None,
     force: Force = False,
@@ -268,7 +268,8 @@ def equations(
     Needs sympy.
     """
     require("symbolic", "thermid equations")
-    refuse_unknown([form], ("text", "latex"), "--as", "equations are not written as '{}'.{near} There are {known}.", DeckError)
+    forms = ("text", "latex", "python", "octave")
+    refuse_unknown([form], forms, "--as", "equations are not written as '{}'.{near} There are {known}.", DeckError)
     system = derived(load_model(deck), pairs(name, "--name"))
-    text = f"{system}\n" if form == "text" else system.latex()
-    _say(text, to, as_json, FileKinds.EQUATIONS, "%" if form == "latex" else "#", symbols=dict(system.symbols))
+    text = f"{system}\n" if form == "text" else str(getattr(system, form)())
+    _say(text, to, as_json, FileKinds.EQUATIONS, "%" if form in ("latex", "octave") else "#", symbols=dict(system.symbols))

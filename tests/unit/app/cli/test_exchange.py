@@ -123,6 +123,8 @@ def test_equations_are_written(call: Call, stack: Path, tmp_path: Path) -> None:
     assert call("equations", stack, "--as", "latex", "--to", tmp_path / "eq.tex").code == 0
     assert (tmp_path / "eq.tex").read_text(encoding="utf-8").startswith("\\begin{align}")
     assert call("equations", stack, "--json").object["symbols"]["R_stack_gap"] == "resistance of stack.gap [K/W]"
+    for form in ("python", "octave"):
+        assert "derivatives(t, T, p)" in call("equations", stack, "--as", form).out
 
 
 def test_coefficients_are_compared(call: Call) -> None:
