@@ -228,7 +228,6 @@ def predictions() -> Answers:
             yield f"{name}: {question}", _bands(answer())
         seen = td.design.foresee(td.design.Knowledge.of_source(fit), HOT, spread=SPREAD)
         yield f"{name}: foreseen", _bands(seen.prediction)
-        yield f"{name}: foreseen, before any fit", np.stack(list(seen.before.values()))
         runs = td.qualify.uncertain_runs(fit.model, HOT, fit, spread=SPREAD, n=150, seed=5, nodes=["plate"])
         yield f"{name}: members", runs.node_temperatures("plate")
         point = td.qualify.hold(runs, {"plate": bench.limit}).points[0]
