@@ -81,6 +81,16 @@ def test_demo(demonstration: Demonstration) -> None:
         assert (folder / "results" / structure / "m_Sd.values.toml").is_file()
 
 
+def test_the_page_writes_the_equations_of_the_document(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Fig. 20 is a program, Fig. 21 runs one beside the network: what the demonstration draws before any fit."""
+    for package in ("matplotlib", "jinja2", "sympy"):
+        pytest.importorskip(package)
+    monkeypatch.syspath_prepend(STUDY)
+    assert "function dTdt = thermal_two_node(t, T, p)" in repr(import_module("page").equations())
+    _, worst = import_module("drawings").fig_21()
+    assert worst < 1e-8  # [K], two integrations of one model
+
+
 def test_every_log_says_that_it_is_synthetic(laboratory: Path) -> None:
     logs = sorted((laboratory / "logs").glob("*.csv"))
     assert len(logs) == 13
