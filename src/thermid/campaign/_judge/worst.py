@@ -89,7 +89,7 @@ class WorstCases(Result):
         lines = []
         for word, case in (("hot", self.hot), ("cold", self.cold)):
             if case is not None:
-                units = {name: unit.removeprefix("1") for name, unit in self.units.items()}
+                units = {name: "" if unit == "1" else unit for name, unit in self.units.items()}
                 shown = {n: text_of(v) if units[n] == "K" else f"{v:.6g} {units[n]}".rstrip() for n, v in case.values.items()}
                 values = ", ".join(f"{name} {text}" for name, text in shown.items())
                 spare = f"{case.spare:.3f} K left" if case.spare >= 0.0 else f"VIOLATED by {-case.spare:.3f} K"

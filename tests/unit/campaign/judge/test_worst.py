@@ -115,6 +115,14 @@ def test_a_range_of_temperatures_states_its_unit() -> None:
     assert found.hot == td.design.worst_case(unit(), LIMITS, WARM, RANGES).hot
 
 
+def test_values_are_printed_with_all_their_digits_and_their_unit() -> None:
+    """An emissivity of 0.11 was printed as 0."""
+    found = td.design.worst_case(unit(), LIMITS, WARM, {"chips": (2.0, 9.0)})
+    assert found.hot is not None
+    shown = replace(found, hot=replace(found.hot, values={"a": 0.11, "b": 0.011}), units={"a": "1", "b": "1/K"})
+    assert "a 0.11, b 0.011 1/K" in str(shown)
+
+
 def test_the_command_prints_both_cases(tmp_path: Path) -> None:
     td.save_model(unit(), tmp_path / "unit.toml")
     (tmp_path / "warm.toml").write_text('title = "warm"\n[boundaries]\nbase = "20 [degC]"\nspace = "-150 [degC]"\n')

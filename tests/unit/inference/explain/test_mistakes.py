@@ -222,7 +222,7 @@ def test_criticism_proposes_the_start_up_transient_with_its_shape(tmp_path: Path
     assert float(found.found.split()[0]) == pytest.approx(1.6, rel=0.06)  # in watts: one that falls begins higher
     assert float(found.found.split()[-2]) == pytest.approx(15.0, rel=0.04)  # in minutes
     assert found.fit is not None
-    assert found.fit.values["case.mass"].value == pytest.approx(0.743, rel=0.06)
+    assert found.fit.values["case.mass"].value == pytest.approx(0.743, rel=0.02)
 
 
 def test_a_decaying_power_is_told_from_a_second_mass_by_no_single_sensor(tmp_path: Path) -> None:
