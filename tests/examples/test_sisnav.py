@@ -86,7 +86,7 @@ def test_the_page_writes_the_equations_of_the_document(monkeypatch: pytest.Monke
     for package in ("matplotlib", "jinja2", "sympy"):
         pytest.importorskip(package)
     monkeypatch.syspath_prepend(STUDY)
-    assert "function dTdt = thermal_two_node(t, T, p)" in repr(import_module("page").equations())
+    assert "dTdt = thermal_two_node(" in repr(import_module("page").equations())
     _, worst = import_module("drawings").fig_21()
     assert worst < 1e-8  # [K], two integrations of one model
 
