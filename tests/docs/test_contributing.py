@@ -123,7 +123,19 @@ def copy(tmp_path_factory: pytest.TempPathFactory) -> Path:
     formats.write_text(added(source, "reader", "FORMATS: Final = (", "FORMATS: Final", '    Format("serial capture"'), encoding="utf-8")
     channel = folder / "src" / "thermid" / "measure" / "_record" / "channel.py"
     channel.write_text(lengthened(channel.read_text(encoding="utf-8"), "ROLES: Final", EXAMPLE["role-row"]), encoding="utf-8")
-    for name in ("metric", "reader", "role"):
+    store = folder / "src" / "thermid" / "values" / "store.py"
+    source = store.read_text(encoding="utf-8").replace("\nMIDPOINTS = ", f"\n{EXAMPLE['prior-class']}\n\nMIDPOINTS = ")
+    store.write_text(source.replace("Shifted, Logarithm)}", f"Shifted, Logarithm{EXAMPLE['prior-name'].strip()})}}"), encoding="utf-8")
+    spreads = folder / "src" / "thermid" / "values" / "spreads.py"
+    source = spreads.read_text(encoding="utf-8").replace("Normal, Uniform\n", "Normal, Triangular, Uniform\n")
+    spreads.write_text(added(source, "prior", "FORMS: Mapping", "FORMS: Mapping", '    "low": '), encoding="utf-8")
+    cli = folder / "src" / "thermid" / "app" / "cli"
+    commands = (cli / "build.py").read_text(encoding="utf-8")
+    (cli / "build.py").write_text(f"{commands}\n\n{EXAMPLE['command-function']}", encoding="utf-8")
+    source = (cli / "app.py").read_text(encoding="utf-8")
+    at = source.index('    "identify": Place(')
+    (cli / "app.py").write_text(f"{source[:at]}{EXAMPLE['command-row'].rstrip()}\n{source[at:]}", encoding="utf-8")
+    for name in ("metric", "reader", "role", "prior", "command"):
         (folder / f"test_{name}.py").write_text(EXAMPLE[f"{name}-test"], encoding="utf-8")
     (folder / "plate.toml").write_text(DECK, encoding="utf-8")
     (folder / "empty.ini").write_text("[pytest]\nfilterwarnings = error\n", encoding="utf-8")
@@ -148,7 +160,7 @@ def test_the_new_kind_is_simulated_and_fitted(copy: Path) -> None:
     assert "count" in found["refusal"]
 
 
-RECIPES = ("test_bolts.py", "test_metric.py", "test_reader.py", "test_role.py")
+RECIPES = ("test_bolts.py", "test_metric.py", "test_reader.py", "test_role.py", "test_prior.py", "test_command.py")
 KINDS_WALKED = (
     "test_silent_wrongs.py::test_a_lead_and_every_other_kind_is_drawn",
     "model/test_elements.py::test_every_kind_has_a_case",
@@ -193,7 +205,7 @@ def unchanged(copy: Path) -> dict[str, set[str]]:
 
 
 def test_the_tests_of_the_recipes_pass_with_them_and_fail_without(with_them: dict[str, set[str]], without: dict[str, set[str]]) -> None:
-    names = {re.findall(r"def (test_\w+)", EXAMPLE[f"{kind}test"])[0] for kind in ("", "metric-", "reader-", "role-")}
+    names = {re.findall(r"def (test_\w+)", EXAMPLE[f"{kind}test"])[0] for kind in ("", "metric-", "reader-", "role-", "prior-", "command-")}
     assert with_them == {"PASSED": names | {test.partition("::")[2] for test in WALKING}, "FAILED": set(), "ERROR": set()}
     assert without == {"PASSED": set(), "FAILED": names, "ERROR": set()}
 

@@ -176,13 +176,13 @@ def test_strata_are_the_judges_own() -> None:
 @pytest.mark.parametrize("structure", ["right", pytest.param("constant", marks=pytest.mark.campaign)])
 def test_todays_code_answers_and_its_peers_stand_beside_it(structure: str) -> None:
     family = next(f for f in b.FAMILIES.values() if f.structure == structure).with_name("small", drift=0.0, asked=("1.5x",))
-    rows = judge.bench_rows(family, 2, 11, ["today", "today~run", "persistence", "oracle"])
+    rows = judge.bench_rows(family, 1, 11, ["today", "today~run", "persistence", "oracle"])
     assert {r.rule for r in rows} == {"today", "today~run", "persistence", "oracle", judge.HINDSIGHT}
     half, left_out = (np.mean([r.half for r in rows if r.rule == rule]) for rule in ("today", "today~run"))
     assert left_out < 0.9 * half  # what is left out is left out of what the fit keeps too
     assert not any(r.refused for r in rows)
     shown = table(rows)
-    assert "| small | 1.5x: power to 1.6, room | today | 2 |" in shown
+    assert "| small | 1.5x: power to 1.6, room | today | 1 |" in shown
     assert np.mean([r.score for r in rows if r.rule == "oracle"]) < np.mean([r.score for r in rows if r.rule == "today"])
 
 

@@ -19,7 +19,7 @@ from torture import elements, hostile, logs, outputs, physical, values
 TESTS = Path(__file__).parents[1]
 
 
-MANY = {"python": (50, 300), "logs": (25, 150), "commands": (15, 46), "calls": (50, 300)}
+MANY = {"python": (30, 300), "logs": (15, 150), "commands": (10, 46), "calls": (30, 300)}
 """Kind of mutants -> how many, and how many in the campaign."""
 ALL = """
 import json, sys

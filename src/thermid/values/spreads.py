@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
@@ -17,12 +17,6 @@ MIN_SHARE_IN_BOUNDS = 1e-3
 """Probability within a deck's bounds below which a spread does not fit them. [-]"""
 LARGEST_SHIFT = 100.0
 """Kelvin from which a temperature written in K is no shift but a slip: 293 K for 20 degC. [K]"""
-FORMS: Mapping[str, frozenset[str]] = {
-    "sd": frozenset({"sd", "mean"}),
-    "log_sd": frozenset({"log_sd", "mean"}),
-    "low": frozenset({"low", "high"}),
-}
-"""The key that names the form of a spread, and the keys of that form."""
 
 
 def read_spread(written: Any, slot: str, nominal: float, where: str, *, bounds: tuple[float, float] = (-np.inf, np.inf)) -> Distribution:
@@ -53,32 +47,36 @@ def read_spread(written: Any, slot: str, nominal: float, where: str, *, bounds: 
             )
         return Uniform(*bounds)
     table: Mapping[str, Any] = {"sd": written} if isinstance(written, str) or stated(written) is not None else written
-    form = _form(table, where)
-    if form == "low":
-        return _uniform(table, slot, nominal, where, bounds)
-    mean = _value(table["mean"], slot, nominal, where) if "mean" in table else nominal
-    law: Normal | LogNormal
-    if form == "log_sd":
-        if slot in (TEMPERATURE, "K") or not mean > 0.0:
-            raise ScenarioError(
-                "log_sd applies only to a value above zero that is not a temperature. Give sd.", where, code="value.without-effect"
-            )
-        law = LogNormal(mean, _from_zero(literal(table["log_sd"], "1", where), where))
-        size = law.log_sd
-    else:
-        law = Normal(mean, _from_zero(deviation(table["sd"], slot, mean, where), where))
-        size = law.sd
-    return law if size == 0.0 else cut(law, bounds, where)
+    law = FORMS[_form(table, where)][2](table, slot, nominal, where, bounds)
+    return cut(law, bounds, where)
 
 
 def _form(table: Any, where: str) -> str:
-    """Return the form of a spread, 'sd', 'log_sd' or 'low'; refuse a table without a form, or with a key of another one."""
-    form = next((f for f in FORMS if isinstance(table, Mapping) and f in table), "")
-    if not form or not set(table) <= FORMS[form] or (form == "low" and "high" not in table):
-        every = ("sd", "log_sd", "low", "high", "mean")
+    """Return the key of the form of a spread; refuse a table without a form, with a key of another one, or without a key that it needs."""
+    form = next((key for key in FORMS if isinstance(table, Mapping) and key in table), "")
+    needed, beside, _ = FORMS.get(form, (set(), set(), None))
+    if not form or not needed <= set(table) <= needed | beside:
+        every = {key for keys in FORMS.values() for key in keys[0] | keys[1]}
         odd = next((k for k in table if k not in every), "") if isinstance(table, Mapping) else ""
-        raise ScenarioError(f'write {{sd}}, {{log_sd}}, {{low, high}} or "range".{nearest(odd, every)}', where, code="name.unknown")
+        forms = ", ".join(f"{{{', '.join(sorted(keys[0], reverse=True))}}}" for keys in FORMS.values())
+        raise ScenarioError(f'write {forms} or "range".{nearest(odd, sorted(every))}', where, code="name.unknown")
     return form
+
+
+def _normal(table: Mapping[str, Any], slot: str, nominal: float, where: str, bounds: tuple[float, float]) -> Distribution:
+    """Return the normal law of the standard deviation `sd` about `mean`, or the nominal value."""
+    mean = _value(table["mean"], slot, nominal, where) if "mean" in table else nominal
+    return Normal(mean, _from_zero(deviation(table["sd"], slot, mean, where), where))
+
+
+def _log_normal(table: Mapping[str, Any], slot: str, nominal: float, where: str, bounds: tuple[float, float]) -> Distribution:
+    """Return the log-normal law of the deviation `log_sd` about `mean`, its median, or the nominal value."""
+    median = _value(table["mean"], slot, nominal, where) if "mean" in table else nominal
+    if slot in (TEMPERATURE, "K") or not median > 0.0:
+        raise ScenarioError(
+            "log_sd applies only to a value above zero that is not a temperature. Give sd.", where, code="value.without-effect"
+        )
+    return LogNormal(median, _from_zero(literal(table["log_sd"], "1", where), where))
 
 
 def _uniform(table: Mapping[str, Any], slot: str, nominal: float, where: str, bounds: tuple[float, float]) -> Uniform:
@@ -155,13 +153,13 @@ def _from_zero(sd: float, where: str) -> float:
 
 
 def cut(law: Distribution, bounds: tuple[float, float], where: str) -> Distribution:
-    """Return a normal or log-normal law truncated to the bounds (low, high); any other law, or one that does not reach them, as it is.
+    """Return a normal or log-normal law truncated to the bounds (low, high); as it is one without spread or within them, and any other.
 
     Raises
     ------
     ScenarioError   When almost all of it lies beyond.
     """
-    out = Cut(law, *bounds) if isinstance(law, Normal | LogNormal) else None
+    out = Cut(law, *bounds) if isinstance(law, Normal | LogNormal) and law.variance > 0.0 else None
     if out is None or out.share == 1.0:
         return law
     if not out.share > MIN_SHARE_IN_BOUNDS:
@@ -171,3 +169,11 @@ def cut(law: Distribution, bounds: tuple[float, float], where: str) -> Distribut
             code="value.outside-range",
         )
     return out
+
+
+FORMS: Mapping[str, tuple[set[str], set[str], Callable[[Mapping[str, Any], str, float, str, tuple[float, float]], Distribution]]] = {
+    "sd": ({"sd"}, {"mean"}, _normal),
+    "log_sd": ({"log_sd"}, {"mean"}, _log_normal),
+    "low": ({"low", "high"}, set(), _uniform),
+}
+"""Key of a form of a spread -> keys that it needs, keys that may stand beside, its law; the first key that a written table has decides."""

@@ -103,7 +103,7 @@ def test_what_noise_of_an_input_explains_is_not_counted_as_wandering_too(tmp_pat
     """Residuals are up to a hundred times their noise, and all of it comes from one input."""
     laboratory, rng = Laboratory(tmp_path, step), np.random.default_rng(8)
     slow, factors, chi_squares = 0, [], []
-    for _ in range(4):
+    for _ in range(2):
         errors = rng.normal(0.0, 1.0, (laboratory.times.size, 3)) * np.array([SD, SD, sd])
         record = getattr(laboratory, logged)(errors, laboratory.truth["plate"], laboratory.truth["cover"])
         record = replace(record, channels={n: replace(c, noise=c.noise if n in NAMES[:2] else None) for n, c in record.channels.items()})

@@ -60,7 +60,7 @@ def widening(found: Calibration) -> np.ndarray:
 
 
 @pytest.mark.parametrize(
-    ("gap", "draws"), [(True, 12), pytest.param(False, 24, marks=pytest.mark.campaign), pytest.param(True, 24, marks=pytest.mark.campaign)]
+    ("gap", "draws"), [(True, 8), pytest.param(False, 24, marks=pytest.mark.campaign), pytest.param(True, 24, marks=pytest.mark.campaign)]
 )
 def test_errors_are_the_scatter_of_repeats_where_residuals_wander(gap: bool, draws: int) -> None:
     squares = np.mean(scores(draws, gap=gap) ** 2, axis=0)

@@ -194,7 +194,7 @@ SHADES = {
 
 def draw_run(figure: Figure, run: ProfileRun) -> None:
     """Draw the chamber and the nodes over time, phases as shades with a strip above that names them."""
-    grid = figure.add_gridspec(2, 1, height_ratios=(1, 14), hspace=0.02)
+    grid = figure.add_gridspec(2, 1, height_ratios=(1, 14))
     strip: Axes = figure.add_subplot(grid[0])
     axis: Axes = figure.add_subplot(grid[1])
     length, name = time_unit(run.duration)

@@ -28,14 +28,14 @@ from thermid.qualify._watch.stopping import Stopping, unlogged_ambients
 from thermid.qualify._watch.watcher import Watcher, WatchLook
 from unit.fit.estimation.rig import NOISE, deck_of, rig, scenario
 
-ICE, HOURS, EVERY = 273.15, 3.0, 10.0
+ICE, HOURS, EVERY = 273.15, 3.0, 20.0
 PLAN = {"times": ["0 [s]", "4800 [s]", "8400 [s]"], "values": ["12 [W]", "8 [W]", "0 [W]"], "hold": True, "after": "hold"}
 
 
-def log_of(kind: str) -> tuple[td.Model, td.Scenario, Record]:
+def log_of(kind: str, every: float = EVERY) -> tuple[td.Model, td.Scenario, Record]:
     """Return model, scenario and synthetic log of a test where nothing fails."""
     r = np.random.default_rng(5)
-    t = np.arange(0.0, 3600.0 * HOURS, EVERY)
+    t = np.arange(0.0, 3600.0 * HOURS, every)
     deck = deck_of()
     if kind == "fast":
         deck["nodes"]["chip"]["capacitance"], deck["parameters"]["joint"] = "2 [J/K]", "0.3 [W/K]"
@@ -156,7 +156,7 @@ class TestRows:
 
 
 def test_a_rig_without_noise_stated_takes_that_of_the_readings() -> None:
-    model, said, record = rig(), scenario(), log_of("spikes")[2]
+    model, said, record = rig(), scenario(), log_of("spikes", 10.0)[2]
     twin = Watcher(Stopping(rule_of("3 C/h"), 1.0, model=model, scenario=said), ("chip", "case"), model, said)
     look = twin.look(record.trim(0.0, 1800.0))
     assert any("noise as the latest readings show it" in a and "chip 0.05 K" in a for a in look.assumed)
