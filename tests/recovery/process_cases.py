@@ -28,13 +28,13 @@ class Fitted:
     ----------
     off : array (6,)    Found less true, in the fitted (logarithmic) forms, over the standard error. [-]
     said : array (6,)   The standard errors. [-]
-    white : float       Probability of innovations as correlated or more, were they white (Ljung and Box, twenty lags). [-]
+    white : bool        Whether neighbouring innovations are uncorrelated.
     converged : bool
     """
 
     off: Array
     said: Array
-    white: float
+    white: bool
     converged: bool
 
 
@@ -51,7 +51,7 @@ def fitted(seed: int, samples: int) -> Fitted:
     maximum = likelihood.maximise(likelihood.start)
     known, said = np.log([*values.values(), truth.sigma_w, truth.sigma_v]), maximum.errors()
     innovations = likelihood.passing(0, [maximum.fitted]).run().innovations
-    white = whiteness("indoor", innovations.standard[:, 0]).probability
+    white = whiteness("indoor", innovations.standard[:, 0]).white
     return Fitted((maximum.fitted - known) / said, said, white, maximum.converged)
 
 
@@ -61,6 +61,6 @@ def shares(found: Sequence[Fitted]) -> dict[str, float]:
     return dict(zip(NAMES, map(float, inside), strict=True))
 
 
-def rejected(found: Sequence[Fitted], level: float) -> float:
-    """Return the share of the logs whose innovations fail the test of whiteness at a level. [-]"""
-    return float(np.mean([f.white < level for f in found]))
+def rejected(found: Sequence[Fitted]) -> float:
+    """Return the share of the logs whose innovations are not white by the criterion, at the 99 % level. [-]"""
+    return float(np.mean([not f.white for f in found]))

@@ -8,13 +8,15 @@ import numpy as np
 import pytest
 
 import thermid as td
+from thermid.base.linear_algebra import one_thread
 from thermid.fit._calibrate import calibrate, fit
 from thermid.fit._calibration import Calibration
+from thermid.fit._estimation.filtering import whiteness
 from thermid.fit._minimisation import covariances, ended
 from thermid.fit._problem.experiment import ERROR_OF_SEEN_NOISE
 from thermid.fit._problem.request import Request, known_before
-from thermid.fit._problem.residuals import Unknown
-from thermid.fit._uncertainty.noise import _beside, _leaning, binned, correlation
+from thermid.fit._problem.residuals import Sums, Unknown
+from thermid.fit._uncertainty.noise import _beside, _Calm, _leaning, _parts, _trace_noise, binned, binned_trace, correlation
 from thermid.measure.records import Channel, Record
 from thermid.model.deck import load_model
 from thermid.simulation.runs import Scenario, simulate
@@ -320,3 +322,19 @@ def test_a_stated_noise_far_from_what_the_readings_show_is_remarked_on(stated: f
     if said:
         shown = float(remarks[0].split('noise = "')[1].split(" [K]")[0])
         assert shown == pytest.approx(0.05, rel=0.2)
+
+
+def test_two_to_three_of_a_hundred_white_traces_are_called_autocorrelated() -> None:
+    """Of 2,000 white traces whose mean was fitted; one of a hundred by neighbours alone, by which innovations of `estimate` are judged."""
+    rng, times, alike = np.random.default_rng(20261130), 60.0 * np.arange(40), dict[bytes, list[np.ndarray]]()
+    plain, whole = [], []
+    with one_thread():
+        for _ in range(2000):
+            z = rng.standard_normal(times.size)
+            trace = binned_trace(z, z, np.arange(z.size), times, np.ones((z.size, 1)), 1.0, None)
+            noise = _parts(trace, _Calm.of_trace(trace, np.eye(1) / np.sqrt(z.size)), alike)
+            effective = _trace_noise(("r", "T"), trace, *noise).effective_samples
+            whole.append(not Sums.of_residuals(z - z.mean()).statistics(0.0, effective).white)
+            plain.append(not whiteness("T", z).white)
+    assert 0.003 < np.mean(plain) < 0.017
+    assert 0.012 < np.mean(whole) < 0.03

@@ -49,12 +49,12 @@ def ends(fit: td.Calibration, who: Workers) -> Any:
 
 
 def criticism(fit: td.Calibration, who: Workers) -> Any:
-    return [(c.name, c.evidence, c.widths, c.refused) for c in td.inference.criticise(fit, elements=True, executor=who).candidates]
+    return [(c.name, c.evidence, c.refused) for c in td.inference.criticise(fit, elements=True, executor=who).candidates]
 
 
 def structures(_: td.Calibration, who: Workers) -> Any:
     found = search_structure(Request(box(), (RECORD,), (HTC, MASS)), rounds=1, evaluations=300, executor=who)
-    return [(s.end.fitted, s.weighing.averaged) for s in found.structures], found.refused, found.evaluations
+    return [(s.end.fitted, s.weighing.logs) for s in found.structures], found.refused, found.evaluations
 
 
 def actions(fit: td.Calibration, who: Workers) -> Any:

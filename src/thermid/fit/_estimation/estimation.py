@@ -13,7 +13,7 @@ from thermid.base.expression import seconds
 from thermid.base.linear_algebra import HALF_WIDTH_95, Array, symmetric_inverse
 from thermid.base.results import Result
 from thermid.base.units import from_si
-from thermid.fit._estimation.filtering import Belief, Whiteness, chance, smoothed, whiteness
+from thermid.fit._estimation.filtering import Belief, Whiteness, smoothed, whiteness
 from thermid.fit._estimation.likelihood import Likelihood, Maximum
 from thermid.fit._estimation.outlook import OpenLoopScore, course, members_about, unread
 from thermid.fit._problem.request import Request
@@ -271,7 +271,8 @@ class Estimation(Result):
         head = [f"{self.title}: {self.chosen.name}{why}"]
         head += [f"  warning: {w}" for w in self.warnings]
         head += [f"  assumed: {a}" for a in self.assumed]
-        head.append(f"  likelihood ratio of process noise {self.ratio:.4g}, {chance(self.p_value)}; the choice does not use it")
+        words = f"= {self.p_value:.2g}" if self.p_value >= 1e-6 else "< 1e-6"  # no log is normal that far out
+        head.append(f"  likelihood ratio of process noise {self.ratio:.4g}, p {words}; the choice does not use it")
         return "\n".join([*head, *self.process.lines(), *self.output.lines()])
 
 
@@ -290,7 +291,7 @@ def _as_object(e: Estimator) -> dict[str, Any]:
         "converged": e.maximum.converged,
         "errors_widened": e.widened,
         "errors_by": "observed information" if e.maximum.observed else "expected information",
-        "innovations": {w.sensor: {"white": w.white, "p": w.probability, "lag_one": w.lag_one, "size": w.size} for w in e.white},
+        "innovations": {w.sensor: {"white": w.white, "lag_one": w.statistics.lag_one, "size": w.size} for w in e.white},
     }
 
 

@@ -16,6 +16,7 @@ import numpy as np
 
 from thermid.base.linear_algebra import Array
 from thermid.fit._estimation.steps import lower
+from thermid.fit._problem.residuals import SensorStatistics, Sums
 from thermid.measure.steadiness import effective_samples
 
 
@@ -129,39 +130,34 @@ def _smoothing_step(leg: FilterStep, later: Belief) -> Belief:
     return Belief(mean, lower(np.concatenate([rest, gain @ later.root], axis=2)))
 
 
-LAGS: Final = 20
-MIN_WHITENESS_PROBABILITY: Final = 0.01
-"""Probability below which innovations are not taken as white."""
 LOUD: Final = 3.0
-"""Standard deviations by which the size of innovations may exceed one before it widens errors."""
+"""Standard deviations by which the size of innovations may exceed one before it widens errors. [-]"""
 
 
 @dataclass(frozen=True)
 class Whiteness:
-    """Portmanteau test of the innovations of one sensor (Ljung and Box, Biometrika 65 (1978) 297).
+    """Whether the innovations of one sensor, in units of what the filter foresaw, are white: by the criterion of a fit's residuals.
 
     Parameters
     ----------
     sensor : str
-    count, lags : int
-    lag_one : float         Correlation of neighbours. [-]
-    size : float            RMS of the innovations in units of what the filter foresaw; one where noises are right. [-]
-    probability : float     Of correlations as large or larger, were they white. [-]
-    effective : float       Independent innovations that would say as much about a mean. [-]
+    statistics : SensorStatistics   Of the innovations; their RMS is one where noises are right. [-]
+    effective : float               Independent innovations that would say as much about a mean. [-]
     """
 
     sensor: str
-    count: int
-    lags: int
-    lag_one: float
-    size: float
-    probability: float
+    statistics: SensorStatistics
     effective: float
 
     @property
     def white(self) -> bool:
-        """Whether the innovations are not rejected as white at 1 %."""
-        return self.probability >= MIN_WHITENESS_PROBABILITY
+        """Whether neighbours are uncorrelated, as `SensorStatistics.white` says."""
+        return self.statistics.white
+
+    @property
+    def size(self) -> float:
+        """RMS of the innovations in units of what the filter foresaw. [-]"""
+        return self.statistics.rmse
 
     @property
     def loud(self) -> bool:
@@ -171,29 +167,15 @@ class Whiteness:
     @property
     def widening(self) -> float:
         """How much wider than the likelihood's the errors of values are: by size where they are loud, by correlation where not white."""
-        return max(1.0, (self.size if self.loud else 1.0) * (1.0 if self.white else math.sqrt(self.count / self.effective)))
+        correlated = 1.0 if self.white else math.sqrt(self.statistics.samples / self.effective)
+        return max(1.0, (self.size if self.loud else 1.0) * correlated)
 
     def __str__(self) -> str:
         """The test in one line."""
         word = "white" if self.white else "not white"
-        text = f"{self.sensor}: innovations {word} (lag one {self.lag_one:+.2f}, {chance(self.probability)} over {self.lags} lags)"
-        return f"{text}, {self.size:.3g} times the expected size"
-
-
-def chance(probability: float) -> str:
-    """Return a probability in words; below a millionth the tail of no log is normal, so no digits are shown."""
-    return f"p = {probability:.2g}" if probability >= 1e-6 else "p < 1e-6"
+        return f"{self.sensor}: innovations {word} (lag one {self.statistics.lag_one:+.2f}), {self.size:.3g} times the expected size"
 
 
 def whiteness(sensor: str, standard: Array) -> Whiteness:
     """Return whether standardised innovations (readings,) are white."""
-    from scipy.special import gammaincc
-
-    n = standard.size
-    lags = max(1, min(LAGS, n // 5))
-    off = standard - standard.mean()
-    power = float(off @ off)
-    r = np.array([float(off[k:] @ off[:-k]) / power if power > 0 else 0.0 for k in range(1, lags + 1)])
-    q = n * (n + 2.0) * float(np.sum(r**2 / (n - np.arange(1, lags + 1))))
-    size, probability = float(np.sqrt(np.mean(standard**2))), float(gammaincc(0.5 * lags, 0.5 * q))
-    return Whiteness(sensor, n, lags, float(r[0]), size, probability, effective_samples(standard))
+    return Whiteness(sensor, Sums.of_residuals(standard).statistics(0.0), effective_samples(standard))

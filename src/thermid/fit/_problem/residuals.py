@@ -120,7 +120,7 @@ def starting_point(unknowns: Sequence[Unknown]) -> Array:
 
 
 HALF_WIDTH_99 = 2.576
-"""Standard deviations of a normal variable in half of its middle 99 %: one white trace in a hundred is called autocorrelated. [-]"""
+"""Standard deviations of a normal variable in half of its middle 99 %, which neighbours of one white trace in a hundred exceed. [-]"""
 WHITE = 0.9
 """Share of the samples that residuals must be worth as independent ones to count as white."""
 
@@ -153,7 +153,11 @@ class SensorStatistics:
 
     @property
     def white(self) -> bool:
-        """Whether residuals are uncorrelated: neighbours at the 99 % level (2.58 / sqrt n), and none that wander over longer times."""
+        """Whether residuals are uncorrelated: neighbours at the 99 % level (2.58 / sqrt n), and none that wander over longer times.
+
+        With the effective samples of a fit, which counts what wanders by restricted likelihood, 2 to 3 of 100 white traces are called
+        autocorrelated.
+        """
         return bool(abs(self.lag_one) < HALF_WIDTH_99 / np.sqrt(self.samples)) and not self.wanders
 
     @property

@@ -1,7 +1,7 @@
 """The one table of what may be wrong or missing: its prior size with unit and source, what hardware can have, how seldom it is, its words.
 
 Whatever names a cause (`criticise`, `improve`, `init`, mistakes, `diagnose`, hidden defects, `watch`) takes rows of this table, and weighs
-them by one score (`weighing`): how likely the readings are with it, its values integrated over these widths.
+them by one score (`weighing`): how likely the readings are with it, its values integrated over these priors.
 """
 
 from __future__ import annotations
@@ -47,16 +47,15 @@ class SizedValue:
     middle: float
     spread: float
 
-    def row(self, value: float, log: bool, factor: float) -> tuple[float, float]:
+    def row(self, value: float, log: bool) -> tuple[float, float]:
         """Return the residual of the prior and its derivative with respect to the fitted form (ln value where `log`).
 
-        With ``w = spread factor``: ``ln(value / middle) / w`` where it is fitted by its logarithm and has a middle, else
-        ``(value - middle) / (w middle)``, and ``value / w`` about zero.
+        With the spread s: ``ln(value / middle) / s`` where it is fitted by its logarithm and has a middle, else
+        ``(value - middle) / (s middle)``, and ``value / s`` about zero.
         """
-        width = self.spread * factor
         if self.middle and log:
-            return math.log(value / self.middle) / width, 1.0 / width
-        width *= self.middle or 1.0
+            return math.log(value / self.middle) / self.spread, 1.0 / self.spread
+        width = self.spread * (self.middle or 1.0)
         return (value - self.middle) / width, (value if log else 1.0) / width
 
 

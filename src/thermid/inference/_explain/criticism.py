@@ -96,8 +96,7 @@ class Candidate:
     name : str              What it is.
     found : str             What the refit found for it; empty where one evaluation promised less than others, so that none was made.
     possible : bool         Whether that is physically possible.
-    evidence : float        Twice the logarithm of the Bayes factor over the model as it is, averaged over the widths of its prior. [-]
-    widths : (float, float) The same with half and with twice the widths of the table.
+    evidence : float        Twice the logarithm of the Bayes factor over the model as it is. [-]
     rmse : (float, float)   Before and after, all sensors, at the values that are likeliest in the noise of the comparison. [K]
     weighted : (float, float)   The same in units of the stated noise, weighed by the inverse of that noise: what the evidence rests on. [-]
     fit : Calibration       The full fit of what is suggested; None of all others.
@@ -108,7 +107,6 @@ class Candidate:
     found: str = ""
     possible: bool = True
     evidence: float = -np.inf
-    widths: tuple[float, float] = (-np.inf, -np.inf)
     rmse: tuple[float, float] = (np.nan, np.nan)
     weighted: tuple[float, ...] = (np.nan, np.nan)
     fit: Calibration | None = None
@@ -116,13 +114,13 @@ class Candidate:
 
     @property
     def proved(self) -> bool:
-        """Whether the evidence is very strong with each width of the prior: what one width alone says hangs on a guess."""
-        return min(self.evidence, *self.widths) > VERY_STRONG
+        """Whether the evidence is very strong."""
+        return self.evidence > VERY_STRONG
 
     def to_dict(self) -> dict[str, Any]:
         """Return its figures, in SI; `tried` is whether it was refitted."""
         keys = ("name", "found", "possible", "evidence", "refused")
-        pairs = {k: list(getattr(self, k)) for k in ("widths", "rmse", "weighted")}
+        pairs = {k: list(getattr(self, k)) for k in ("rmse", "weighted")}
         return {**{k: getattr(self, k) for k in keys}, **pairs, "tried": bool(self.found)}
 
     def __str__(self) -> str:
@@ -130,10 +128,7 @@ class Candidate:
         if self.refused:
             return f"{self.name}: could not be tried with these readings: {self.refused}"
         how = "very strong" if self.proved else "some" if self.evidence > WORTH_A_WORD else "no"
-        text = (
-            f"{self.name}: {how} evidence (twice the logarithm of the Bayes factor {self.evidence:+.3g}; {self.widths[0]:+.3g} with half "
-            f"and {self.widths[1]:+.3g} with twice the prior's width)"
-        )
+        text = f"{self.name}: {how} evidence (twice the logarithm of the Bayes factor {self.evidence:+.3g})"
         word = "" if self.possible else ", which is not physically possible"
         rmse, weighted = (" -> ".join(short(x, 3) for x in pair) for pair in (self.rmse, self.weighted))
         return f"{text}; found {self.found}{word}; RMSE {rmse} K, weighed by the noise {weighted}"
@@ -225,7 +220,7 @@ def criticise(
 
     The Bayes factor allows the model as it is to have its residuals by chance:
     on either side they are independent errors and a part that wanders, as large and as slow as makes them likeliest. Values that an element
-    adds are integrated over the widths of their priors.
+    adds are integrated over their priors.
     """
     if fit.request is None or fit.problem is None:
         raise IdentificationError(
@@ -370,7 +365,6 @@ def _tried(fit: Calibration, request: Request, executor: Workers, progress: Call
 def _weighed(one: FittedStructure, base: FittedStructure, noise: int) -> Candidate:
     """Return a refitted element beside the model as it is, both in one noise."""
     words, possible = one.judged()[0]
-    halved, _, doubled = 2.0 * (one.weighing.logs - base.weighing.logs)[:, noise]
-    averaged = 2.0 * float(one.weighing.averaged[noise] - base.weighing.averaged[noise])
+    evidence = 2.0 * float(one.weighing.logs[noise] - base.weighing.logs[noise])
     rmse, weighted = (base.rmse, one.rmse), tuple(float(s.weighing.squares[noise] ** 0.5) for s in (base, one))
-    return Candidate(one.name, words, possible, averaged, (float(halved), float(doubled)), rmse, weighted)
+    return Candidate(one.name, words, possible, evidence, rmse, weighted)

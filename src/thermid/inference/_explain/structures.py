@@ -4,7 +4,7 @@ In: a `Request` with the structure to begin from. Out: a `StructureSearch`: ever
 with it, the one that is proposed, those that the readings cannot separate from it, and the test that would.
 
 What one evaluation with derivatives promises of a change says whether it is refitted, and no more. Refits have the one score of all causes
-(`weighing`): the likelihood of the readings, all values integrated over the widths of the table.
+(`weighing`): the likelihood of the readings, all values integrated over the priors of the table.
 """
 
 from __future__ import annotations
@@ -296,7 +296,7 @@ class StructureSearch:
 
     def likelihood(self, one: FittedStructure) -> float:
         """Logarithm of the Bayes factor over the structure at the beginning. [-]"""
-        return float((one.weighing.averaged - self.start.weighing.averaged)[_noise_of(self.structures)])
+        return float((one.weighing.logs - self.start.weighing.logs)[_noise_of(self.structures)])
 
     @property
     def ties(self) -> tuple[FittedStructure, ...]:
@@ -536,7 +536,7 @@ class _Searching:
 
     def log(self, one: FittedStructure) -> float:
         """Return the logarithm of how likely readings are, under the noise of all."""
-        return float(one.weighing.averaged[_noise_of(self.done)])
+        return float(one.weighing.logs[_noise_of(self.done)])
 
     def _rank(self, one: FittedStructure) -> tuple[int, int, int, float]:
         """Return what the simplest of equals is least in: masses, laws that bend, values, then how unlikely readings are.

@@ -180,7 +180,5 @@ MAX_SEEN_STRETCHES: Final = 240
 them after a step. [-]"""
 NOISE_DONE_STEP, NOISE_DONE_GAIN, MOST_STEPS_IN_NOISE = 0.2, 1e-5, 20
 """A descent in one noise ends at this part of a standard error, at a step that gains this part of the cost, or after so many runs. [-]"""
-WIDTHS: Final = (0.5, 1.0, 2.0)
-"""Factors on every width of the table over which a score is averaged, each as likely. [-]"""
 CHOSEN: Final = 3.0
 """What a number that was chosen before a fit costs, such as the time of a course: the logarithm of how many were tried. [-]"""

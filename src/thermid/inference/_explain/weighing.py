@@ -1,4 +1,4 @@
-"""The one score: how likely the readings are with a cause, over as the model is, with all values integrated over the widths of the table.
+"""The one score: how likely the readings are with a cause, over as the model is, with all values integrated over the priors of the table.
 
 In: a problem, where its fit ended, the prior of each value that a cause adds (`causes`). Out: a `CauseScore`. The noise is the fit's own:
 white as stated, and a part that wanders as large and as slow as makes the readings likeliest (`fit.uncertainty.evidences`). Where the fit
@@ -15,19 +15,18 @@ import numpy as np
 from thermid.base.linear_algebra import Array
 from thermid.fit.calibration import Binned, Problem, binned, descend, evidences, wander_times, white_rows
 from thermid.inference._explain.causes import SizedValue
-from thermid.inference._explain.thresholds import MAX_SEEN_STRETCHES, MOST_STEPS_IN_NOISE, NOISE_DONE_GAIN, NOISE_DONE_STEP, WIDTHS
+from thermid.inference._explain.thresholds import MAX_SEEN_STRETCHES, MOST_STEPS_IN_NOISE, NOISE_DONE_GAIN, NOISE_DONE_STEP
 
 
 @dataclass(frozen=True, eq=False)
 class CauseScore:
-    """Evidence of the readings of one problem, over widths of its priors and noises of its readings.
+    """Evidence of the readings of one problem, over noises of its readings.
 
     Parameters
     ----------
-    logs : array (widths, noises)   Logarithms of the evidence, but for a constant that all models of the same readings share: a row for
-                                    each factor of `WIDTHS` on the priors, a column for each noise of a grid.
+    logs : array (noises,)          Logarithms of the evidence, but for a constant that all models of the same readings share.
     squares : array (noises,)       Mean square of the residuals in units of the stated noise, weighed as each noise weighs them. [-]
-    errors : array (noises, unknowns)   Standard error of every unknown in its fitted form, by the widths of the table.
+    errors : array (noises, unknowns)   Standard error of every unknown in its fitted form.
     wander : array (noises,)        Over what time each noise wanders in the first trace, zero where it hardly does. [s]
     """
 
@@ -38,16 +37,11 @@ class CauseScore:
 
     @property
     def best(self) -> float:
-        """The largest logarithm over the noises, averaged over the widths."""
-        return float(self.averaged.max())
-
-    @property
-    def averaged(self) -> Array:
-        """Logarithms of the evidence averaged over the widths (noises,): ln(mean over widths of exp(logs))."""
-        return np.asarray(np.logaddexp.reduce(self.logs, axis=0) - np.log(len(WIDTHS)))
+        """The largest logarithm over the noises."""
+        return float(self.logs.max())
 
     def less(self, amount: float | Array) -> CauseScore:
-        """Return the score with `amount`, one number or (widths, noises), taken off the logarithms. [-]"""
+        """Return the score with `amount`, one number or (noises,), taken off the logarithms. [-]"""
         return replace(self, logs=self.logs - amount)
 
 
@@ -56,7 +50,7 @@ def noise_of(weighings: Iterable[CauseScore]) -> int:
 
     Noise is a property of instruments and surroundings, so residuals of a worse model do not count as noise.
     """
-    return int(max(weighings, key=lambda w: w.best).averaged.argmax())
+    return int(max(weighings, key=lambda w: w.best).logs.argmax())
 
 
 def weighed_at(
@@ -86,7 +80,7 @@ def weighed_in_noise(
     """Return the score of a problem at the values that are likeliest in one noise, the column `noise` of a score, and these (unknowns,).
 
     White noise, by which fits are made, and noise that wanders have other ends. A descent from `fitted` in that noise leads to the other;
-    what the linearisation promises beyond it, with any width, does not count, for no run confirms it.
+    what the linearisation promises beyond it does not count, for no run confirms it.
 
     Raises
     ------
@@ -98,7 +92,7 @@ def weighed_in_noise(
         """Return cost, rows and slopes at some values, made white in the noise; the readings there are kept."""
         if x.tobytes() not in readings_at:
             readings_at[x.tobytes()] = seen_in_stretches(problem, x, loss, loss_scale)
-        parts = white_rows(readings_at[x.tobytes()], noise, begun), _prior_rows(problem, x, sizes, 1.0)
+        parts = white_rows(readings_at[x.tobytes()], noise, begun), _prior_rows(problem, x, sizes)
         rows, slopes = (np.concatenate(part) for part in zip(*parts, strict=True))
         return 0.5 * float(rows @ rows), rows, slopes
 
@@ -109,7 +103,7 @@ def weighed_in_noise(
     return whole.less(gains), end.x
 
 
-def _prior_rows(problem: Problem, fitted: Array, sizes: Mapping[str, SizedValue], factor: float) -> tuple[Array, Array]:
+def _prior_rows(problem: Problem, fitted: Array, sizes: Mapping[str, SizedValue]) -> tuple[Array, Array]:
     """Return residuals (priors,) of the priors, and derivatives (priors, unknowns): those of `sizes` in place of a problem's own."""
     is_sized = np.array([u.name in sizes for u in problem.unknowns], dtype=bool)
     values, slopes = problem.prior_rows(fitted)
@@ -117,13 +111,13 @@ def _prior_rows(problem: Problem, fitted: Array, sizes: Mapping[str, SizedValue]
     values, slopes = values[stated], slopes[stated]
     for k in np.flatnonzero(is_sized):
         u = problem.unknowns[k]
-        row, slope = sizes[u.name].row(u.to_value(float(fitted[k])), u.log, factor)
+        row, slope = sizes[u.name].row(u.to_value(float(fitted[k])), u.log)
         values, slopes = np.append(values, row), np.concatenate([slopes, slope * np.eye(is_sized.size)[[k]]])
     return values, slopes
 
 
 def _weighed(problem: Problem, fitted: Array, sizes: Mapping[str, SizedValue], pieces: Sequence[Binned]) -> tuple[CauseScore, Array, Array]:
-    """Return the logarithms (widths, noises) of the evidence of a problem: all unknowns integrated out, readings linear about `fitted`.
+    """Return the logarithms (noises,) of the evidence of a problem: all unknowns integrated out, readings linear about `fitted`.
 
     Parameters
     ----------
@@ -135,28 +129,28 @@ def _weighed(problem: Problem, fitted: Array, sizes: Mapping[str, SizedValue], p
     Returns
     -------
     CauseScore
-    array (noises, unknowns)    How far each unknown would move in each noise, by the widths of the table.
-    array (widths, noises)      What of the logarithms that way promises. [-]
+    array (noises, unknowns)    How far each unknown would move in each noise.
+    array (noises,)             What of the logarithms that way promises. [-]
     """
     from scipy.special import log_ndtr
 
-    rows = [_prior_rows(problem, fitted, sizes, factor) for factor in WIDTHS]
-    priors, pulls = np.array([m.T @ m for _, m in rows]), np.array([-m.T @ values for values, m in rows])
-    logs, moves, errors, gains, squares = evidences(pieces, priors, pulls)
+    values, rows = _prior_rows(problem, fitted, sizes)
+    *of_prior, squares = evidences(pieces, (rows.T @ rows)[None], (-rows.T @ values)[None])
+    logs, moves, errors, gains = (several[0] for several in of_prior)
     for k, u in enumerate(problem.unknowns):
         # of a normal about nothing only the upper half is possible: twice the density, times what lies above
         if u.name in sizes and u.log and not sizes[u.name].middle:
             logs = logs + np.log(2.0) + log_ndtr((1.0 + moves[..., k]) / errors[..., k])
-    logs = logs - np.array([0.5 * float(values @ values) for values, _ in rows])[:, None]
-    return CauseScore(logs, squares, errors[1], wander_times(pieces[0].times)), moves[1], gains
+    logs = logs - 0.5 * float(values @ values)
+    return CauseScore(logs, squares, errors, wander_times(pieces[0].times)), moves, gains
 
 
 def shares(weighings: Sequence[CauseScore]) -> Array:
     """Return the probability (causes,) of each of several causes, equally likely beforehand; their sum is 1. [-]
 
-    It is ``exp(logs) / sum of exp(logs)`` over the causes, under the noise of `noise_of`, averaged over the widths.
+    It is ``exp(logs) / sum of exp(logs)`` over the causes, under the noise of `noise_of`.
     """
     noise = noise_of(weighings)
-    logs = np.array([w.logs[:, noise] for w in weighings])
-    weights = np.exp(logs - logs.max(axis=0))
-    return np.asarray((weights / weights.sum(axis=0)).mean(axis=1))
+    logs = np.array([w.logs[noise] for w in weighings])
+    weights = np.exp(logs - logs.max())
+    return np.asarray(weights / weights.sum())

@@ -32,6 +32,10 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
+SHADE = 0.13
+"""How opaque an area behind lines is. [-]"""
+
+
 @takes_objects
 def picture(thing: Profile | Criticism | Hold | ProfileRun | Look, to: str | os.PathLike[str]) -> Path:
     """Write the picture of a profile, a criticism, a hold, a profile's run (png, svg, pdf) or a look at a log (svg), and return its path.
@@ -71,11 +75,10 @@ def _canvas() -> Iterator[Figure]:
         from matplotlib.figure import Figure
     settings: Any = {
         "text.parse_math": False,
-        "font.size": 10,
         "text.color": INK,
         "axes.edgecolor": SOFT,
         "axes.labelcolor": INK,
-        "axes.titlesize": 10,
+        "axes.titlesize": "medium",
         "axes.titlecolor": INK,
         "xtick.color": SOFT,
         "ytick.color": SOFT,
@@ -97,18 +100,17 @@ def _profile(figure: Figure, profile: Profile) -> None:
     x = from_si(profile.values, profile.unit)
     best, low, high = (float(from_si(v, profile.unit)) for v in (profile.best, profile.low, profile.high))
     error = profile.error / float(unit(profile.unit).factor)
-    axis.axvspan(low, high, color=SIMULATED, alpha=0.12, linewidth=0)
+    axis.axvspan(low, high, color=SIMULATED, alpha=SHADE, linewidth=0)
     parabola = np.linspace(min(x.min(), best - 2 * error), max(x.max(), best + 2 * error), 200)
-    axis.plot(parabola, ((parabola - best) / error) ** 2, color=SOFT, linewidth=1.2, linestyle="--", label="by the standard error alone")
-    axis.plot(x, profile.rise, color=SIMULATED, linewidth=1.8, marker="o", markersize=4, label="all others refitted")
-    axis.axhline(profile.threshold, color=RESIDUAL, linewidth=1.2)
+    axis.plot(parabola, ((parabola - best) / error) ** 2, color=SOFT, linestyle="--", label="by the standard error alone")
+    axis.plot(x, profile.rise, color=SIMULATED, marker="o", label="all others refitted")
+    axis.axhline(profile.threshold, color=RESIDUAL)
     axis.text(x.max(), profile.threshold, f"{100 * profile.level:.3g} % ", color=RESIDUAL, va="bottom", ha="right")
-    axis.plot([best], [0.0], marker="D", color=RESIDUAL, markersize=7, linestyle="none", label="best fit")
-    top = max(1.8 * profile.threshold, 1.05 * float(profile.rise.max()))
-    axis.set_ylim(-0.04 * top, min(top, 4.0 * profile.threshold))
+    axis.plot([best], [0.0], marker="D", color=RESIDUAL, linestyle="none", label="best fit")
+    axis.set_ylim(top=min(axis.get_ylim()[1], 4.0 * profile.threshold))
     for ok, end, side in zip(profile.limited, (low, high), ("no lower limit", "no upper limit"), strict=True):
         if not ok:
-            axis.text(end, 0.5 * profile.threshold, f" {side} ", color=RESIDUAL, ha="left" if side.startswith("no l") else "right")
+            axis.text(end, 0.0, f" {side} ", color=RESIDUAL, ha="left" if side.startswith("no l") else "right")
     axis.set_xlabel(f"{profile.path}, {profile.unit}")
     axis.set_ylabel("increase of the weighted sum of squares")
     axis.legend(loc="upper center")
@@ -119,7 +121,7 @@ def _criticism(figure: Figure, criticism: Criticism) -> None:
     worst = min(criticism.traces, key=lambda t: (t.is_noise, t.statistics.white, t.statistics.effective_samples / t.statistics.samples))
     size, unit_name = time_unit(float(worst.times[-1] - worst.times[0]))
     axes = figure.subplot_mosaic([["time", "time"], ["temperature", "power"]])
-    figure.suptitle(f"{criticism.title}: {worst.sensor} in {worst.record}", fontsize=11)
+    figure.suptitle(f"{criticism.title}: {worst.sensor} in {worst.record}")
     panels = (
         ("time", worst.times / size, f"time, {unit_name}"),
         ("temperature", worst.temperature - ICE_POINT, "predicted temperature, °C"),
@@ -127,20 +129,18 @@ def _criticism(figure: Figure, criticism: Criticism) -> None:
     )
     for name, x, label in panels:
         axis = axes[name]
-        axis.axhline(0.0, color=SOFT, linewidth=0.8)
-        axis.plot(
-            x, worst.residuals, color=RESIDUAL, linewidth=0.8 if name == "time" else 0, marker="." if name != "time" else "", markersize=3
-        )
+        axis.axhline(0.0, color=SOFT)
+        axis.plot(x, worst.residuals, "-" if name == "time" else ".", color=RESIDUAL)
         axis.set_xlabel(label)
         axis.set_ylabel("residual, K")
         slope, error = worst.slopes.get(name, (0.0, 0.0))
         if error > 0:
             along = np.array([x.min(), x.max()])
             step = slope * size if name == "time" else slope
-            axis.plot(along, worst.residuals.mean() + step * (along - x.mean()), color=SIMULATED, linewidth=1.4)
-            axis.set_title(f"slope {abs(slope) / error:.1f} standard errors", loc="right", fontsize=9)
+            axis.plot(along, worst.residuals.mean() + step * (along - x.mean()), color=SIMULATED)
+            axis.set_title(f"slope {abs(slope) / error:.1f} standard errors", loc="right", fontsize="small")
         elif np.ptp(x) == 0:
-            axis.set_title("power was constant", loc="right", fontsize=9)
+            axis.set_title("power was constant", loc="right", fontsize="small")
 
 
 MAX_LIMITS_DRAWN = 6
@@ -153,9 +153,7 @@ def draw_hold(figure: Figure, hold: Hold) -> None:
     length, name = time_unit(float(hold.times[-1]))
     passed = [p for p in hold.points[:MAX_LIMITS_DRAWN] if p.exceedance[-1] > 0.0] or [hold.points[0]]
     if hold.watermark:
-        figure.text(
-            0.5, 0.5, hold.watermark.upper(), color=SOFT, alpha=0.16, fontsize=20, rotation=24, ha="center", va="center", weight="bold"
-        )
+        _watermark(figure, hold.watermark.upper())
     for k, p in enumerate(passed):
         dash = DASHES[k % len(DASHES)]
         label, colour = f"{p.name}, {p.limit:g} degC", SERIES[k % len(SERIES)]
@@ -163,20 +161,21 @@ def draw_hold(figure: Figure, hold: Hold) -> None:
         ordered = np.sort(p.crossings[np.isfinite(p.crossings)])
         times = np.concatenate(([hold.times[0]], ordered, [hold.times[-1]])) / length
         exceeded = 100.0 * np.concatenate(([0.0], np.arange(1.0, ordered.size + 1.0), [float(ordered.size)])) / p.crossings.size
-        (line,) = axis.plot(times, exceeded, color=colour, linewidth=1.8, label=label, drawstyle="steps-post")
+        (line,) = axis.plot(times, exceeded, color=colour, label=label, drawstyle="steps-post")
         if dash:
             line.set_dashes(dash)
-    top = min(105.0, max(115.0 * max(float(p.exceedance[-1]) for p in passed), 400.0 * (1.0 - hold.confidence)))
     share = 100.0 * (1.0 - hold.confidence)
-    axis.axhline(share, color=SOFT, linewidth=1.0, linestyle=":")
+    axis.axhline(share, color=SOFT, linestyle=":")
     axis.text(hold.times[-1] / length, share, f"{share:g} % ", color=SOFT, va="bottom", ha="right")
     until, (low, high) = hold.together.hold, hold.together.between
     if math.isfinite(until):
-        axis.axvspan(low / length, min(high, hold.times[-1]) / length, color=INK, alpha=0.12, linewidth=0)
-        axis.axvline(until / length, color=INK, linewidth=1.2)
-        axis.annotate(f"{clock(until)} ", (until / length, 0.62 * top), ha="right", color=INK, weight="bold")
+        axis.axvspan(low / length, min(high, hold.times[-1]) / length, color=INK, alpha=SHADE, linewidth=0)
+        axis.axvline(until / length, color=INK)
+        axis.text(
+            until / length, 1.0, f"{clock(until)} ", transform=axis.get_xaxis_transform(), ha="right", va="top", color=INK, weight="bold"
+        )
     axis.set_xlim(hold.times[0] / length, hold.times[-1] / length)
-    axis.set_ylim(0.0, top)
+    axis.set_ylim(bottom=0.0)
     axis.set_xlabel(f"time, {name}")
     axis.set_ylabel("probability that the limit was exceeded, %")
     driven = ", ".join(hold.together.drivers_text.split(", ")[:3])
@@ -201,7 +200,7 @@ def draw_run(figure: Figure, run: ProfileRun) -> None:
     handle_of_label: dict[str, Any] = {}
     for phase in run.phases:
         colour, label = SHADES[phase.kind if phase.power else "off"]
-        for at, alpha in ((strip, 0.75), (axis, 0.13)):
+        for at, alpha in ((strip, 0.75), (axis, SHADE)):
             span = at.axvspan(phase.start / length, phase.end / length, color=colour, alpha=alpha, linewidth=0)
         handle_of_label.setdefault(label, span)
     _strip(strip, run, length)
@@ -209,40 +208,38 @@ def draw_run(figure: Figure, run: ProfileRun) -> None:
     swings = sorted(nodes, key=lambda n: run[n].lowest - run[n].highest)
     drawn = ([run.base] if run.base else []) + [n for n in swings if n != run.base]
     trace = run[run.chamber[0]]
-    axis.plot(trace.times / length, trace.celsius, color=SOFT, linewidth=1.0, label=f"chamber ({run.chamber[0]})")
+    axis.plot(trace.times / length, trace.celsius, color=SOFT, label=f"chamber ({run.chamber[0]})")
     for k, node in enumerate(drawn[:MAX_LIMITS_DRAWN]):
         trace = run[node]
         label = f"{node} (base plate)" if node == run.base else node
         times, kelvin = trace.course
-        (line,) = axis.plot(times / length, kelvin - ICE_POINT, color=SERIES[k % len(SERIES)], linewidth=1.6, label=label)
+        (line,) = axis.plot(times / length, kelvin - ICE_POINT, color=SERIES[k % len(SERIES)], label=label)
         if DASHES[k % len(DASHES)]:
             line.set_dashes(DASHES[k % len(DASHES)])
     used = run.profile.used
     for side in ("hot", "cold"):
         if side in used:
             level = float(used[side].value) - ICE_POINT
-            axis.axhline(level, color=INK, linewidth=0.8, linestyle=":")
-            axis.text(run.duration / length, level, f"{side} {level:.4g} degC ", va="bottom", ha="right", fontsize=8, color=INK)
+            axis.axhline(level, color=INK, linestyle=":")
+            axis.text(run.duration / length, level, f"{side} {level:.4g} degC ", va="bottom", ha="right", fontsize="small", color=INK)
     axis.set_xlim(0.0, run.duration / length)
     axis.set_xlabel(f"time, {name}")
     axis.set_ylabel("temperature, degC")
     handles, labels = axis.get_legend_handles_labels()
-    axis.legend(
-        handles + list(handle_of_label.values()),
-        labels + list(handle_of_label),
-        loc="upper center",
-        bbox_to_anchor=(0.5, -0.14),
-        ncols=4,
-        fontsize=8,
-    )
+    handles, labels = handles + list(handle_of_label.values()), labels + list(handle_of_label)
+    figure.legend(handles, labels, loc="outside lower center", ncols=4, fontsize="small")
     long, waited = run.duration / 3600.0, run.waited / 3600.0
     strip.set_title(
         f"{run.profile.title} on {run.solution.title}\n{long:.1f} h, {waited:.1f} h of it waiting for the unit; weakest number: {run.mark}",
         loc="left",
     )
     if not run.decides:
-        look: dict[str, Any] = {"color": SOFT, "alpha": 0.16, "fontsize": 24, "rotation": 24, "weight": "bold"}
-        figure.text(0.5, 0.5, "NUMBERS FROM MEMORY", ha="center", va="center", **look)
+        _watermark(figure, "NUMBERS FROM MEMORY")
+
+
+def _watermark(figure: Figure, text: str) -> None:
+    """Write a text across a picture whose numbers nobody should quote."""
+    figure.text(0.5, 0.5, text, color=SOFT, alpha=SHADE, fontsize="xx-large", rotation=24.0, ha="center", va="center", weight="bold")
 
 
 def _strip(strip: Axes, run: ProfileRun, length: float) -> None:
@@ -252,6 +249,6 @@ def _strip(strip: Axes, run: ProfileRun, length: float) -> None:
     for cycle in sorted({p.cycle for p in run.phases if p.cycle}):
         phases = [p for p in run.phases if p.cycle == cycle]
         begin, end = phases[0].start, phases[-1].end
-        strip.axvline(begin / length, color=INK, linewidth=0.8)
+        strip.axvline(begin / length, color=INK)
         if (end - begin) > 0.03 * run.duration:
-            strip.text(0.5 * (begin + end) / length, 0.5, str(cycle), ha="center", va="center", fontsize=8, color=INK)
+            strip.text(0.5 * (begin + end) / length, 0.5, str(cycle), ha="center", va="center", fontsize="small", color=INK)

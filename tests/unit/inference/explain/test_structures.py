@@ -68,7 +68,7 @@ def test_refits_in_tasks_are_the_same_bits_and_take_the_same_budget(pool: Callab
     assert (alone.evaluations, alone.scored) == (together.evaluations, together.scored)
     for one, other in zip(alone.structures, together.structures, strict=True):
         assert one.end.fitted.tobytes() == other.end.fitted.tobytes()
-        assert one.weighing.averaged.tobytes() == other.weighing.averaged.tobytes()
+        assert one.weighing.logs.tobytes() == other.weighing.logs.tobytes()
 
 
 def test_nothing_is_proposed_where_nothing_is_missing() -> None:
