@@ -68,7 +68,7 @@ def _say(text: str, to: Path | None, as_json: bool, kind: FileKind, comment: str
 def import_file(
     file: Annotated[
         Path,
-        typer.Argument(help="A SINDA case (.inp, .cc, .sin), ESATAN deck (.d) or InitFcn script (.m): name = expression; % comment [unit]"),
+        typer.Argument(help="A SINDA case (.inp, .cc, .sin), ESATAN deck (.d) or InitFcn script: name = expression; % comment [unit]"),
     ],
     to: Annotated[Path | None, typer.Option("--to", help="The deck to write; what was read is only shown without it.")] = None,
     case: Annotated[
@@ -94,10 +94,10 @@ def import_file(
 
     A deck becomes a model and a scenario; of a script the values are read. What cannot be said is listed.
     """
-    if file.suffix.lower() == ".m":
+    network = _network(file, units)
+    if network is None:
         _import_script(file, to, block, force, as_json)
         return
-    network = _network(file, units)
     model, judged, more = network.model(), list[str](), dict[str, object]()
     if results is not None:
         prints = printed_temperatures(results)
@@ -141,6 +141,8 @@ def write_back(
     The copies are equal but for the numbers that changed, each with a comment.
     """
     network = _network(file, units)
+    if network is None:
+        raise DeckError("it has neither $MODEL (ESATAN) nor HEADER or BCD 3 (SINDA).", str(file), code="file.another-kind")
     model, standing = judged_model(deck, values, keep_values, param, accept)
     texts, rest = network.written_back(model), network.not_written_back(model)
     targets = {to / Path(name).name: text for name, text in texts.items()}
@@ -157,16 +159,14 @@ def write_back(
     answer(standing, as_json, {"files": [target.name for target in targets], "not_written": list(rest)}, "\n".join(lines))
 
 
-def _network(file: Path, units: str = "") -> NetworkFile:
-    """Return the network of a deck; its content tells which tool wrote it."""
+def _network(file: Path, units: str = "") -> NetworkFile | None:
+    """Return the network of a deck, None of a script; its content tells which tool wrote it."""
     head = read_bytes(file)[:1_000_000].decode("latin-1") if file.is_file() else ""
     if re.search(r"^\s*\$MODEL\b", head, re.MULTILINE | re.IGNORECASE):
         return read_esatan(file)
     if not head or re.search(r"^\s*(?:HEADER\s+\w+|BCD\s+3)", head, re.MULTILINE | re.IGNORECASE):
         return read_sinda(file, units)
-    raise DeckError(
-        "it has neither $MODEL (ESATAN) nor HEADER or BCD 3 (SINDA); an InitFcn script ends with .m.", str(file), code="file.another-kind"
-    )
+    return None
 
 
 def _import_script(script: Path, to: Path | None, block: bool, force: bool, as_json: bool) -> None:
