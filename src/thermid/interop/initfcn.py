@@ -29,6 +29,7 @@ from thermid.model.elements import Parameter, parameter
 _CELSIUS = re.compile(r"(deg\.?\s*|degrees?\s+|°\s*)?(C|celsius)\Z", re.IGNORECASE)
 PI = "3.141592653589793"
 _WORD = re.compile(r"\s*(?:(?P<number>(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)(?![\w.])|(?P<name>[A-Za-z]\w*)|(?P<sign>\.?[*/^]|[-+(),]))")
+_SIGNS = "+-*/^(),"
 _BRACKET = re.compile(r"\[([^\[\]]*)\]")
 _HEAD = re.compile(r"(?P<name>[A-Za-z]\w*)\s*=(?!=)(?P<rest>.*)\Z", re.DOTALL)
 _FIELD = re.compile(r"\b([A-Za-z]\w*)\.(?=[A-Za-z])(?!\w+['\"])")
@@ -497,41 +498,25 @@ def _expression(written: str, where: str, constants: Mapping[str, str]) -> str:
         place = word.end()
     if not words:
         raise ExpressionError("the value after the equals sign is missing.", where, code="import.not-understood")
-    for k, word_ in enumerate(words):
-        if word_ == "^" and _operand_end(words, k + 1) < len(words) and words[_operand_end(words, k + 1)] == "^":
+    flat, before = "".join(w if w in _SIGNS else "x" for w in words), ""
+    while flat != before:  # innermost parentheses first
+        if re.search(r"\^[-+]*x\^", flat):
             raise ExpressionError(
                 f"'{_shortened(written)}' has two powers in a row, which MATLAB evaluates from the left and a deck from the right. "
                 "Put one of them in parentheses.",
                 where,
                 code="import.not-understood",
             )
-    return _spaced([constants.get(w, "**" if w == "^" else _name(w)) for w in words])
+        before, flat = flat, re.sub(r"x?\([^()]*\)", "x", flat)
+    # a sum has spaces around its sign, a sign of a number has none
+    sums = [w in "+-" and k > 0 and words[k - 1] not in _SIGNS.replace(")", "") for k, w in enumerate(words)]
+    texts = (constants.get(w, "**" if w == "^" else _name(w)) for w in words)
+    return "".join(f" {t} " if of_sum else t for t, of_sum in zip(texts, sums, strict=True))
 
 
 def _name(word: str) -> str:
     """Return a word as a deck has it: a name of MATLAB that is a keyword of expressions, such as lambda, gets an underscore."""
     return f"{word}_" if iskeyword(word) else word
-
-
-def _operand_end(words: list[str], start: int) -> int:
-    """Return the index behind the operand that begins at `start`."""
-    while start < len(words) and words[start] in ("+", "-", *FUNCTIONS):
-        start += 1
-    depth = 0
-    for k in range(start, len(words)):
-        depth += (words[k] == "(") - (words[k] == ")")
-        if depth <= 0:
-            return k + 1
-    return len(words)
-
-
-def _spaced(words: list[str]) -> str:
-    """Return words as text: spaces around sums, none elsewhere."""
-    out = ""
-    for k, word in enumerate(words):
-        binary = word in "+-" and k > 0 and words[k - 1] not in ("(", "+", "-", "*", "/", "**")
-        out += f" {word} " if binary else word
-    return out
 
 
 def _commented(assignments: list[Statement], comment: str) -> list[Statement]:
