@@ -325,7 +325,11 @@ _QUESTIONS = {
     "V": ("a voltage", "is it a power? If so, give --formula P='{0} * I', I the column of its current"),
     "W/m^2": ("a power by area", "is it a power? If so, give --formula P='{0} * 20 [cm^2]', with the area that it falls on"),
     "J": ("an energy", "is it a power? If so, give power = {{ energy = ... }} of a channel in the campaign"),
-    "1/s": ("a speed or a frequency", "is it a fan's? Losses change with it, which no structure tried here does: give logs of one speed"),
+    "1/s": (
+        "a speed or a frequency",
+        "is it a fan's? No structure tried here has losses that change: give logs of one speed, or write a deck and schedule = ... of its "
+        "channel",
+    ),
 }
 """Unit of a column -> what it is, and what to ask about it."""
 
