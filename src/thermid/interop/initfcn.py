@@ -14,6 +14,7 @@ import os
 import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
+from itertools import accumulate
 from keyword import iskeyword
 from pathlib import Path
 from typing import Any
@@ -355,13 +356,7 @@ def statements(
         assignments_of_part: list[list[Statement]] = []
         for part in parts:
             try:
-                if _NO_VALUE.match(part):
-                    if part.startswith("clear") and (assignments or assignments_of_part):
-                        raise ExpressionError(
-                            f"'{part}' would remove the values above it. Put it first, or remove it.",
-                            f"{file}:{number}",
-                            code="import.not-understood",
-                        )
+                if _NO_VALUE.match(part) and not (part.startswith("clear") and (assignments or assignments_of_part)):
                     passed.append(re.split(r"\W", part)[0])
                     continue
                 assignments_of_part.append(_assignments(part, f"{file}:{number}", number, constants, vectors))
@@ -382,14 +377,9 @@ def statements(
 
 def _parts(code: str) -> list[str]:
     """Return what stands between commas and semicolons that are not in parentheses or brackets."""
-    parts, depth = [""], 0
-    for sign in code:
-        depth += (sign in "([{") - (sign in ")]}")
-        if sign in ";," and depth <= 0:
-            parts.append("")
-        else:
-            parts[-1] += sign
-    return [p.strip() for p in parts if p.strip()]
+    depths = accumulate((sign in "([{") - (sign in ")]}") for sign in code)
+    lines = "".join("\n" if sign in ";," and depth <= 0 else sign for sign, depth in zip(code, depths, strict=True))
+    return [part.strip() for part in lines.split("\n") if part.strip()]
 
 
 def _without_line_numbers(lines: list[str]) -> list[str]:

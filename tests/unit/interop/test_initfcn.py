@@ -103,7 +103,7 @@ def test_a_script_is_shown_with_its_remarks() -> None:
         ("a = 3';", "cannot be read. Use single"),
         ("a = 2\\3;", "cannot be read. Use single"),
         ("a = 1j;", "cannot be read. Use single"),
-        ("a = 1;\n\nclear all", "script:3: 'clear all' would remove the values above it. Put it first, or remove it."),
+        ("a = 1;\n\nclear all", "script:3: 'clear all' is not of the form 'name = expression'"),
         ("p.x\n", "script:1: 'p.x' is not of the form"),
         ("a == 2", "is not of the form"),
         ("if 1, a = 2; end", "'if 1' is not of the form"),

@@ -83,7 +83,7 @@ REFUSED: dict[str, tuple[str, list[str]]] = {
         "if ~exist('m', 'var')\n  m = 3;\nend\nload('a.mat');\nk = interp1(T, k, 3);\nf = @(x) x + 1;\nS = struct(1);\n[a, b] = size(S);",
         [f"script:{line}: " for line in (1, 3, 4, 5, 6, 7, 8)],
     ),
-    "clear too late": ("a = 1;\nn = 2;\nclear a\nb = log(2);", ["script:3: 'clear a' would remove the values above it", "script:4: "]),
+    "clear too late": ("a = 1;\nn = 2;\nclear a\nb = log(2);", ["script:3: 'clear a' is not of the form", "script:4: "]),
 }
 
 

@@ -33,7 +33,7 @@ from thermid.app.cli.options import (
 from thermid.app.cli.screen import show
 from thermid.base.errors import DeckError, OutputError, refuse_unknown
 from thermid.base.extensions import require
-from thermid.base.files import FileKind, FileKinds, may_write, read_bytes, write_bytes, write_text
+from thermid.base.files import FileKind, FileKinds, read_bytes, write_bytes, write_text
 from thermid.base.units import counted
 from thermid.interop.c99 import to_c
 from thermid.interop.decks import NetworkFile, agreement, balance, printed_temperatures, read_esatan, read_sinda, to_esatan, to_sinda
@@ -96,7 +96,7 @@ def import_file(
     """
     network = _network(file, units)
     if network is None:
-        _import_script(file, to, block, force, as_json)
+        _import_script(file, to, block, as_json)
         return
     model, judged, more = network.model(), list[str](), dict[str, object]()
     if results is not None:
@@ -169,22 +169,12 @@ def _network(file: Path, units: str = "") -> NetworkFile | None:
     return None
 
 
-def _import_script(script: Path, to: Path | None, block: bool, force: bool, as_json: bool) -> None:
+def _import_script(script: Path, to: Path | None, block: bool, as_json: bool) -> None:
     """Read the parameters of an InitFcn script and write them as a deck."""
     script_values = read_initfcn(script)
     title = (to or script).stem
+    model = model_from_dict(script_values.block(title) if block else script_values.deck(title))
     if to is not None:
-        may_write(to, FileKinds.DECK.titled(title))
-    deck = script_values.block(title) if block else script_values.deck(title)
-    model = model_from_dict(deck)
-    if to is not None and not force and to.is_file():
-        if load_model(to) != model:
-            raise OutputError(
-                "another deck is there already. Give another name or move it away; --force replaces it.",
-                str(to),
-                code="output.over-another-file",
-            )
-    elif to is not None:
         save_model(model, to)
     shown = {"file": to.name} if to is not None else {}
     parameters = {n: {"text": p.text, "number": script_values.numbers[n], "note": p.note} for n, p in script_values.parameters.items()}

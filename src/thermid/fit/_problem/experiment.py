@@ -32,14 +32,11 @@ from thermid.values.fitted import FittedValue
 class Inputs:
     """What the channels of a record drive, on top of what the scenario gives; see `Experiment` for what is noted of them.
 
-    `driven` is channel -> path; `metered` are the loads whose power was logged.
+    `tables` are those of a scenario: boundaries, loads, commands, gains, schedule; `driven` is channel -> path; `metered` are
+    the loads whose power was logged.
     """
 
-    boundaries: dict[str, Any]
-    loads: dict[str, Any]
-    commands: dict[str, Any]
-    gains: dict[str, str]
-    schedule: dict[str, Any]
+    tables: dict[str, dict[str, Any]]
     shared: dict[str, tuple[str, float]] = field(default_factory=dict)
     driven: dict[str, str] = field(default_factory=dict)
     metered: list[str] = field(default_factory=list)
@@ -50,7 +47,7 @@ class Inputs:
         """Lay the signal of a channel over a boundary, load or parameter, its constant error taken off where it is known; note it."""
         self.driven[channel.name] = path
         if role == "schedule":
-            self.schedule[path] = signal
+            self.tables["schedule"][path] = signal
             return
         free = path if role == "boundary" else SCALE + path
         if role != "command" and (noise := _input_noise(channel)).any:
@@ -59,18 +56,18 @@ class Inputs:
         if role != "command" and channel.common and errors is None and power > 0.0:
             self.means[free] = channel.common / power
         if role == "boundary":
-            self.boundaries[path] = signal if errors is None else signal.raised(-errors.get(channel.name, 0.0))
+            self.tables["boundaries"][path] = signal if errors is None else signal.raised(-errors.get(channel.name, 0.0))
             if channel.accuracy:
                 self.shared[channel.name] = (path, channel.accuracy)
         elif role == "command":
-            self.commands[path] = signal
+            self.tables["commands"][path] = signal
         else:
             self.metered.append(path)
-            self.loads[path] = signal if errors is None else signal.scaled(1.0 - errors.get(channel.name, 0.0))
+            self.tables["loads"][path] = signal if errors is None else signal.scaled(1.0 - errors.get(channel.name, 0.0))
             if channel.accuracy and power > 0:
                 self.shared[channel.name] = (free, channel.accuracy / power)
         if channel.gain:
-            self.gains[path] = channel.gain
+            self.tables["gains"][path] = channel.gain
 
 
 def in_gas_of(record: Record, scenario: Scenario) -> Scenario:
@@ -974,13 +971,8 @@ def bind(
     whole, seats = attached(model, record)
     network = compile_network(whole, media=base.media(), prescribed=(*base.prescribed, *prescribed))
     zero, last = record.ends
-    inputs = Inputs(
-        {network.find(k): v for k, v in base.boundaries.items()},
-        dict(base.loads),
-        dict(base.commands),
-        dict(base.gains),
-        dict(base.schedule),
-    )
+    begins = {name: dict(getattr(base, name)) for name in ("loads", "commands", "gains", "schedule")}
+    inputs = Inputs({"boundaries": {network.find(k): v for k, v in base.boundaries.items()}, **begins})
     observed: list[tuple[Channel, str]] = []
     for channel in record.channels.values():
         role, path = role_and_target(record, channel, network)
@@ -1004,8 +996,9 @@ def bind(
     tips = {o.node: o.seat for o in observations if o.node != o.seat}
     initial |= {tip: initial[seat] for tip, seat in tips.items() if seat in initial and tip not in initial}
     ticks = tuple(_ticks(record, clock, zero, inputs, tuple(c.name for c, _ in observed)) for clock in record.clocks)
-    driving = {name: getattr(inputs, name) for name in ("boundaries", "loads", "commands", "gains", "schedule")}
-    full = replace(base, title=record.name, **driving, start=start, initial=initial, duration=last - zero, metered=tuple(inputs.metered))
+    full = replace(
+        base, title=record.name, **inputs.tables, start=start, initial=initial, duration=last - zero, metered=tuple(inputs.metered)
+    )
     hidden = _hidden_starts(full, network, first, record, inputs.driven, observations, tips) if base.start == "" else {}
     full = replace(full, initial={**full.initial, **{n: Kelvin(h.mean) for n, h in hidden.items()}})
     notes = (inputs.noisy, inputs.means, hidden)
@@ -1037,7 +1030,7 @@ def _hidden_starts(
 
 def _ticks(record: Record, second: SecondClock, zero: float, inputs: Inputs, observed: tuple[str, ...]) -> Ticks:
     """Return which inputs and which of the compared readings follow a clock that the fit has yet to find."""
-    tables = (("boundaries", inputs.boundaries), ("loads", inputs.loads), ("commands", inputs.commands), ("schedule", inputs.schedule))
+    tables = [(name, held) for name, held in inputs.tables.items() if name != "gains"]
     followed = tuple((name, p) for c, p in inputs.driven.items() if c in second.channels for name, held in tables if p in held)
     sampled: list[tuple[float, SampledChange]] = []
     for channel, path in inputs.driven.items():

@@ -218,7 +218,7 @@ def _with_unit(name: str, text: str) -> str:
     """Return a name with the unit below it in brackets, unless it has that unit or the cell stands for none."""
     plain = text.strip("[](){} ")
     stated = not plain or plain.upper() in ("TS", "RN") or name.endswith(f"[{plain}]") or _unit_of(name) == spelt(plain)
-    stated |= is_time_name(plain, DATED | {"time"})  # "Time" below "Date&Time" is no unit
+    stated = stated or is_time_name(plain, DATED | {"time"})  # "Time" below "Date&Time" is no unit
     return name if stated else f"{name} [{plain}]"
 
 
