@@ -16,7 +16,7 @@ import numpy as np
 from thermid.base.dual import value_of
 from thermid.base.errors import DeckError, IdentificationError, ThermidError, refuse_unknown
 from thermid.base.expression import amount
-from thermid.campaign._start.roles import ACCURACY, SURROUNDINGS, Power, Roles, noise_of, part_name, with_noise
+from thermid.campaign._start.roles import ACCURACY, JOIN, SURROUNDINGS, Power, Roles, noise_of, part_name, with_noise
 from thermid.campaign._start.switching import Instants, found_instants, instants_text, with_instants
 from thermid.fit.calibration import MOST_EVALUATIONS, Calibration, LocalSpec, Request, first_reading, fit
 from thermid.inference.criticism import (
@@ -321,7 +321,7 @@ class Proposal:
             f"No structure explains this log: its residuals are {100.0 * remaining / spread:.0f} % of the spread of the readings. "
         )
         if not self.roles.powers:
-            return f"{problem_text}It has no power; log every power that heats a part."
+            return f"{problem_text}It has no power; log every power that heats a part. {JOIN}"
         return f"{problem_text}Log every power that heats a part and the temperature of the surroundings, and check what each column is."
 
     @property
