@@ -101,6 +101,7 @@ _NAMESPACES = {
         "Difference": "campaign.verdicts",
         "compare_models": "campaign.verdicts",
         "Changes": "campaign.verdicts",
+        "predict_record": "prediction.bands",
         "split": "prediction.bands",
         "Split": "prediction.bands",
         "credibility": "campaign.studies",

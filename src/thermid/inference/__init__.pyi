@@ -30,4 +30,4 @@ from thermid.inference.intervals import (
     profile as profile,
 )
 from thermid.physics.htc import HtcComparison as HtcComparison, compare_htc as compare_htc
-from thermid.prediction.bands import Split as Split, split as split
+from thermid.prediction.bands import Split as Split, predict_record as predict_record, split as split

@@ -1,9 +1,10 @@
 """InitFcn scripts of Simulink models: ``name = expression; % comment [unit]`` -> parameters of a deck.
 
-Read is arithmetic on numbers: earlier names, ``pi``, ``Inf``, ``sqrt``, ``+ - * / ^`` and parentheses; fields of structures (``acc.m``
-becomes ``acc_m``) and vectors (``k = [1 2]`` becomes ``k_1`` and ``k_2``); continuation by three points, several statements on a line,
-comments, block comments. Commands that set no value, such as ``clc``, are passed over. Everything else is refused, every fault with its
-line: nothing is run. As in MATLAB, the arithmetic is on plain numbers, and the comment says what unit the result is in.
+Read is arithmetic on numbers: earlier names, ``pi``, ``Inf``, the functions of expressions in decks, ``+ - * / ^`` and parentheses; fields
+of structures (``acc.m`` becomes ``acc_m``) and vectors (``k = [1 2]`` becomes ``k_1`` and ``k_2``); continuation by three points, several
+statements on a line, comments, block comments. A name may be set again: its last value is kept. Commands that set no value, such as ``clc``
+and ``disp``, are passed over. Everything else is refused, every fault with its line: nothing is run. As in MATLAB, the arithmetic is on
+plain numbers, and the comment says what unit the result is in.
 """
 
 from __future__ import annotations
@@ -13,13 +14,14 @@ import os
 import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
+from itertools import accumulate
 from keyword import iskeyword
 from pathlib import Path
 from typing import Any
 
 from thermid.base.arguments import takes_objects
 from thermid.base.errors import DeckError, ExpressionError, ThermidError, UnitError, cap, raising
-from thermid.base.expression import parse
+from thermid.base.expression import FUNCTIONS, parse
 from thermid.base.files import read_text
 from thermid.base.results import Shown
 from thermid.base.units import DIMENSIONLESS, Dimension, counted, describe, in_si, unit
@@ -27,12 +29,18 @@ from thermid.model.elements import Parameter, parameter
 
 _CELSIUS = re.compile(r"(deg\.?\s*|degrees?\s+|°\s*)?(C|celsius)\Z", re.IGNORECASE)
 PI = "3.141592653589793"
-_WORD = re.compile(r"\s*(?:(?P<number>(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)(?![\w.])|(?P<name>[A-Za-z]\w*)|(?P<sign>\.?[*/^]|[-+()]))")
+_WORD = re.compile(r"\s*(?:(?P<number>(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)(?![\w.])|(?P<name>[A-Za-z]\w*)|(?P<sign>\.?[*/^]|[-+(),]))")
+_SIGNS = "+-*/^(),"
 _BRACKET = re.compile(r"\[([^\[\]]*)\]")
 _HEAD = re.compile(r"(?P<name>[A-Za-z]\w*)\s*=(?!=)(?P<rest>.*)\Z", re.DOTALL)
-_FIELD = re.compile(r"\b([A-Za-z]\w*)\.(?=[A-Za-z])")
-_NO_VALUE = re.compile(r"(clear|clearvars|clc|close|format|more|warning)(\s+[\w*-]+)*\Z")
-"""Commands of MATLAB that set no value."""
+_FIELD = re.compile(r"\b([A-Za-z]\w*)\.(?=[A-Za-z])(?!\w+['\"])")
+_NO_VALUE = re.compile(
+    r"(?:\d+|(?:clear|clearvars|clc|close|format|more|warning|disp|display|f?printf|figure|plot|hold|grid|title|[xy]label|legend|addpath|tic|toc)"
+    r"\b[^=]*)\Z"
+)
+"""Commands of MATLAB that set no value, and a number alone, with which a script of Octave may begin."""
+_TEXT = re.compile(r"[%#].*|(?<![\w)\]}'.])'(?:[^']|'')*'|\"[^\"]*\"")
+"""A comment, or a text in quotes."""
 ROLES = {
     "mass": "kg",
     "specific_heat": "J/(kg K)",
@@ -108,7 +116,7 @@ class _Reader:
     parameters: dict[str, Parameter] = field(default_factory=dict)
     numbers: dict[str, float] = field(default_factory=dict)
     si: dict[str, float] = field(default_factory=dict)
-    lines: dict[str, int] = field(default_factory=dict)
+    origins: dict[str, str] = field(default_factory=dict)
     scales: set[str] = field(default_factory=set)
     dimensions: dict[str, Dimension] = field(default_factory=dict)
     remarks: list[str] = field(default_factory=list)
@@ -117,17 +125,13 @@ class _Reader:
     def take(self, s: Statement) -> None:
         """Add one statement."""
         where = f"{self.file}:{s.line}"
-        if iskeyword(s.name) or s.name in ("inf", "Inf", "pi"):
+        if s.name in ("inf", "Inf", "pi"):
             raise ExpressionError(
                 f"'{s.name}' is a reserved word of expressions in decks. Rename it in the script.", where, code="name.not-valid"
             )
-        if s.name in self.numbers:
-            raise ExpressionError(
-                f"'{s.name}' is set again; line {self.lines[s.name]} sets it first, but a parameter has one value. Remove one of the "
-                "lines.",
-                where,
-                code="name.taken",
-            )
+        first = self.origins.setdefault(s.name, s.origin)
+        if first != s.origin:
+            raise ExpressionError(f"'{first}' and '{s.origin}' both become '{s.name}'. Rename one of them.", where, code="name.taken")
         try:
             expression = parse(s.text)
         except ThermidError as error:
@@ -150,7 +154,10 @@ class _Reader:
         of, note = self._unit(s)
         text, basis = self._written(s, number, of)
         value = parameter({"value": text, "note": note, "basis": basis}, where)
-        self.parameters[s.name], self.numbers[s.name], self.lines[s.name] = value, number, s.line
+        if self.parameters.pop(s.name, None) is not None:
+            self.remarks.append(f"line {s.line}: '{s.name}' is set again. Its last value is kept; lines above it use the value before")
+            self.scales.discard(s.name)
+        self.parameters[s.name], self.numbers[s.name] = value, number
         self.si[s.name] = float(value.expression.evaluate(lambda name: self.si[name]))
         self.dimensions[s.name] = value.expression.dimension(lambda name: self.dimensions[name])
         literal = value.expression.literal
@@ -182,9 +189,10 @@ class _Reader:
                 )
             return (s.text if of is None else f"{s.text} [{of}]"), ""
         derived = self._derived(s.text)
+        final = not {*names} & {s.name, *s.later}  # a deck has the last value of a name
         plain = f"{number!r} [{of}]" if of is not None else repr(number)
         if of is None:
-            if derived is not None:
+            if derived is not None and final:
                 return s.text, ""
             self.remarks.append(
                 f"line {s.line}: '{s.name}' has no unit in its comment, and '{s.written}' gives none, "
@@ -193,9 +201,10 @@ class _Reader:
             return plain, f"{s.written} in the script"
         wanted = unit(of)
         si = in_si(number, wanted)
-        if derived is not None and derived[0] == wanted.dimension and math.isclose(derived[1], si, rel_tol=1e-12):
+        same = derived is not None and derived[0] == wanted.dimension and math.isclose(derived[1], si, rel_tol=1e-12)
+        if same and final:
             return s.text, ""
-        if derived is not None and DIMENSIONLESS not in [self.dimensions[n] for n in names]:
+        if derived is not None and not same and DIMENSIONLESS not in [self.dimensions[n] for n in names]:
             other = describe(derived[0]) if derived[0] != wanted.dimension else f"{derived[1]:.6g} in SI units, not {si:.6g}"
             self.remarks.append(f"line {s.line}: '{s.name}' is {plain} by its comment; the units of '{s.written}' make it {other}")
         return plain, f"{s.written} in the script"
@@ -258,13 +267,13 @@ def read_initfcn(source: str | os.PathLike[str]) -> InitFcn:
             code="cap.exceeded",
         )
     reader, faults = _Reader(file), list[ThermidError]()
-    for statement in statements(text, file, {"pi": PI, "Inf": "inf"}, faults, reader.failed):
+    for statement in statements(text, file, {"pi": PI, "Inf": "inf"}, faults, reader.failed, reader.remarks):
         try:
             reader.take(statement)
         except ThermidError as error:
             faults.append(error)
             reader.failed.add(statement.name)
-    _refuse(faults, another=len(faults) > max(len(reader.parameters), MAX_FAULTS_LISTED if Path(file).suffix in ("", ".m", ".txt") else 0))
+    _refuse(faults, another=not any(_cut(line)[0].rstrip().endswith(";") for line in text.splitlines()))
     if not reader.parameters:
         raise ExpressionError(
             "the script sets no name. It needs lines such as 'Acc_m = 0.054; % Mass [kg].'", file, code="import.not-understood"
@@ -272,17 +281,13 @@ def read_initfcn(source: str | os.PathLike[str]) -> InitFcn:
     return InitFcn(reader.parameters, reader.numbers, tuple(reader.remarks), file)
 
 
-MAX_FAULTS_LISTED = 12
-"""Faults that are listed whatever else a script holds, if it is named as one."""
-
-
 def _refuse(faults: list[ThermidError], another: bool) -> None:
-    """Raise the faults of a script as one error, in the order of its lines; only the first of a file of another kind, where most fail."""
+    """Raise the faults of a script as one error by line; of a file without statements that end with ';' only the first."""
     if not faults:
         return
     first, *rest = sorted(faults, key=lambda e: int(e.where.rpartition(":")[2]))
     if another and rest:
-        raise type(first)(f"{first.message} {counted(len(rest), 'more line')} cannot be read either.", first.where, code=first.code)
+        raise type(first)(f"{first.message} {counted(len(rest), 'more statement')} cannot be read either.", first.where, code=first.code)
     text = "\n  ".join([first.message, *(f"{e.where}: {e.message}" for e in rest)])
     raise type(first)(text, first.where, code=first.code)
 
@@ -308,8 +313,8 @@ class Statement:
     Parameters
     ----------
     line : int              Where it begins, from 1.
-    name, written : str     The name, and the expression as the script has it.
-    text : str              The expression as thermid writes it.
+    name, text : str        The name and the expression as thermid writes them.
+    origin, written : str   As the script has them.
     comment : str           Its comment, without what stands in brackets.
     brackets : tuple        What stands in brackets in its comment.
     doubt : str             Why the comment's brackets could not be given to it; empty where that is no question.
@@ -318,6 +323,7 @@ class Statement:
 
     line: int
     name: str
+    origin: str
     written: str
     text: str
     comment: str = ""
@@ -326,7 +332,9 @@ class Statement:
     later: tuple[str, ...] = ()
 
 
-def statements(text: str, file: str, constants: Mapping[str, str], faults: list[ThermidError], failed: set[str]) -> Iterator[Statement]:
+def statements(
+    text: str, file: str, constants: Mapping[str, str], faults: list[ThermidError], failed: set[str], remarks: list[str]
+) -> Iterator[Statement]:
     """Yield the assignments of a script.
 
     Parameters
@@ -335,25 +343,21 @@ def statements(text: str, file: str, constants: Mapping[str, str], faults: list[
     constants : dict    Built-in name -> text that stands for it.
     faults : list       Takes an error for each thing that is not an assignment of arithmetic.
     failed : set        Takes the names that such a thing would have set.
+    remarks : list      Takes which commands were passed over.
 
     Raises
     ------
     ExpressionError   When a comment or a statement does not end.
     """
     assignments: list[Statement] = []
-    vectors: set[str] = set()
+    vectors, passed = set[str](), list[str]()
     for number, code, comment in _joined(_without_line_numbers(text.splitlines()), file):
-        parts = [p.strip() for p in re.split(r"[;,](?![^(\[]*[)\]])", code) if p.strip()]
+        parts = _parts(code)
         assignments_of_part: list[list[Statement]] = []
         for part in parts:
             try:
-                if _NO_VALUE.match(part):
-                    if (assignments or assignments_of_part) and part.startswith("clear"):
-                        raise ExpressionError(
-                            f"'{part}' would remove the values above it. Put it first, or remove it.",
-                            f"{file}:{number}",
-                            code="import.not-understood",
-                        )
+                if _NO_VALUE.match(part) and not (part.startswith("clear") and (assignments or assignments_of_part)):
+                    passed.append(re.split(r"\W", part)[0])
                     continue
                 assignments_of_part.append(_assignments(part, f"{file}:{number}", number, constants, vectors))
             except ThermidError as error:
@@ -365,8 +369,17 @@ def statements(text: str, file: str, constants: Mapping[str, str], faults: list[
             if alone
             else _commented([s for m in assignments_of_part for s in m], comment)
         )
+    if passed:
+        remarks.append(f"passed over, because they set no value: {', '.join(dict.fromkeys(passed))}")
     for k, statement in enumerate(assignments):
         yield replace(statement, later=tuple(s.name for s in assignments[k + 1 :]))
+
+
+def _parts(code: str) -> list[str]:
+    """Return what stands between commas and semicolons that are not in parentheses or brackets."""
+    depths = accumulate((sign in "([{") - (sign in ")]}") for sign in code)
+    lines = "".join("\n" if sign in ";," and depth <= 0 else sign for sign, depth in zip(code, depths, strict=True))
+    return [part.strip() for part in lines.split("\n") if part.strip()]
 
 
 def _without_line_numbers(lines: list[str]) -> list[str]:
@@ -390,7 +403,8 @@ def _joined(lines: list[str], file: str) -> Iterator[tuple[int, str, str]]:
             here, comment_part, goes_on = _cut(line)
             start = start or number
             code, comment = f"{code} {here}", f"{comment} {comment_part}".strip() if code.strip() or here.strip() else ""
-            if goes_on:
+            if goes_on or code.count("[") > code.count("]"):
+                code += "" if goes_on else ";"  # in brackets the end of a line ends a row
                 continue
             if code.strip():
                 yield start, code.strip(), comment
@@ -399,12 +413,16 @@ def _joined(lines: list[str], file: str) -> Iterator[tuple[int, str, str]]:
         raise ExpressionError("a block comment '%{' is not closed by '%}'.", file, code="import.not-understood")
     if code.strip():
         raise ExpressionError(
-            "the script ends within a statement: nothing follows its last '...'.", f"{file}:{start}", code="import.not-understood"
+            "the script ends within a statement: a '[' is not closed, or nothing follows its last '...'.",
+            f"{file}:{start}",
+            code="import.not-understood",
         )
 
 
 def _cut(line: str) -> tuple[str, str, bool]:
     """Return code, comment and whether the statement goes on: what follows three points is a comment too."""
+    # signs of a text in quotes are none of the statement
+    line = _TEXT.sub(lambda m: m[0] if m[0][0] in "%#" else re.sub(r"[][%#;,=()]|\.\.\.", " ", m[0]), line)
     where = [k for k in (line.find("%"), line.find("#")) if k >= 0]
     points = line.find("...")
     if points >= 0 and (not where or points < min(where)):
@@ -421,11 +439,12 @@ def _assignments(part: str, where: str, number: int, constants: Mapping[str, str
             where,
             code="import.not-understood",
         )
-    name, written = head["name"], head["rest"].strip()
+    origin, written = part.partition("=")[0].strip(), head["rest"].strip()
+    name = _name(head["name"])
     elements = [written]
     if written.startswith("[") and written.endswith("]") and not (";" in written and "," in written):
         inner = written[1:-1].strip()
-        elements = [e.strip() for e in re.split(r"[,;]", inner)] if re.search(r"[,;]", inner) else inner.split()
+        elements = _parts(inner) if re.search(r"[,;]", inner) else inner.split()
         vectors.add(name)
     names = [name] if len(elements) == 1 and name not in vectors else [f"{name}_{k}" for k in range(1, len(elements) + 1)]
 
@@ -434,7 +453,7 @@ def _assignments(part: str, where: str, number: int, constants: Mapping[str, str
         taken = re.sub(r"\b([A-Za-z]\w*)\((\d+)\)", lambda m: f"{m[1]}_{m[2]}" if m[1] in vectors else m[0], text)
         return _expression(taken, where, constants)
 
-    return [Statement(number, n, e, plain(e)) for n, e in zip(names, elements, strict=True)]
+    return [Statement(number, n, origin, e, plain(e)) for n, e in zip(names, elements, strict=True)]
 
 
 def _expression(written: str, where: str, constants: Mapping[str, str]) -> str:
@@ -452,13 +471,14 @@ def _expression(written: str, where: str, constants: Mapping[str, str]) -> str:
         beside = word is not None and word["sign"] in (None, "(") and (last == ")" or last[-1].isalnum() or last[-1] in "_.")
         if word is None or (beside and not (word["sign"] == "(" and last.isidentifier())):
             rest = written[place:].strip()
+            shown = "" if rest == written else f"'{_shortened(written)}': "
             raise ExpressionError(
-                f"'{_shortened(written)}': '{_shortened(rest, 20)}' cannot be read. Use single numbers, earlier names, pi, Inf, + - * "
-                "/ ^, sqrt and parentheses; no texts, ranges, matrices or calls.",
+                f"{shown}'{_shortened(rest, 20)}' cannot be read. Use single numbers, earlier names, pi, Inf, + - * "
+                f"/ ^, {', '.join(FUNCTIONS)} and parentheses; no texts, ranges, matrices or other calls.",
                 where,
                 code="import.not-understood",
             )
-        if word["sign"] == "(" and words and words[-1].isidentifier() and words[-1] != "sqrt":
+        if word["sign"] == "(" and words and words[-1].isidentifier() and words[-1] not in FUNCTIONS:
             raise ExpressionError(
                 f"'{_shortened(written)}': '{words[-1]}(' calls a function or takes an element. Write the number instead.",
                 where,
@@ -468,36 +488,25 @@ def _expression(written: str, where: str, constants: Mapping[str, str]) -> str:
         place = word.end()
     if not words:
         raise ExpressionError("the value after the equals sign is missing.", where, code="import.not-understood")
-    for k, word_ in enumerate(words):
-        if word_ == "^" and _operand_end(words, k + 1) < len(words) and words[_operand_end(words, k + 1)] == "^":
+    flat, before = "".join(w if w in _SIGNS else "x" for w in words), ""
+    while flat != before:  # innermost parentheses first
+        if re.search(r"\^[-+]*x\^", flat):
             raise ExpressionError(
                 f"'{_shortened(written)}' has two powers in a row, which MATLAB evaluates from the left and a deck from the right. "
                 "Put one of them in parentheses.",
                 where,
                 code="import.not-understood",
             )
-    return _spaced([constants.get(w, "**" if w == "^" else w) for w in words])
+        before, flat = flat, re.sub(r"x?\([^()]*\)", "x", flat)
+    # a sum has spaces around its sign, a sign of a number has none
+    sums = [w in "+-" and k > 0 and words[k - 1] not in _SIGNS.replace(")", "") for k, w in enumerate(words)]
+    texts = (constants.get(w, "**" if w == "^" else _name(w)) for w in words)
+    return "".join(f" {t} " if of_sum else t for t, of_sum in zip(texts, sums, strict=True))
 
 
-def _operand_end(words: list[str], start: int) -> int:
-    """Return the index behind the operand that begins at `start`."""
-    while start < len(words) and words[start] in ("+", "-", "sqrt"):
-        start += 1
-    depth = 0
-    for k in range(start, len(words)):
-        depth += (words[k] == "(") - (words[k] == ")")
-        if depth <= 0:
-            return k + 1
-    return len(words)
-
-
-def _spaced(words: list[str]) -> str:
-    """Return words as text: spaces around sums, none elsewhere."""
-    out = ""
-    for k, word in enumerate(words):
-        binary = word in "+-" and k > 0 and words[k - 1] not in ("(", "+", "-", "*", "/", "**")
-        out += f" {word} " if binary else word
-    return out
+def _name(word: str) -> str:
+    """Return a word as a deck has it: a name of MATLAB that is a keyword of expressions, such as lambda, gets an underscore."""
+    return f"{word}_" if iskeyword(word) else word
 
 
 def _commented(assignments: list[Statement], comment: str) -> list[Statement]:

@@ -287,3 +287,40 @@ def test_no_control_acts_on_a_logged_power_again() -> None:
     bound = bind(model, Record.from_arrays("r", times, made | {"P": power}))
     run = simulate(*bound.as_fitted(model, {}), times=times)
     assert run.load_powers["h"][:30].tolist() == [3.0] * 30
+
+
+FAN = {
+    "title": "box with a fan",
+    "needs": ["air"],
+    "parameters": {"speed": "3000 [rpm]", "blown": {"value": "0.4 [W/K]", "min": "0.05 [W/K]", "max": "5 [W/K]"}},
+    "nodes": {"box": {"capacitance": "400 [J/K]"}},
+    "conductors": {
+        "still": {"kind": "conduction", "between": ["box", "air"], "conductance": "0.05 [W/K]"},
+        "fan": {"kind": "conduction", "between": ["box", "air"], "conductance": "blown * (speed / 3000 [rpm])**0.8"},
+    },
+    "loads": {"heat": {"into": "box", "power": "20 [W]"}},
+}
+
+
+def test_a_column_of_speeds_drives_a_parameter_and_a_factor_of_it_is_fitted(tmp_path: Path) -> None:
+    model, times = model_from_dict(FAN), np.arange(0.0, 7200.0, 60.0)
+    rpm = np.array([1500.0, 3000.0, 600.0])[(times // 2400.0).astype(int)]
+    read = [23.0]
+    for n in rpm[:-1]:  # exact over each minute: C dT/dt = P - G (T - T_air)
+        conductance = 0.05 + 0.6 * (n / 3000.0) ** 0.8
+        settled = 23.0 + 20.0 / conductance
+        read.append(settled + (read[-1] - settled) * np.exp(-conductance * 60.0 / 400.0))
+    rows = [f"{t:g},{celsius:.3f},23,{n:g}" for t, celsius, n in zip(times, read, rpm, strict=True)]
+    (tmp_path / "fan.csv").write_text("\n".join(["time [s],BOX [degC],AIR [degC],FAN [rpm]", *rows]))
+    channels = {
+        "BOX": {"node": "box", "noise": "0.01 [K]"},
+        "AIR": {"boundary": "air"},
+        "FAN": {"schedule": "speed", "interpolation": "previous"},
+    }
+    fit = calibrate(model, read_record(tmp_path / "fan.csv", channels), free=["blown"])
+    assert fit["blown"].value == pytest.approx(0.6, rel=1e-3)
+    record = read_record(tmp_path / "fan.csv", channels)
+    with raises_code("unit.wrong-dimension", match="FAN"):
+        bind(model, replace(record, channels={**record.channels, "FAN": replace(record["FAN"], target="blown")}))
+    with raises_code("name.unknown", match="spede"):
+        bind(model, replace(record, channels={**record.channels, "FAN": replace(record["FAN"], target="spede")}))

@@ -95,3 +95,24 @@ def test_a_sample_of_words_is_no_line_of_names(log, row):
     assert log_cells(path).header == ("time", "T1", "T2")
     with pytest.raises(RecordError):
         read_record(path, {"T1": {"node": "a"}})
+
+
+def test_channels_that_a_table_above_the_header_names_and_signs_apart_from_their_numbers(log):
+    """As Graphtec loggers write: a table of channels, a row of units with words, numbers padded behind their sign, BURNOUT."""
+    head = (
+        '"Model","GL840-M"\n"CH","Signal name","Input"\n"CH1","LID","TEMP"\n"CH2","ROOM, left","TEMP"\n"Data"\n'
+        '"Number","Date&Time","ms","CH1","CH2"\n"NO.","Time","ms","degC","degC"\n'
+    )
+    rows = [f'{k + 1},"2026/04/14 08:30:{20 * k:02d}","000","+  2{k}.50","-   {k}.25"\n' for k in range(3)]
+    path = log(head + "".join(rows) + '4,"2026/04/14 08:31:00","000","BURNOUT","+   0.00"\n')
+    cells = log_cells(path)
+    assert cells.header == ("Number [NO.]", "Date&Time", "ms [ms]", "LID [degC]", "ROOM, left [degC]")
+    read = read_record(path, {"LID": {"node": "lid"}, "ROOM, left": {"boundary": "room"}})
+    assert read["LID"].values[:3] - 273.15 == pytest.approx([20.5, 21.5, 22.5])
+    assert read["ROOM, left"].values - 273.15 == pytest.approx([-0.25, -1.25, -2.25, 0.0])
+    assert read["LID"].valid.tolist() == [True, True, True, False]
+
+
+def test_a_table_above_that_names_two_channels_alike_names_none(log):
+    head = "CH1,board\nCH2,board\n\ntime,CH1 [degC],CH2 [degC]\n"
+    assert log_cells(log(head + "".join(f"{k},2{k}.5,20.5\n" for k in range(5)))).header[1:] == ("CH1 [degC]", "CH2 [degC]")

@@ -33,7 +33,7 @@ from thermid.app.cli.options import (
 from thermid.app.cli.screen import show
 from thermid.base.errors import DeckError, OutputError, refuse_unknown
 from thermid.base.extensions import require
-from thermid.base.files import FileKind, FileKinds, may_write, read_bytes, write_bytes, write_text
+from thermid.base.files import FileKind, FileKinds, read_bytes, write_bytes, write_text
 from thermid.base.units import counted
 from thermid.interop.c99 import to_c
 from thermid.interop.decks import NetworkFile, agreement, balance, printed_temperatures, read_esatan, read_sinda, to_esatan, to_sinda
@@ -68,7 +68,7 @@ def _say(text: str, to: Path | None, as_json: bool, kind: FileKind, comment: str
 def import_file(
     file: Annotated[
         Path,
-        typer.Argument(help="A SINDA case (.inp, .cc, .sin), ESATAN deck (.d) or InitFcn script (.m): name = expression; % comment [unit]"),
+        typer.Argument(help="A SINDA case (.inp, .cc, .sin), ESATAN deck (.d) or InitFcn script: name = expression; % comment [unit]"),
     ],
     to: Annotated[Path | None, typer.Option("--to", help="The deck to write; what was read is only shown without it.")] = None,
     case: Annotated[
@@ -94,10 +94,10 @@ def import_file(
 
     A deck becomes a model and a scenario; of a script the values are read. What cannot be said is listed.
     """
-    if file.suffix.lower() == ".m":
-        _import_script(file, to, block, force, as_json)
-        return
     network = _network(file, units)
+    if network is None:
+        _import_script(file, to, block, as_json)
+        return
     model, judged, more = network.model(), list[str](), dict[str, object]()
     if results is not None:
         prints = printed_temperatures(results)
@@ -141,6 +141,8 @@ def write_back(
     The copies are equal but for the numbers that changed, each with a comment.
     """
     network = _network(file, units)
+    if network is None:
+        raise DeckError("it has neither $MODEL (ESATAN) nor HEADER or BCD 3 (SINDA).", str(file), code="file.another-kind")
     model, standing = judged_model(deck, values, keep_values, param, accept)
     texts, rest = network.written_back(model), network.not_written_back(model)
     targets = {to / Path(name).name: text for name, text in texts.items()}
@@ -157,34 +159,22 @@ def write_back(
     answer(standing, as_json, {"files": [target.name for target in targets], "not_written": list(rest)}, "\n".join(lines))
 
 
-def _network(file: Path, units: str = "") -> NetworkFile:
-    """Return the network of a deck; its content tells which tool wrote it."""
+def _network(file: Path, units: str = "") -> NetworkFile | None:
+    """Return the network of a deck, None of a script; its content tells which tool wrote it."""
     head = read_bytes(file)[:1_000_000].decode("latin-1") if file.is_file() else ""
     if re.search(r"^\s*\$MODEL\b", head, re.MULTILINE | re.IGNORECASE):
         return read_esatan(file)
     if not head or re.search(r"^\s*(?:HEADER\s+\w+|BCD\s+3)", head, re.MULTILINE | re.IGNORECASE):
         return read_sinda(file, units)
-    raise DeckError(
-        "it has neither $MODEL (ESATAN) nor HEADER or BCD 3 (SINDA); an InitFcn script ends with .m.", str(file), code="file.another-kind"
-    )
+    return None
 
 
-def _import_script(script: Path, to: Path | None, block: bool, force: bool, as_json: bool) -> None:
+def _import_script(script: Path, to: Path | None, block: bool, as_json: bool) -> None:
     """Read the parameters of an InitFcn script and write them as a deck."""
     script_values = read_initfcn(script)
     title = (to or script).stem
+    model = model_from_dict(script_values.block(title) if block else script_values.deck(title))
     if to is not None:
-        may_write(to, FileKinds.DECK.titled(title))
-    deck = script_values.block(title) if block else script_values.deck(title)
-    model = model_from_dict(deck)
-    if to is not None and not force and to.is_file():
-        if load_model(to) != model:
-            raise OutputError(
-                "another deck is there already. Give another name or move it away; --force replaces it.",
-                str(to),
-                code="output.over-another-file",
-            )
-    elif to is not None:
         save_model(model, to)
     shown = {"file": to.name} if to is not None else {}
     parameters = {n: {"text": p.text, "number": script_values.numbers[n], "note": p.note} for n, p in script_values.parameters.items()}

@@ -16,7 +16,7 @@ import tomlkit
 from thermid.base.errors import NameNotFoundError, RecordError, ThermidError, nearest
 from thermid.base.extensions import by_grammar, file_kinds, json_schema
 from thermid.base.files import FileKind, FileKinds, may_write, parse_toml, read_text, write_bytes, write_text
-from thermid.campaign._start.proposal import Proposal, orders_text
+from thermid.campaign._start.proposal import Proposal
 from thermid.campaign._start.switching import instants_text, with_instants
 from thermid.fit.calibration import LocalSpec, Request
 from thermid.measure.records import Record, thinned_step
@@ -374,16 +374,11 @@ def _deck(proposal: Proposal, request: Request, fixed: Sequence[str], left_out: 
     for name, item in document.get("loads", {}).items():
         power = next((p for p in proposal.roles.powers if p.load == name), None)
         item.comment(f"column {power.column}" if power else "proposed")
-    orders = proposal.search.orders
     head = [
         f"First model of {source}, proposed by thermid init: {proposal.chosen.masses} masses, RMSE {proposal.chosen.rmse:.3g} K.",
         "Replace values that you know better: masses from a scale, areas from a drawing, powers from a data sheet.",
+        *proposal.findings,
     ]
-    head += [f"This log cannot separate structures of {orders_text(orders)} masses."] if len(orders) > 1 else []
-    head += [proposal.unexplained] if proposal.unexplained else []
-    head += [f"Not physical: {c}" for c in proposal.not_physical]
-    head += [proposal.depending_text] if proposal.depending else []
-    head += [f"Assumed: {proposal.assumed}"] if proposal.assumed else []
     head += [f"Left out, because the log does not determine them: {', '.join(left_out)}."] if left_out else []
     return _as_comments(head) + tomlkit.dumps(document)
 
@@ -393,26 +388,21 @@ def _scenario(proposal: Proposal, records: Sequence[Record]) -> str:
     longest = max(records, key=lambda r: r.duration)
     around = _ambient(proposal, longest)
     lines = ["Scenario for thermid simulate. Change powers, surroundings and duration as needed."]
+    duties = [f'{p.load} = "100 [%]"\n' for p in proposal.roles.powers if p.anchored]
     out = [
         _as_comments(lines),
         f'duration = "{longest.duration / 3600.0:.3g} [h]"\n',
         f'start    = "{around:.4g} [degC]"\n',
-        "\n[boundaries]\n",
+        f'\n[boundaries]\n{proposal.roles.boundary} = "{around:.4g} [degC]"\n',
     ]
-    out.append(f'{proposal.roles.boundary} = "{around:.4g} [degC]"\n')
     powers = [p for p in proposal.roles.powers if not p.anchored]
-    if powers:
-        out.append("\n[loads]\n")
+    out += ["\n[loads]\n"] if powers else []
     for p in powers:
         watts = longest[p.column].values if p.column in longest.channels else np.zeros(1)
         share = proposal.share(p)
         of = f"{100 * share:.3g} % of " if p.share else ""
         out.append(f'{p.load} = "{share * float(np.nanmax(watts)):.4g} [W]"  # {of}the highest of column {p.column}\n')
-    duties = [p for p in proposal.roles.powers if p.anchored]
-    if duties:
-        out.append("\n[commands]\n")
-    out += [f'{p.load} = "100 [%]"\n' for p in duties]
-    return "".join(out)
+    return "".join([*out, *(["\n[commands]\n", *duties] if duties else [])])
 
 
 def _ambient(proposal: Proposal, record: Record) -> float:

@@ -16,7 +16,7 @@ import numpy as np
 from thermid.base.dual import value_of
 from thermid.base.errors import DeckError, IdentificationError, ThermidError, refuse_unknown
 from thermid.base.expression import amount
-from thermid.campaign._start.roles import ACCURACY, SURROUNDINGS, Power, Roles, noise_of, part_name, with_noise
+from thermid.campaign._start.roles import ACCURACY, JOIN, SURROUNDINGS, Power, Roles, noise_of, part_name, with_noise
 from thermid.campaign._start.switching import Instants, found_instants, instants_text, with_instants
 from thermid.fit.calibration import MOST_EVALUATIONS, Calibration, LocalSpec, Request, first_reading, fit
 from thermid.inference.criticism import (
@@ -321,7 +321,7 @@ class Proposal:
             f"No structure explains this log: its residuals are {100.0 * remaining / spread:.0f} % of the spread of the readings. "
         )
         if not self.roles.powers:
-            return f"{problem_text}It has no power; log every power that heats a part."
+            return f"{problem_text}It has no power; log every power that heats a part. {JOIN}"
         return f"{problem_text}Log every power that heats a part and the temperature of the surroundings, and check what each column is."
 
     @property
@@ -431,19 +431,19 @@ class Proposal:
 
     def __str__(self) -> str:
         """Return the answer first, then what was tried and what the log cannot tell."""
-        one = self.chosen
-        orders = self.search.orders
-        hidden = one.masses - len(self.roles.parts)
-        lines = [f"{one.masses} masses: {len(self.roles.parts)} measured, {hidden} hidden; RMSE {one.rmse:.3g} K."]
-        if len(orders) > 1:
-            lines.append(f"This log cannot separate structures of {orders_text(orders)} masses.")
-        lines[1:1] = [self.unexplained] if self.unexplained else []
-        lines[1:1] = [f"Not physical: {c}" for c in self.not_physical]
-        lines[1:1] = [t for t in (self.powers_text, self.shares_text) if t]
-        lines += [self.depending_text] if self.depending else []
-        lines += [f"Assumed: {self.assumed}"] if self.assumed else []
-        lines += [t for t in (self.offsets_text, instants_text(self.instants), *self.roles.questions) if t]
-        return "\n".join([*lines, str(self.search)])
+        hidden = self.chosen.masses - len(self.roles.parts)
+        answer = f"{self.chosen.masses} masses: {len(self.roles.parts)} measured, {hidden} hidden; RMSE {self.chosen.rmse:.3g} K."
+        below = (self.offsets_text, instants_text(self.instants), *self.roles.questions)
+        return "\n".join(t for t in (answer, self.powers_text, self.shares_text, *self.findings, *below, str(self.search)) if t)
+
+    @property
+    def findings(self) -> list[str]:
+        """What to know before its values are used: what is not physical or not explained, what the log leaves open, what is assumed."""
+        orders = orders_text(self.search.orders) if len(self.search.orders) > 1 else ""
+        open_orders = f"This log cannot separate structures of {orders} masses." if orders else ""
+        assumed = f"Assumed: {self.assumed}" if self.assumed else ""
+        impossible = (f"Not physical: {c}" for c in self.not_physical)
+        return [t for t in (*impossible, self.unexplained, open_orders, self.depending_text, assumed) if t]
 
 
 def orders_text(orders: Sequence[int]) -> str:

@@ -19,6 +19,12 @@ from thermid.measure.records import Channel, FloatArray, Record
 
 ACCURACY = 0.5
 """Constant error that an instrument has unless somebody says better: DS18B20 and thermocouples of class 1, as their makers print. [K]"""
+JOIN = (
+    "A log that ran beside the first is joined with it before: `thermid look` with both prints channels and offset, and in Python "
+    "`td.read_record(FIRST, CHANNELS).joined(td.read_record(OTHER, CHANNELS), OFFSET).to_csv('joined.csv')` writes the log for "
+    "`thermid init joined.csv`."
+)
+"""How the log of a second instrument comes to `init`."""
 SURROUNDINGS = "surroundings"
 """Boundary of a proposed model."""
 
@@ -151,10 +157,7 @@ class Roles:
         refuse_unknown(other.values(), here, f"{log.name}, --same", "no column '{}'. Columns: {known}.")
         if not any(other.get(column, column) in here for column in self.parts):
             raise RecordError(
-                "it has none of the temperatures of the first log. A further log is another test of the unit. One that ran beside the "
-                "first is joined with it before: `thermid look` with both prints channels and offset, and in Python "
-                "`td.read_record(FIRST, CHANNELS).joined(td.read_record(OTHER, CHANNELS), OFFSET).to_csv('joined.csv')` writes the log for "
-                "`thermid init joined.csv`.",
+                f"it has none of the temperatures of the first log. A further log is another test of the unit. {JOIN}",
                 log.name,
                 code="record.nothing-there",
             )
@@ -325,7 +328,11 @@ _QUESTIONS = {
     "V": ("a voltage", "is it a power? If so, give --formula P='{0} * I', I the column of its current"),
     "W/m^2": ("a power by area", "is it a power? If so, give --formula P='{0} * 20 [cm^2]', with the area that it falls on"),
     "J": ("an energy", "is it a power? If so, give power = {{ energy = ... }} of a channel in the campaign"),
-    "1/s": ("a speed or a frequency", "is it a fan's? Losses change with it, which no structure tried here does: give logs of one speed"),
+    "1/s": (
+        "a speed or a frequency",
+        "is it a fan's? No structure tried here has losses that change: give logs of one speed, or write a deck and schedule = ... of its "
+        "channel",
+    ),
 }
 """Unit of a column -> what it is, and what to ask about it."""
 

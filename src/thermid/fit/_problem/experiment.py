@@ -12,10 +12,11 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from thermid.base.errors import NameNotFoundError, RecordError, ThermidError, refuse_unknown
+from thermid.base.errors import NameNotFoundError, RecordError, ThermidError, errors_at, refuse_unknown
 from thermid.base.expression import Kelvin, Stamp
 from thermid.base.linear_algebra import Array
 from thermid.base.memo import Memo
+from thermid.base.units import require_unit, unit
 from thermid.measure.records import Channel, Record, SecondClock
 from thermid.measure.sensors import SensorPart
 from thermid.model.deck import model_from_dict
@@ -31,13 +32,11 @@ from thermid.values.fitted import FittedValue
 class Inputs:
     """What the channels of a record drive, on top of what the scenario gives; see `Experiment` for what is noted of them.
 
-    `driven` is channel -> path; `metered` are the loads whose power was logged.
+    `tables` are those of a scenario: boundaries, loads, commands, gains, schedule; `driven` is channel -> path; `metered` are
+    the loads whose power was logged.
     """
 
-    boundaries: dict[str, Any]
-    loads: dict[str, Any]
-    commands: dict[str, Any]
-    gains: dict[str, str]
+    tables: dict[str, dict[str, Any]]
     shared: dict[str, tuple[str, float]] = field(default_factory=dict)
     driven: dict[str, str] = field(default_factory=dict)
     metered: list[str] = field(default_factory=list)
@@ -45,8 +44,11 @@ class Inputs:
     means: dict[str, float] = field(default_factory=dict)
 
     def take(self, channel: Channel, role: str, path: str, signal: Signal, errors: Mapping[str, float] | None) -> None:
-        """Lay the signal of a channel over a boundary or load, its constant error taken off where it is known; what is stated is noted."""
+        """Lay the signal of a channel over a boundary, load or parameter, its constant error taken off where it is known; note it."""
         self.driven[channel.name] = path
+        if role == "schedule":
+            self.tables["schedule"][path] = signal
+            return
         free = path if role == "boundary" else SCALE + path
         if role != "command" and (noise := _input_noise(channel)).any:
             self.noisy[free] = noise
@@ -54,18 +56,18 @@ class Inputs:
         if role != "command" and channel.common and errors is None and power > 0.0:
             self.means[free] = channel.common / power
         if role == "boundary":
-            self.boundaries[path] = signal if errors is None else signal.raised(-errors.get(channel.name, 0.0))
+            self.tables["boundaries"][path] = signal if errors is None else signal.raised(-errors.get(channel.name, 0.0))
             if channel.accuracy:
                 self.shared[channel.name] = (path, channel.accuracy)
         elif role == "command":
-            self.commands[path] = signal
+            self.tables["commands"][path] = signal
         else:
             self.metered.append(path)
-            self.loads[path] = signal if errors is None else signal.scaled(1.0 - errors.get(channel.name, 0.0))
+            self.tables["loads"][path] = signal if errors is None else signal.scaled(1.0 - errors.get(channel.name, 0.0))
             if channel.accuracy and power > 0:
                 self.shared[channel.name] = (free, channel.accuracy / power)
         if channel.gain:
-            self.gains[path] = channel.gain
+            self.tables["gains"][path] = channel.gain
 
 
 def in_gas_of(record: Record, scenario: Scenario) -> Scenario:
@@ -905,6 +907,11 @@ def role_and_target(record: Record, channel: Channel, network: Network) -> tuple
     where = f"{record.name}, {channel.name}"
     canonical = network.flat.names.model.canonical(target)
     loads = [load.path for load in network.flat.loads]
+    if channel.role == "schedule":
+        path, slot = network.scheduled(target)
+        with errors_at(where):
+            require_unit(unit(channel.unit), slot)
+        return "schedule", path
     if channel.role in ("load", "command") or (channel.role == "auto" and canonical in loads):
         refuse_unknown([canonical], loads, where, f"no load '{target}' in {network.title}.", RecordError)
         if channel.role == "auto" and channel.quantity != "power":
@@ -964,7 +971,8 @@ def bind(
     whole, seats = attached(model, record)
     network = compile_network(whole, media=base.media(), prescribed=(*base.prescribed, *prescribed))
     zero, last = record.ends
-    inputs = Inputs({network.find(k): v for k, v in base.boundaries.items()}, dict(base.loads), dict(base.commands), dict(base.gains))
+    begins = {name: dict(getattr(base, name)) for name in ("loads", "commands", "gains", "schedule")}
+    inputs = Inputs({"boundaries": {network.find(k): v for k, v in base.boundaries.items()}, **begins})
     observed: list[tuple[Channel, str]] = []
     for channel in record.channels.values():
         role, path = role_and_target(record, channel, network)
@@ -988,8 +996,9 @@ def bind(
     tips = {o.node: o.seat for o in observations if o.node != o.seat}
     initial |= {tip: initial[seat] for tip, seat in tips.items() if seat in initial and tip not in initial}
     ticks = tuple(_ticks(record, clock, zero, inputs, tuple(c.name for c, _ in observed)) for clock in record.clocks)
-    driving = {name: getattr(inputs, name) for name in ("boundaries", "loads", "commands", "gains")}
-    full = replace(base, title=record.name, **driving, start=start, initial=initial, duration=last - zero, metered=tuple(inputs.metered))
+    full = replace(
+        base, title=record.name, **inputs.tables, start=start, initial=initial, duration=last - zero, metered=tuple(inputs.metered)
+    )
     hidden = _hidden_starts(full, network, first, record, inputs.driven, observations, tips) if base.start == "" else {}
     full = replace(full, initial={**full.initial, **{n: Kelvin(h.mean) for n, h in hidden.items()}})
     notes = (inputs.noisy, inputs.means, hidden)
@@ -1021,7 +1030,7 @@ def _hidden_starts(
 
 def _ticks(record: Record, second: SecondClock, zero: float, inputs: Inputs, observed: tuple[str, ...]) -> Ticks:
     """Return which inputs and which of the compared readings follow a clock that the fit has yet to find."""
-    tables = (("boundaries", inputs.boundaries), ("loads", inputs.loads), ("commands", inputs.commands))
+    tables = [(name, held) for name, held in inputs.tables.items() if name != "gains"]
     followed = tuple((name, p) for c, p in inputs.driven.items() if c in second.channels for name, held in tables if p in held)
     sampled: list[tuple[float, SampledChange]] = []
     for channel, path in inputs.driven.items():

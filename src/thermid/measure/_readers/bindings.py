@@ -191,13 +191,13 @@ def unit_and_quantity(binding: Binding, header_unit: str | None, where: str) -> 
                 f"its header has the unit [{header_unit}], but its unit is given as '{binding.unit}'. Correct one of them.",
                 code="record.unit-contradicts",
             )
-        if role is not None and role is not ROLES["command"]:
+        if role is not None and role.slot and role is not ROLES["command"]:
             require(of.dimension, role.slot, text, of.absolute and role.slot == TEMPERATURE)
         elif binding.full_scale is not None and of.dimension != DIMENSIONLESS:
             raise RecordError(
                 f"full_scale is for a column in per cent, and it is in {text}. Leave full_scale out.", code="record.unit-contradicts"
             )
-    if role is not None:
+    if role is not None and role.quantity:
         return text, role.quantity
     for quantity, si_unit in SI_UNITS.items():
         if of.dimension == unit(si_unit).dimension:

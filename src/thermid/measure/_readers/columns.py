@@ -14,11 +14,11 @@ from typing import Any, Final
 import numpy as np
 
 from thermid.base.errors import NameNotFoundError, RecordError, ThermidError, nearest
-from thermid.measure._readers.headers import MISSING, name_and_unit
+from thermid.measure._readers.headers import MISSING, name_and_unit, signed
 from thermid.measure._readers.textfile import BLOCK, LOOKED_AT, SEPARATORS, UNFINISHED, Cells, cells_of_text, holds_cells
 from thermid.measure._record.channel import FloatArray
 
-_FRACTION = re.compile(r"\s*[+-]?(\d+[.,]\d*|[.,]\d+)([eE][+-]?\d+)?\s*\Z")
+_FRACTION = re.compile(r"\s*[+-]?\s*(\d+[.,]\d*|[.,]\d+)([eE][+-]?\d+)?\s*\Z")
 _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?\Z|[+-]?inf(inity)?\Z", re.IGNORECASE | re.ASCII)
 LINES_AT_ONCE: Final = 5_000
 """Lines of a text log that are read at once; the layout is told from the first so many, and from the last two."""
@@ -95,7 +95,7 @@ def numbers(cells: Sequence[str], decimal: str) -> FloatArray | int:
             pass  # another sign, or text
     out = np.full(len(plain), np.nan)
     for row, cell in enumerate(plain):
-        word = cell.strip()
+        word = signed(cell).strip()
         if _NUMBER.match(word):
             out[row] = float(word)
         elif cells[row].strip().lower() not in MISSING and word.lower().lstrip("+-") != "nan":

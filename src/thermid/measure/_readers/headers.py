@@ -11,7 +11,24 @@ from thermid.base.errors import RecordError
 
 MISSING: Final = frozenset(
     (
-        *("", "nan", "na", "n/a", "null", "none", "ol", "o.l.", "ovld", "overload", "open", "#n/a", "1.#qnan", "1.#ind", "-1.#ind"),
+        *(
+            "",
+            "nan",
+            "na",
+            "n/a",
+            "null",
+            "none",
+            "ol",
+            "o.l.",
+            "ovld",
+            "overload",
+            "open",
+            "burnout",
+            "#n/a",
+            "1.#qnan",
+            "1.#ind",
+            "-1.#ind",
+        ),
         *("--", "---", "----", "-----", "-.-", "-.--", "--.-", "--.--", "---.-", "---.--"),
     )
 )
@@ -98,10 +115,15 @@ _UNIT_CELL: Final = (
 """Cells of a row of units."""
 
 
+def signed(cell: str) -> str:
+    """Return a cell without the blanks that loggers write between a sign and its number."""
+    return re.sub(r"\A\s*([-+])\s+", r"\1", cell)
+
+
 def is_number(cell: str) -> bool:
     """Whether a cell is a number, with a point or a comma."""
     try:
-        float(cell.replace(",", "."))
+        float(signed(cell).replace(",", "."))
     except ValueError:
         return False
     return True
@@ -196,6 +218,7 @@ def _with_unit(name: str, text: str) -> str:
     """Return a name with the unit below it in brackets, unless it has that unit or the cell stands for none."""
     plain = text.strip("[](){} ")
     stated = not plain or plain.upper() in ("TS", "RN") or name.endswith(f"[{plain}]") or _unit_of(name) == spelt(plain)
+    stated = stated or is_time_name(plain, DATED | {"time"})  # "Time" below "Date&Time" is no unit
     return name if stated else f"{name} [{plain}]"
 
 
@@ -324,6 +347,15 @@ def _unit_of(cell: str) -> str:
     """Return the unit in a name where it is one that loggers write, else an empty text."""
     unit_text = name_and_unit(cell)[1] if cell else None
     return unit_text if unit_text in _PLAIN else ""
+
+
+def named_above(names: Sequence[str], above: Lines) -> tuple[str, ...]:
+    """Return the names of numbered channels as a table above the header has them, `CH1, LID, ...`; as they are where it names not each."""
+    titles = {row[0].strip(): row[1].strip() for row in above if len(row) > 1 and re.match(_NUMBERING, row[0].strip()) and row[1].strip()}
+    found = {name: titles[bare] for name in names if (bare := name_and_unit(name)[0]) in titles}
+    if len({*found.values()}) < len(found) or {*found.values()} & {*names}:
+        return tuple(names)
+    return tuple(name.replace(name_and_unit(name)[0], found.get(name, name_and_unit(name)[0]), 1) for name in names)
 
 
 def _common_unit(column: Sequence[str], numbers: Sequence[int]) -> str:

@@ -24,6 +24,7 @@ from thermid.measure._readers.headers import (
     lines_of_names,
     may_name,
     may_number,
+    named_above,
     one_line_of_names,
     refuse_two_units,
     with_units_row,
@@ -172,6 +173,9 @@ def cells_of_text(text: str, file: str, separator: str | None, notes: Sequence[s
             if header.units
             else f"line {numbers[extra]} below the header holds no samples"
         )
+    names = named_above(header.names, _cells_of_lines(every[:above], mark))
+    if names != header.names:
+        notes.append("channels are named by the table above the header")
     rows, numbers = rows[extra + 1 :], numbers[extra + 1 :]
     rows, numbers, notes_on_cut = _without_cut_lines(rows, numbers, width, whole)
     notes += notes_on_cut
@@ -192,7 +196,7 @@ def cells_of_text(text: str, file: str, separator: str | None, notes: Sequence[s
         encoding=next((note.split()[2].rstrip(",") for note in notes if note.startswith("read as ")), "UTF-8"),
     )
     commas, table = columns is None or mark != ",", columns or list(zip(*rows, strict=True))
-    return Cells(file, header.names, table, numbers, tuple(notes), synthetic, commas=commas, layout=layout)
+    return Cells(file, names, table, numbers, tuple(notes), synthetic, commas=commas, layout=layout)
 
 
 Table = tuple[list[list[str]], list[int], list[tuple[str, ...]] | None]

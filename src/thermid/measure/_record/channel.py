@@ -30,8 +30,8 @@ class Role(NamedTuple):
 
     Parameters
     ----------
-    quantity : str      What its readings are.
-    slot : str          Dimension that they must have: a unit, or `temperature`.
+    quantity : str      What its readings are; empty where their unit tells.
+    slot : str          Dimension that they must have: a unit, or `temperature`; empty where only the model knows it.
     unit : str          Unit that is taken where nothing states one.
     drives : bool       Whether the readings are an input of the model; else they are compared with it.
     """
@@ -48,6 +48,7 @@ ROLES: Final = {
     "load": Role("power", "W", "W", drives=True),
     "command": Role("command", "1", "%", drives=True),
     "prescribed": Role("temperature", TEMPERATURE, "degC", drives=True),
+    "schedule": Role("", "", "1", drives=True),
 }
 """Role, a key in the table of a channel -> what it is. A channel without one is 'auto': the model decides by the name of its target."""
 HELD: Final = frozenset({"power", "command"})
@@ -130,7 +131,7 @@ class Channel(Shown):
     values : array (samples,)       Samples; a masked sample keeps its number, a missing one is NaN. [SI]
     valid : array (samples,)        False where a sample is masked.
     quantity : str                  'temperature', 'power', 'command' or another word.
-    role : str                      'auto', 'node', 'boundary', 'load', 'command' or 'prescribed' (a node that the reading drives).
+    role : str                      'auto', 'node', 'boundary', 'load', 'command', 'prescribed' or 'schedule'; see `ROLES`.
     target : str or None            Path in the model.
     gain : str or None              Path of the parameter that turns a command into a power.
     noise : float or None           Standard deviation of one sample. [SI]
