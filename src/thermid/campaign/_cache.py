@@ -6,7 +6,7 @@ import hashlib
 import json
 import sys
 import zipfile
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from contextlib import suppress
 from dataclasses import asdict, fields
 from functools import cache, partial
@@ -88,6 +88,13 @@ def remember(folder: Path | None, stage: str, key: str, end: KeptFit | None, ing
     folder.mkdir(parents=True, exist_ok=True)
     content = {"key": key, "code": code_digest(), "ingredients": dict(ingredients or {}), **asdict(end)}
     write_text(folder / f"{file_name(stage)}.fit.json", json.dumps(content, indent=1), FileKinds.RESULTS_FILE)
+
+
+def forget(folder: Path, stages: Iterable[str]) -> None:
+    """Remove the ends of finished stages and their models of error from a results folder; looks at hold-out records stay."""
+    for stage in stages:
+        for kind in ("fit", "errors"):
+            (folder / f"{file_name(stage)}.{kind}.json").unlink(missing_ok=True)
 
 
 def errors_kept(folder: Path | None, stage: str, key: str) -> Keeping | None:

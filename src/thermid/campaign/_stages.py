@@ -27,7 +27,7 @@ from thermid.base.errors import (
 from thermid.base.results import Named, Row
 from thermid.base.toml_files import resolve_inside
 from thermid.base.units import counted
-from thermid.campaign._cache import changed_since, errors_kept, file_name, recall, remember
+from thermid.campaign._cache import changed_since, errors_kept, file_name, forget, recall, remember
 from thermid.campaign._file import CampaignSource, accepting, local_of, read_campaign, scenario_of
 from thermid.campaign._joint import JointFit, fit_jointly, joint_key
 from thermid.campaign._judge.criteria import Criteria
@@ -520,6 +520,7 @@ def run_stages(
     notice: Notice | None = None,
     cache: str | os.PathLike[str] | None = None,
     accept: Sequence[str] = (),
+    fresh: bool = False,
     executor: Workers = None,
 ) -> Campaign:
     """Return the calibrations and verdicts of a campaign.
@@ -535,6 +536,7 @@ def run_stages(
                             included, is not fitted again.
     accept : sequence       Stages that are accepted as they are, beside those that the file accepts: their standing stays and is told,
                             the exit codes of commands do not count it.
+    fresh : bool            Whether every stage is fitted anew, whatever the results folder keeps; it keeps what comes out.
     executor                As in `ensemble`: stages that do not rest on one another are fitted at the same time, and descents of one.
 
     Raises
@@ -545,6 +547,8 @@ def run_stages(
     folder = Path(cache) if cache is not None else None
     source = replace(source, results=folder) if folder is not None else source
     source = accepting(source, accept) if accept else source
+    if folder is not None and fresh:
+        forget(folder, (*(s.name for s in source.content.stages), "joint"))
     done: dict[str, Calibration] = {}
     keys, requests, changed = dict[str, str](), dict[str, Request](), dict[str, tuple[str, ...]]()
     todo, workers = dict(enumerate(source.content.stages)), KeptTasks.of_workers(executor).workers

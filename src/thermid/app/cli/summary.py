@@ -107,9 +107,8 @@ def staged(
     refuse_unknown([stage] if stage else [], [s.name for s in source.content.stages], path.name, "no stage '{}'.", NameNotFoundError)
     source.pick(records, "--record")
     with campaign_progress(path) as progress:
-        return run_stages(
-            source if judged else source.unjudged, notice=progress, cache=None if fresh else folder, accept=accept or (), executor=executor
-        )
+        asked = source if judged else source.unjudged
+        return run_stages(asked, notice=progress, cache=folder, accept=accept or (), fresh=fresh, executor=executor)
 
 
 def check_target(to: Path | None) -> None:

@@ -34,7 +34,7 @@ from thermid.fit._error_model.elements import (
     ways_of,
 )
 from thermid.fit._error_model.gaussian import log_sum, weights_of
-from thermid.fit._error_model.model import GROUPS, FittedWay, before, evidence_of_structure, fitted_way, points_of
+from thermid.fit._error_model.model import GROUPS, FittedWay, before, course_in_fit, evidence_of_structure, fitted_way, points_of
 from thermid.fit._error_model.runs import Departures, Smooth, UnknownColumn
 from thermid.fit._error_model.sizes import (
     COUNTED,
@@ -328,8 +328,8 @@ class ErrorModel(Result):
     def _of_problem(cls, fit: Calibration, problem: Problem) -> ErrorModel:
         """Return the model of error of a fit that can be followed."""
         fitted = np.array(list(fit.fitted.values()))
-        points = points_of(problem, fitted)
-        network = problem.experiments[0].network
+        courses = [course_in_fit(problem, i, e.network, fitted) for i, e in enumerate(problem.experiments)]
+        points, network = points_of(problem, courses), problem.experiments[0].network
         values = network.numbers({p: v.value for p, v in fit.values.assignments.items()}).values
         fitted_ways = [fitted_way(problem, fitted, w, points) for w in ways_of(network, points, values)]
         total = sum(w.way.before for w in fitted_ways)
@@ -344,7 +344,7 @@ class ErrorModel(Result):
         whole = sum(w.weight for w in ways)
         ways = [replace(w, weight=w.weight / whole) for w in ways]
         fitted_values = {n: SeenValue.of_unknown(named[n]) for n in ways[0].values}
-        return cls(fit.stage, fitted_values, tuple(ways), misfit, gain=log_sum(logs) - evidence_of_structure(problem, fitted))
+        return cls(fit.stage, fitted_values, tuple(ways), misfit, gain=log_sum(logs) - evidence_of_structure(problem, fitted, courses))
 
     @property
     def carriers(self) -> dict[str, float]:

@@ -160,10 +160,11 @@ class RunsOfFit:
         laws: Mapping[str, ElementLaw],
         points: Mapping[str, OperatingPoint],
         departures: Departures | None,
+        along: Sequence[ElementCourse] = (),
     ) -> RunsOfFit:
-        """Return the runs at some values and laws; departures are laid over these runs where none are known yet."""
+        """Return the runs at some values and laws, or along courses that are known; departures are laid over them where none are yet."""
         networks = [with_laws(e.network, laws) for e in problem.experiments]
-        courses = [course_in_fit(problem, i, n, fitted) for i, n in enumerate(networks)]
+        courses = along or [course_in_fit(problem, i, n, fitted) for i, n in enumerate(networks)]
         spans = tuple(float(c.times[-1]) for c in courses)
         departures_used = departures or departures_of(networks, courses, points, tuple(part * max(spans) for part in SHARES_OF_RUN))
         parts = [(departures_used.shared(n, c, way, laws), departures_used.of_run(n, c)) for n, c in zip(networks, courses, strict=True)]
@@ -343,9 +344,9 @@ def _averaged(runs: RunsOfFit, way: Way, laws: Mapping[str, ElementLaw], centre:
     return FittedWay(way, laws, runs, Members.joined(parts), np.concatenate(sizes), sizes_left)
 
 
-def evidence_of_structure(problem: Problem, fitted: Array) -> float:
+def evidence_of_structure(problem: Problem, fitted: Array, courses: Sequence[ElementCourse]) -> float:
     """Return ln of the evidence of the readings where nothing departs from the structure of a fit, with what no element explains."""
-    runs, nothing = RunsOfFit.of_problem(problem, fitted, Way(""), {}, {}, Departures({}, ())), np.zeros((1, len(GROUPS)))
+    runs, nothing = RunsOfFit.of_problem(problem, fitted, Way(""), {}, {}, Departures({}, ()), courses), np.zeros((1, len(GROUPS)))
     centre = np.zeros(len(runs.values))
     prior = left_prior()
     return log_sum([prior[r] + several.log_evidence[0] for r, several in runs.posteriors(centre, nothing).items()])
@@ -361,9 +362,8 @@ def left_prior() -> dict[tuple[float, float], float]:
     return {(s, t): float(np.log(m)) for s, t, m in [(0.0, LEFT_TIMES[0], mass[0]), *others]}
 
 
-def points_of(problem: Problem, fitted: Array) -> dict[str, OperatingPoint]:
-    """Return conductor -> where it was found over the runs of a fit, with the fit's own structure."""
-    courses = [course_in_fit(problem, i, e.network, fitted) for i, e in enumerate(problem.experiments)]
+def points_of(problem: Problem, courses: Sequence[ElementCourse]) -> dict[str, OperatingPoint]:
+    """Return conductor -> where it was found over the runs of a fit, by its courses with the fit's own structure."""
     every: dict[str, Any] = {}
     for e, course in zip(problem.experiments, courses, strict=True):
         every |= conductors_of(e.network, course)

@@ -547,7 +547,7 @@ class Problem:
 
     def inputs(self, i: int, fitted: Array) -> tuple[Array, Array]:
         """Return the values of an experiment's free names and their slopes (names, unknowns) to the fitted form."""
-        place = {name: n for n, name in enumerate(self.benches()[i].free)}
+        place = {name: n for n, name in enumerate(self._names(i))}
         values, slopes = np.zeros(len(place)), np.zeros((len(place), len(self.unknowns)))
         for k, t in self._acting(i):
             values[place[t.name]] += t.offset + t.factor * self.unknowns[k].to_value(float(fitted[k]))

@@ -52,7 +52,7 @@ def normalised(network: Network, scenario: Scenario) -> Scenario:
     ScenarioError       When a boundary has no temperature.
     """
     flat, where = network.flat, scenario.title
-    paths = [load.path for load in flat.loads]
+    paths = dict.fromkeys(load.path for load in flat.loads)
 
     def load(name: str) -> str:
         """Return the path of a load; refuse what is none."""
@@ -497,8 +497,7 @@ class Wiring:
         self.free = tuple(free)
         self.parameters = tuple(n for n in self.free if n in network.flat.parameters.table)
         self._scales = {load.path: f"scale.{load.scale or load.path}" for load in network.flat.loads}
-        for name in self.free:
-            self._check_free(name)
+        self._check_free()
         self.schedule = read_schedule(network, self.scenario)
         base = network.numbers()
         signals: dict[str, Signal] = {f"boundary {b}": s for b, s in self.scenario.boundaries.items()}
@@ -508,9 +507,9 @@ class Wiring:
         gases |= {signal_of(path): course for path, course in self.streams.items() if not isinstance(course, Constant)}
         signals |= load_inputs(network, self.scenario, base) | gases
         follow = self.schedule.signals if self.schedule is not None else {}
-        changing = {n: s for n, s in (*signals.items(), *follow.items()) if s.cycle != 0.0}
-        self.changing = tuple(dict.fromkeys(_shown(n) for n in changing))
-        self.cycle = common_cycle([s.cycle for s in changing.values()])
+        cycles = {n: c for n, s in (*signals.items(), *follow.items()) if (c := s.cycle) != 0.0}
+        self.changing = tuple(dict.fromkeys(_shown(n) for n in cycles))
+        self.cycle = common_cycle([*cycles.values()])
         self.signals: dict[str, Drawn] = {name: in_run(signal, self.scenario.seconds) for name, signal in signals.items()}
         self._follow: dict[tuple[str, int, int], str] = {}
         self.courses = ScheduledCoefficients.of_schedule(network, self.schedule) if self.schedule is not None else None
@@ -531,12 +530,12 @@ class Wiring:
         self._initial: dict[str, Number | str] = {}
         self._read_start()
 
-    def _check_free(self, name: str) -> None:
+    def _check_free(self) -> None:
         """Refuse a name that is none of a parameter, a boundary, ``initial.<node>``, ``scale.<load>`` and ``reading.<channel>``."""
-        head = name.partition(".")[0]
-        names = [*self.network.flat.parameters.table, *self.network.boundaries, *(f"initial.{n}" for n in self.network.nodes)]
-        if head != "reading" and name not in self._scales.values():
-            refuse_unknown([name], names, self.network.title, "no parameter '{}' can be free.", ScenarioError)
+        network, scales = self.network, {*self._scales.values()}
+        names = dict.fromkeys((*network.flat.parameters.table, *network.boundaries, *(f"initial.{n}" for n in network.nodes)))
+        acting = [n for n in self.free if not n.startswith("reading.") and n not in scales]
+        refuse_unknown(acting, names, network.title, "no parameter '{}' can be free.", ScenarioError)
 
     def _numbers(self, free: Mapping[str, Number]) -> Numbers:
         """Return the network's numbers with some parameters replaced, by the schedule where there is one."""

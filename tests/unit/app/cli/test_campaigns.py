@@ -130,6 +130,16 @@ class TestCalibrate:
         assert numbers() == first
         assert numbers("--fresh") == first
 
+    def test_a_fresh_run_is_kept_and_counts_as_a_look(self, call: Call, fitted_campaign: Path, tmp_path: Path) -> None:
+        call("calibrate", fitted_campaign, "--fresh", "--to", tmp_path)
+        kept = {file.name: file.read_bytes() for file in tmp_path.glob("*.json")}
+        assert {"box.fit.json", "pair.fit.json", "pair.errors.json", "looks.json"} <= {*kept}
+        (tmp_path / "box.fit.json").write_bytes(kept["box.fit.json"].replace(b'"evaluations": ', b'"evaluations": 9'))
+        call("calibrate", fitted_campaign, "--to", tmp_path)
+        assert (tmp_path / "box.fit.json").read_bytes() != kept["box.fit.json"], "what is kept is taken"
+        call("calibrate", fitted_campaign, "--fresh", "--to", tmp_path)
+        assert (tmp_path / "box.fit.json").read_bytes() == kept["box.fit.json"], "a fresh run takes none of it"
+
     def test_text(self, call: Call, fitted_campaign: Path) -> None:
         said = call("calibrate", fitted_campaign)
         assert said.code == 0
