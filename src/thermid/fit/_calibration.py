@@ -443,7 +443,7 @@ class Calibration(Named[FittedValue]):
             white = "yes" if s.white else f"no (lag-1 {s.lag_one:.2f})"
             worth = f", effective sample size {short(s.effective_samples)}" if s.wanders else ""
             held = f"   bias {s.bias:+.2f} K (held)" if s.bias else ""
-            bias = f"   bias {v.value:+.2f} +- {short(v.error)} K" if (v := self.values.sensors.get(name)) is not None else held
+            bias = f"   bias {v.value:+.2f} +- {short(v.error)} K" if (v := self.estimates.sensors.get(name)) is not None else held
             sizes = f"RMSE {short(s.rmse, 3)} K   largest {short(abs(s.largest), 3)} K"
             lines.append(f"  {name}: {sizes}   residuals white: {white}{worth}{bias}")
         lines += [f"  {share}" for share in (*self.sensor_shares, *self.instrument_shares)]

@@ -32,9 +32,8 @@ def free_box(coefficient: dict[str, Any]) -> td.Model:
     return td.model_from_dict(deck)
 
 
-@pytest.fixture(scope="module")
-def fit() -> td.Calibration:
-    """A constant coefficient fitted to readings of one that grows with dT^0.25; the specific heat is known well."""
+def bent(accuracy: float | None = None, priors: dict[str, str] | None = None) -> td.Calibration:
+    """A constant coefficient fitted to readings of one that grows with dT^0.25."""
     times = np.linspace(0.0, 14400.0, 41)
     watts = np.where(times < 7200.0, 12.0, 3.0)
     given = td.Scenario("bench", {"air": "22 [degC]"}, start="22 [degC]", duration="4 [h]")
@@ -42,12 +41,19 @@ def fit() -> td.Calibration:
     run = td.simulate(truth, given.with_(commands={"heat": TableSignal(times, watts, True)}), times=times)
     reading = run["case"].kelvin + np.random.default_rng(5).normal(0.0, 0.03, 41)
     channels = {
-        "T": td.Channel.from_array("T", reading, unit="K", role="node", target="case", noise=0.03),
-        "air": td.Channel.from_array("air", np.full(41, 295.15), unit="K", role="boundary", target="air"),
+        "T": td.Channel.from_array("T", reading, unit="K", role="node", target="case", noise=0.03, accuracy=accuracy),
+        "air": td.Channel.from_array("air", np.full(41, 295.15), unit="K", role="boundary", target="air", accuracy=accuracy),
         "P": td.Channel.from_array("P", watts, quantity="power", role="load", target="heat", prompt=True),
     }
     deck = free_box({"htc": {"value": "5 [W/(m^2 K)]", "min": 1, "max": 30}, "carried_by": "free air"})
-    return td.calibrate(deck, td.Record.from_arrays("bench", times, channels, synthetic=True), [HEAT, "skin.htc"], priors={HEAT: "range"})
+    record = td.Record.from_arrays("bench", times, channels, synthetic=True)
+    return td.calibrate(deck, record, [HEAT, "skin.htc"], priors=priors)
+
+
+@pytest.fixture(scope="module")
+def fit() -> td.Calibration:
+    """One whose specific heat is known well."""
+    return bent(priors={HEAT: "range"})
 
 
 def test_values_to_quote_are_those_that_the_model_of_error_expects(fit: td.Calibration) -> None:
@@ -88,3 +94,12 @@ def test_a_law_is_blamed_where_departures_of_elements_explain_the_readings(fit: 
     assert replace(fit, expected={}).blame == blame_of(fit.experiments)
     far = fit.expected | {HEAT: (0.5 * TRUE, 1.0)}
     assert replace(fit, expected=far).blame == blame_of(fit.experiments)
+
+
+def test_errors_of_instruments_are_those_that_the_model_of_error_expects() -> None:
+    fit = bent(accuracy=0.1)
+    names = ("sensor T", "air error")
+    assert min(abs(fit.values[n].value) for n in names) > 1.0
+    assert max(abs(fit[n].value) for n in names) < 0.3
+    assert fit.blame == LAW
+    assert "bias +2" not in str(fit)

@@ -138,6 +138,25 @@ def test_power_of_a_deck_departs_as_that_of_a_scenario_does(fit: td.Calibration)
     assert open_ > given  # a stated power is exact
 
 
+@pytest.mark.parametrize(
+    "given",
+    [
+        {"loads": {"heat": "8 [W]"}, "gains": {"heat": "part"}},
+        {"commands": {"heat": 0.5}},
+        {"commands": {"heat": 2.0}, "gains": {"heat": "supply"}},
+    ],
+)
+def test_power_that_departs_is_what_a_load_puts_in(given: dict[str, Any]) -> None:
+    asked = td.Scenario("asked", boundaries={"air": "34 [degC]"}, start="34 [degC]", duration="5 [h]", **given)
+    made: dict[str, Any] = deck(base=BOX)
+    model = td.model_from_dict(
+        {**made, "parameters": {"part": 0.5, "supply": "2 [W]"}, "loads": {"heat": {"into": "case", "power": "8 [W]"}}}
+    )
+    wiring = Wiring(network_for(model, asked), asked)
+    course = course_of(wiring, Engine(wiring), None, Options())
+    assert course.powers["heat"][1].at(TIMES) == pytest.approx(4.0)
+
+
 def test_logs_that_no_departure_explains_are_said_first() -> None:
     """The deck's power of 4 W throughout, in logs that switch it off and halve it."""
     unmetered = [_log(p, k).select("T", "ROOM") for k, p in enumerate((4.0, 2.0))]

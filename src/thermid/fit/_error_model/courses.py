@@ -120,12 +120,13 @@ BEFORE_REST = 1e-3
 
 def _power_of(load: FlatLoad, wiring: Wiring, values: Mapping[str, Any]) -> Any:
     """Return the power of a load as its scenario gives it, else as its deck does; None where a temperature has a say in it."""
-    course = wiring.scenario.loads.get(load.path)
-    if course is not None:
-        return course
-    if load.follows_temperature or "power" not in load.fields:
-        return None
-    return wiring.signals[f"load {load.path}"].scaled(float(value_of(values[load.fields["power"]])))
+    course, factor = wiring.scenario.loads.get(load.path), wiring.scenario.gains.get(load.path)
+    if course is None:
+        if factor is None and (load.follows_temperature or "power" not in load.fields):
+            return None
+        course = wiring.signals[f"load {load.path}"]
+    factor = factor or (load.fields["power"] if load.path not in wiring.scenario.loads else None)
+    return course if factor is None else course.scaled(float(value_of(values[factor])))
 
 
 def laws_of(network: Network, c: FlatConductor) -> tuple[Law, ...]:

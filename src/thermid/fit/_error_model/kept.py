@@ -650,9 +650,9 @@ def _widened(fit: Calibration, moved: Mapping[str, float], covariance: Array, un
     beside = np.array([np.sum(fit.store.rows([n])[0][others] ** 2) if fit.store[n].known else 0.0 for n in moved])
     fit = _with_sources_of_structure(fit, covariance, moved, unexplained)
     assert fit.problem is not None
-    unknowns = {u.name: u for u in fit.problem.unknowns if u.kind == "parameter"}
+    unknowns = {u.name: u for u in fit.problem.unknowns}
     errors = dict(zip(moved, np.sqrt(np.diag(covariance) + beside).tolist(), strict=True))
-    at = {n: (u, fit.fitted[n] + moved[n], errors[n]) for n, u in unknowns.items() if n in moved and not unexplained}
+    at = {n: (u, fit.fitted[n] + moved[n], errors[n]) for n, u in unknowns.items() if n in fit.values and n in moved and not unexplained}
     expected = {n: (u.to_value(x), u.slope(x) * error) for n, (u, x, error) in at.items()}
     is_requested = fit.request is not None and fit.request.structural_errors
     why = "the structure is a proposal" if is_requested else "the residuals are larger than this structure explains"
