@@ -187,8 +187,8 @@ void Errors::improve() {
 }
 
 // What Newton leaves in the stages, some nanokelvins, is heat that came from nowhere: the end of the step takes it up, as one more iteration of
-// Newton for all stages together, and heats follow. Where the Jacobian is constant nothing is left.
-void Errors::close_balance() {
+// Newton for all stages together, and heats follow. Where the Jacobian is constant nothing is left. The factors are those of a step of length `factored`.
+void Errors::close_balance(double factored) {
     std::fill(step_.delta.begin(), step_.delta.end(), 0.0);
     const Conductors& c = p_.con;
     for (int r = 0; r < c.size(); ++r) {
@@ -200,7 +200,7 @@ void Errors::close_balance() {
     for (int i = 0; i < n_; ++i) step_.delta[i] = step_.h * step_.delta[i] - setup_.cap[i] * (step_.T1[i] - state_.T[i]);
     step_.factors.solve(step_.delta.data(), CLOSED);
     for (int i = 0; i < n_; ++i) step_.T1[i] += step_.delta[i];
-    step_.e.lean(GAMMA, step_.delta.data(), step_.acc_con.data(), step_.acc_load.data());
+    step_.e.lean(GAMMA * (factored / step_.h), step_.delta.data(), step_.acc_con.data(), step_.acc_load.data());
 }
 
 // The jumps of projected inputs show in the estimate, although improve() takes most of what they do away: no finer than those inputs are

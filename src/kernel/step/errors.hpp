@@ -25,7 +25,7 @@ class Errors {
     double unsettled();
     bool clear_of_knees(double& next);
     void improve();
-    void close_balance();
+    void close_balance(double factored);
 
   private:
     Setup& setup_;
