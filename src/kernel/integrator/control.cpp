@@ -74,7 +74,7 @@ bool Integrator::attempt(OutputList& out, double& next) {
         return false;
     }
     if (step_.leftover) errors_.improve();
-    if (setup_.closes) errors_.close_balance(step_.h);
+    if (errors_.closes()) errors_.close_balance(step_.h);
     check_state();
     outputs_.dense(inside_);
     if (inside_) {
@@ -210,7 +210,7 @@ void Integrator::take(OutputList& out, double& next) {
         same_time_ = step_.h > 1e-8 + 1e-13 * std::fabs(state_.t) ? 0 : same_time_ + 1;
         apply_events();
         pending_ = -1;
-        next = std::max(next, 0.25 * resume_);
+        next = std::max(next, shortened_ ? resume_ : 0.25 * resume_);
         shortened_ = false;
     } else {
         state_.T.swap(step_.T1);

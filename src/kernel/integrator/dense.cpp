@@ -102,12 +102,13 @@ double Outputs::apart() {
 }
 
 // Ends the step at s instead, where nothing is left over of the inputs: its polynomials are written for the shorter step, which they are right for too.
-// Heats are those of the polynomials, by Gauss's rule of sixth order, and the balance is closed as that of a whole step is.
+// Heats are those of the polynomials, by Gauss's rule of sixth order, and the balance is closed as that of a whole step is: so steps need not be cut to
+// land on a switching, which took two more trials and their factors.
 void Outputs::shorten(double s) {
     constexpr double PLACE[3] = {0.1127016653792583, 0.5, 0.8872983346207417}, SHARE[3] = {5.0 / 18.0, 8.0 / 18.0, 5.0 / 18.0};
     const double x = s / step_.h, whole = step_.h, end = state_.t + s;
     const size_t n = n_, np = np_, m = n * np;
-    const bool heats = o_.energy || setup_.closes;
+    const bool heats = o_.energy || errors_.closes();
     if (heats) {
         std::fill(step_.acc_con.begin(), step_.acc_con.end(), 0.0);
         std::fill(step_.acc_load.begin(), step_.acc_load.end(), 0.0);

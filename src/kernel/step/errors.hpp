@@ -25,6 +25,7 @@ class Errors {
     double unsettled();
     bool clear_of_knees(double& next);
     void improve();
+    bool closes() const { return setup_.holds.empty() && !(setup_.constant && step_.factors.exact()); }
     void close_balance(double factored);
 
   private:

@@ -48,7 +48,7 @@ void Factors::take(double length, const double* j) {
     const auto at = std::find_if(rungs_.begin(), rungs_.end(), [=](const Rung& r) { return r.exponent == exponent; });
     if (at != rungs_.end()) {
         now_ = at - rungs_.begin();
-        exact_ = std::equal(a_.begin(), a_.end(), at->lu.data());
+        all_exact_ = exact_ = std::equal(a_.begin(), a_.end(), at->lu.data());
         weight_ = 2.0 / (1.0 + length / at->length);
         return;
     }
@@ -61,6 +61,7 @@ void Factors::take(double length, const double* j) {
         now_ = std::max_element(rungs_.begin(), rungs_.end(), [&](const Rung& a, const Rung& b) { return apart(a) < apart(b); }) - rungs_.begin();
     }
     rungs_[now_].exponent = exponent;
+    all_exact_ = true;
     make(rungs_[now_]);
 }
 

@@ -26,14 +26,15 @@ class Factors {
     void solve_many(double* b, int m, double accuracy);  // b is (n, m), row-major
     long made = 0;
     const bool kept;
-    double rung(double h) const;  // the longest step on the ladder that is no longer
+    bool exact() const { return all_exact_; }  // every solution since M was taken was by its own factors
+    double rung(double h) const;               // the longest step on the ladder that is no longer
 
   private:
     struct Rung { int exponent = 0; double length = 0.0, spent = 0.0; SparseLu lu; };
     const Setup& setup_;
     const Pattern& pattern_;
     double length_ = 0.0, weight_ = 1.0, price_ = 0.0;
-    bool exact_ = true;      // M is what the rung was made of
+    bool exact_ = true, all_exact_ = true;  // M is what the rung was made of; and was when it was taken
     std::vector<double> a_;  // M, as values of the pattern
     std::vector<Rung> rungs_;
     size_t now_ = 0;         // the rung in use
