@@ -74,7 +74,7 @@ bool Integrator::attempt(OutputList& out, double& next) {
         return false;
     }
     if (step_.leftover) errors_.improve();
-    if (setup_.closes) errors_.close_balance();
+    if (errors_.closes()) errors_.close_balance(step_.h);
     check_state();
     outputs_.dense(inside_);
     if (inside_) {
@@ -90,8 +90,10 @@ bool Integrator::attempt(OutputList& out, double& next) {
             refined_ = 0;
             resume_ = step_.h;
             s = std::max(s, 1e-9 + 1e-14 * std::fabs(state_.t));
+            shortened_ = s < step_.h && step_.factors.kept && !step_.leftover && setup_.holds.empty();
+            if (shortened_) outputs_.shorten(s);
         }
-        if (pending_ >= 0) {
+        if (pending_ >= 0 && !shortened_) {
             if (s == step_.h) {  // the step ends near the instant: improve it
                 const double g = gap_at(pending_, step_.h), rate = gap_rate(p_.guards[pending_]);
                 if (rate > 0.0) s = step_.h - g / rate;
@@ -156,7 +158,7 @@ void Integrator::advance(double t_end, OutputList& out) {
         clipped_ = false;
         double knot = -1.0;
         if (pending_ < 0) {
-            wish = step_.h = std::min(next, limit);
+            wish = step_.h = step_.factors.kept && !given ? step_.factors.rung(std::min(next, limit)) : std::min(next, limit);
             if (hold_ < step_.h) {
                 // Up to the next knot nothing is left over; where the inputs allow about one sample, end the step there.
                 knot = std::numeric_limits<double>::infinity();
@@ -208,7 +210,8 @@ void Integrator::take(OutputList& out, double& next) {
         same_time_ = step_.h > 1e-8 + 1e-13 * std::fabs(state_.t) ? 0 : same_time_ + 1;
         apply_events();
         pending_ = -1;
-        next = std::max(next, 0.25 * resume_);
+        next = std::max(next, shortened_ ? resume_ : 0.25 * resume_);
+        shortened_ = false;
     } else {
         state_.T.swap(step_.T1);
         state_.S.swap(step_.S1);

@@ -2,6 +2,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "algebra/traces.hpp"
 #include "integrator/outputs.hpp"
 
 namespace thermid {
@@ -98,6 +99,59 @@ double Outputs::apart() {
     for (int i = 0; i < n_; ++i)
         if (setup_.cap[i] > 0.0 && !slaved_.fast.is[i]) most = std::max(most, std::fabs(g_[i]));
     return most;
+}
+
+// Ends the step at s instead, where nothing is left over of the inputs: its polynomials are written for the shorter step, which they are right for too.
+// Heats are those of the polynomials, by Gauss's rule of sixth order, and the balance is closed as that of a whole step is: so steps need not be cut to
+// land on a switching, which took two more trials and their factors.
+void Outputs::shorten(double s) {
+    constexpr double PLACE[3] = {0.1127016653792583, 0.5, 0.8872983346207417}, SHARE[3] = {5.0 / 18.0, 8.0 / 18.0, 5.0 / 18.0};
+    const double x = s / step_.h, whole = step_.h, end = state_.t + s;
+    const size_t n = n_, np = np_, m = n * np;
+    const bool heats = o_.energy || errors_.closes();
+    if (heats) {
+        std::fill(step_.acc_con.begin(), step_.acc_con.end(), 0.0);
+        std::fill(step_.acc_load.begin(), step_.acc_load.end(), 0.0);
+        for (int k = 0; k < 3; ++k) {
+            nodes_at(PLACE[k] * s, true);
+            view.rows();
+            axpy(step_.acc_con.data(), SHARE[k], view.q.data(), p_.con.size());
+            axpy(step_.acc_load.data(), SHARE[k], view.power.data(), p_.load.size());
+        }
+    }
+    nodes_at(s, end, true);
+    std::copy(view.t.begin(), view.t.begin() + n_, step_.T1.begin());
+    if (np > 0) {
+        count_ = slope_count_ = POWERS;
+        sensitivity_terms(setup_.all.data(), n_);
+        weigh(&end, 1);
+        slaved_row(s, end, setup_.all.data(), n_, dirS_.data());
+        const size_t stride = padded(n_ * np_);
+        for (size_t q = 0; q < m; ++q) {
+            const double *c0 = slope_terms_.data() + q, h2 = whole * whole;
+            double c[POWERS];
+            for (int k = 0; k < POWERS; ++k) c[k] = c0[k * stride];
+            step_.sd1[q] = (c[1] + x * (2.0 * c[2] + x * (3.0 * c[3] + x * (4.0 * c[4] + x * 5.0 * c[5])))) / whole;
+            step_.sdd0[q] = 2.0 * c[2] / h2;
+            step_.sdd1[q] = (2.0 * c[2] + x * (6.0 * c[3] + x * (12.0 * c[4] + x * 20.0 * c[5]))) / h2;
+        }
+        step_.S1.swap(dirS_);
+    }
+    for (int i = 0; i < n_; ++i) step_.d1[i] = setup_.cap[i] > 0.0 ? slope(i, x) / whole : 0.0;
+    double power = 1.0;
+    for (int k = 1; k < POWERS; ++k) {
+        power *= x;
+        for (size_t i = k * n; i < (k + 1) * n; ++i) poly_[i] *= power;
+    }
+    step_.h = s;
+    step_.end = end;
+    for (int k = 0; k < nk_; ++k) step_.uder1[k] = p_.inputs[k].sampled() ? step_.in[k].slope(s) : p_.inputs[k].slope(end);
+    stages_.set_inputs(s);
+    std::copy(step_.T1.begin(), step_.T1.end(), step_.e.t.begin());
+    step_.e.rows();
+    if (!heats) return;
+    errors_.close_balance(whole);
+    std::copy(step_.T1.begin(), step_.T1.end(), step_.e.t.begin());
 }
 
 // dS/dt of the nodes with capacity, from the heats of a stage.

@@ -116,6 +116,8 @@ void Integrator::apply_events() {
         found_.push_back(l);
         rates_.push_back(rate);
     }
+    if (shortened_)  // what jumps is the difference of two evaluations at one place
+        for (int i = 0; i < n_; ++i) step_.d1[i] = step_.e.f[i] * setup_.inv_cap[i];
     state_.T.swap(step_.T1);
     state_.S.swap(step_.S1);
     state_.t = step_.end;

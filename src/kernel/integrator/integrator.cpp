@@ -9,7 +9,7 @@ namespace thermid {
 
 Integrator::Integrator(const Problem& p, const double* coef, const CoefJacobian& d, const Options& o, LeastSquares* squares)
     : setup_(p, coef, d, o, squares), state_(setup_), step_(setup_), slaved_(setup_, step_), errors_(setup_, state_, step_, slaved_),
-      stages_(setup_, state_, step_, slaved_, errors_), outputs_(setup_, state_, step_, slaved_, stages_), p_(p), coef_(coef), d_(d), o_(o), n_(setup_.n),
+      stages_(setup_, state_, step_, slaved_, errors_), outputs_(setup_, state_, step_, slaved_, errors_, stages_), p_(p), coef_(coef), d_(d), o_(o), n_(setup_.n),
       np_(setup_.np), nk_(setup_.nk), when_(np_, 0.0) {
     outputs_.need_u = !p.guards.empty();  // guards are looked at before the first output is
     for (const Guard& g : p.guards)

@@ -71,6 +71,7 @@ class Integrator {
     double old_error_ = 1.0, resume_ = 0.0;
     int pending_ = -1, refined_ = 0, same_time_ = 0;
     bool clipped_ = false, first_ = true;
+    bool shortened_ = false;  // the step under way ends at a switching that lay within it
     bool inside_ = false;    // outputs fall into this step
     bool in_parts_ = false;  // the next part begins with the step that this one would have made
     bool beyond_ = false;    // the step under way has been made, reaches beyond the time that was asked for, and is not taken yet

@@ -10,8 +10,8 @@
 
 namespace thermid {
 
-Outputs::Outputs(Setup& setup, State& state, Step& step, Slaved& slaved, Stages& stages)
-    : view(setup.p, setup.coef), setup_(setup), state_(state), step_(step), slaved_(slaved), stages_(stages), p_(setup.p), coef_(setup.coef), d_(setup.d),
+Outputs::Outputs(Setup& setup, State& state, Step& step, Slaved& slaved, Errors& errors, Stages& stages)
+    : view(setup.p, setup.coef), setup_(setup), state_(state), step_(step), slaved_(slaved), errors_(errors), stages_(stages), p_(setup.p), coef_(setup.coef), d_(setup.d),
       o_(setup.o), squares_(setup.squares), n_(setup.n), np_(setup.np), nk_(setup.nk), poly_(POWERS * static_cast<size_t>(n_), 0.0), unit_(nk_, 0.0),
       cursor_(nk_) {
     for (auto* v : {&g_, &dir_, &bb_}) v->assign(n_, 0.0);

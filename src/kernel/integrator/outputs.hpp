@@ -27,11 +27,12 @@ class Outputs {
     Evaluation view;
     Turnings turnings;
     bool need_u = false;  // outputs or guards need the inputs' own values
-    Outputs(Setup& setup, State& state, Step& step, Slaved& slaved, Stages& stages);
+    Outputs(Setup& setup, State& state, Step& step, Slaved& slaved, Errors& errors, Stages& stages);
     void begin();
     void dense_start();
     void dense(bool inside);
     double apart();
+    void shorten(double s);
     void nodes_at(double s, bool slaved) { nodes_at(s, s == step_.h ? step_.end : state_.t + s, slaved); }
     void nodes_at(double s, double time, bool slaved);
     void emit(OutputList& out, Result& r);
@@ -43,6 +44,7 @@ class Outputs {
     State& state_;
     Step& step_;
     Slaved& slaved_;
+    Errors& errors_;
     Stages& stages_;
     const Problem& p_;
     const double* coef_;

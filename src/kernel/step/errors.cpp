@@ -173,7 +173,7 @@ void Errors::improve() {
         step_.T1[i] -= SHED[0] * (e1[i] - e2[i]) + SHED[1] * (e2[i] - e3[i]);
         step_.delta[i] = SHED[0] * e2[i] + SHED[1] * e3[i];
     }
-    if (o_.energy || setup_.closes) step_.e.lean(GAMMA, step_.delta.data(), step_.acc_con.data(), step_.acc_load.data());
+    if (o_.energy || closes()) step_.e.lean(GAMMA, step_.delta.data(), step_.acc_con.data(), step_.acc_load.data());
     if (np_ == 0) return;
     const double *from[2] = {e1, e2}, *to[2] = {e2, e3};
     for (int k = 0; k < 2; ++k) {  // G_ holds the derivatives of e1, then of e2
@@ -187,8 +187,9 @@ void Errors::improve() {
 }
 
 // What Newton leaves in the stages, some nanokelvins, is heat that came from nowhere: the end of the step takes it up, as one more iteration of
-// Newton for all stages together, and heats follow. Where the Jacobian is constant nothing is left.
-void Errors::close_balance() {
+// Newton for all stages together, and heats follow. Where the Jacobian is constant and its own
+// factors are at hand nothing is left. The factors are those of a step of length `factored`.
+void Errors::close_balance(double factored) {
     std::fill(step_.delta.begin(), step_.delta.end(), 0.0);
     const Conductors& c = p_.con;
     for (int r = 0; r < c.size(); ++r) {
@@ -200,7 +201,7 @@ void Errors::close_balance() {
     for (int i = 0; i < n_; ++i) step_.delta[i] = step_.h * step_.delta[i] - setup_.cap[i] * (step_.T1[i] - state_.T[i]);
     step_.factors.solve(step_.delta.data(), CLOSED);
     for (int i = 0; i < n_; ++i) step_.T1[i] += step_.delta[i];
-    step_.e.lean(GAMMA, step_.delta.data(), step_.acc_con.data(), step_.acc_load.data());
+    step_.e.lean(GAMMA * (factored / step_.h), step_.delta.data(), step_.acc_con.data(), step_.acc_load.data());
 }
 
 // The jumps of projected inputs show in the estimate, although improve() takes most of what they do away: no finer than those inputs are

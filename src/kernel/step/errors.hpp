@@ -25,7 +25,8 @@ class Errors {
     double unsettled();
     bool clear_of_knees(double& next);
     void improve();
-    void close_balance();
+    bool closes() const { return setup_.holds.empty() && !(setup_.constant && step_.factors.exact()); }
+    void close_balance(double factored);
 
   private:
     Setup& setup_;

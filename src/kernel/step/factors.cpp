@@ -8,8 +8,8 @@
 namespace thermid {
 
 namespace {
-constexpr int KEPT_FROM = 300;    // nodes, where sensitivities are wanted: 1.25 times faster at 216, 1.65 at 343, 2.3 at 1,000
-constexpr size_t MOST_RUNGS = 8;  // sets of factors that are kept
+constexpr int KEPT_FROM = 300;     // nodes; with sensitivities 1.25 times faster at 216, 1.65 at 343, 2.3 at 1,000
+constexpr size_t MOST_RUNGS = 12;  // sets of factors that are kept
 constexpr double SLOW = 0.5;      // contraction of the refinement beyond which a rung is made anew
 }  // namespace
 
@@ -18,9 +18,9 @@ THERMID_CLONES static void shifted(double* THERMID_RESTRICT a, const double* THE
     for (int k = 0; k < m; ++k) a[k] = cap[k] - length * j[k];
 }
 
-Factors::Factors(const Setup& setup) : setup_(setup), pattern_(setup.p.pattern), kept_(setup.np > 0 && setup.n >= KEPT_FROM) {
+Factors::Factors(const Setup& setup) : kept(setup.n >= KEPT_FROM), setup_(setup), pattern_(setup.p.pattern) {
     const Elimination& e = setup.p.elimination;
-    if (kept_) {
+    if (kept) {
         every_.assign(setup.n, 1);
         a_.assign(pattern_.size(), 0.0);
         rungs_.reserve(MOST_RUNGS);
@@ -32,18 +32,23 @@ Factors::Factors(const Setup& setup) : setup_(setup), pattern_(setup.p.pattern),
     }
 }
 
+double Factors::rung(double h) const {
+    const int half = static_cast<int>(std::floor(2.0 * std::log2(h) + 1e-9));
+    return std::ldexp(half % 2 == 0 ? 1.0 : std::sqrt(2.0), (half - (half & 1)) / 2);
+}
+
 void Factors::take(double length, const double* j) {
-    if (!kept_) {
+    if (!kept) {
         shifted(rungs_[0].lu.data(), setup_.cap_at.data(), length, j, pattern_.size());
         return make(rungs_[0]);
     }
     shifted(a_.data(), setup_.cap_at.data(), length, j, pattern_.size());
     length_ = length;
-    const int exponent = static_cast<int>(std::lround(std::log2(length)));
+    const int exponent = static_cast<int>(std::lround(2.0 * std::log2(length)));
     const auto at = std::find_if(rungs_.begin(), rungs_.end(), [=](const Rung& r) { return r.exponent == exponent; });
     if (at != rungs_.end()) {
         now_ = at - rungs_.begin();
-        exact_ = std::equal(a_.begin(), a_.end(), at->lu.data());
+        all_exact_ = exact_ = std::equal(a_.begin(), a_.end(), at->lu.data());
         weight_ = 2.0 / (1.0 + length / at->length);
         return;
     }
@@ -56,11 +61,12 @@ void Factors::take(double length, const double* j) {
         now_ = std::max_element(rungs_.begin(), rungs_.end(), [&](const Rung& a, const Rung& b) { return apart(a) < apart(b); }) - rungs_.begin();
     }
     rungs_[now_].exponent = exponent;
+    all_exact_ = true;
     make(rungs_[now_]);
 }
 
 void Factors::make(Rung& r) {
-    if (kept_) {
+    if (kept) {
         std::copy(a_.begin(), a_.end(), r.lu.data());
         r.length = length_;
         r.spent = 0.0;

@@ -1,8 +1,8 @@
 // Solutions of (C - h gamma J) x = b, the matrix of Newton's method and of everything that is filtered through it.
 //
-// It is factored wherever h or J change, as a rule. With sensitivities every stage has a J of its own, and from KEPT_FROM nodes on six factorisations a
-// step cost more than further solutions: factors are kept then, one set for each rung of a ladder of lengths 2^k, with the J that they were made
-// with, and the true matrix M is met by refinement
+// It is factored wherever h or J change, as a rule. From KEPT_FROM nodes on factorisations cost more than further solutions: factors are kept then, one
+// set for each rung of a ladder of lengths 2^(k/2), with the J that they were made with, and steps are as long as rungs where nothing cuts them. Where
+// laws are linear the kept factors are those of M itself; else M is met by refinement
 //   x += w M~^-1 (b - M x),   w = 2 / (1 + h / h~)
 // with the kept M~, where h~ is its length; w halves what a wrong length does at the stiff end. A rung is made anew where refinement gains less than
 // a half each time, or where its further solutions have cost as much as new factors would: so no more than twice the least is ever spent.
@@ -25,14 +25,16 @@ class Factors {
     void solve(double* b, double accuracy);
     void solve_many(double* b, int m, double accuracy);  // b is (n, m), row-major
     long made = 0;
+    const bool kept;
+    bool exact() const { return all_exact_; }  // every solution since M was taken was by its own factors
+    double rung(double h) const;               // the longest step on the ladder that is no longer
 
   private:
     struct Rung { int exponent = 0; double length = 0.0, spent = 0.0; SparseLu lu; };
     const Setup& setup_;
     const Pattern& pattern_;
-    const bool kept_;
     double length_ = 0.0, weight_ = 1.0, price_ = 0.0;
-    bool exact_ = true;      // M is what the rung was made of
+    bool exact_ = true, all_exact_ = true;  // M is what the rung was made of; and was when it was taken
     std::vector<double> a_;  // M, as values of the pattern
     std::vector<Rung> rungs_;
     size_t now_ = 0;         // the rung in use

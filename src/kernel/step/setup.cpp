@@ -36,7 +36,6 @@ Setup::Setup(const Problem& problem, const double* coefficients, const CoefJacob
         if (p.capacity[i] >= 0 && d.any(p.capacity[i])) sought.push_back(i);
     }
     holds = p.holds();
-    closes = !constant && holds.empty();
 }
 
 void Setup::find_entries() {

@@ -13,7 +13,6 @@
 //   faint      of each parameter, one over its size: its effect is let be below a part of that
 //   curved     some law is not linear in temperature
 //   constant   the Jacobian is: no law is curved, no conductance follows an input
-//   closes     what Newton leaves is taken up at the end of each step
 #pragma once
 #include <utility>
 #include <vector>
@@ -36,7 +35,7 @@ struct Setup {
     std::vector<int> sought, all;  // all: every node
     std::vector<double> cap, inv_cap, cap_at, faint;
     std::vector<std::pair<int, int>> holds;
-    bool curved = false, closes = false, constant = false;
+    bool curved = false, constant = false;
 
     Setup(const Problem& problem, const double* coefficients, const CoefJacobian& derivatives, const Options& options, LeastSquares* readings);
     void take_capacities();

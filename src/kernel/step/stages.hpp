@@ -19,6 +19,7 @@ class Stages {
   public:
     Stages(Setup& setup, State& state, Step& step, Slaved& slaved, Errors& errors);
     void project();
+    void set_inputs(double s);
     void start(bool first);
     void start_sensitivity();
     bool solve();
@@ -35,7 +36,6 @@ class Stages {
     const int n_, np_, nk_;
     double rho_ = 0.1, last_size_ = 0.0;
     std::vector<double> CS_, comb_, base_, guess_, g_, xa_;
-    void set_inputs(double s);
     void pass_on();
     void guess(int s);
     bool newton(int s);
