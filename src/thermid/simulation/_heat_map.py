@@ -183,11 +183,13 @@ class HeatMap:
         if len(names) <= MAX_GROUPS_ON_SCREEN:
             cells = [names, *([_watts(w) for w in row] for row in heat)]
             width = max(len(text) for row in cells for text in row) + 1
-            lines = (f"  {n:<{width}}" + "".join(f"{text:>{width}}" for text in row) for n, row in zip(["", *names], cells, strict=True))
-            return ["heat from row to column, loads of a group on the diagonal [W]", *lines]
+            rows = (f"  {n:<{width}}" + "".join(f"{text:>{width}}" for text in row) for n, row in zip(["", *names], cells, strict=True))
+            return ["heat from row to column, loads of a group on the diagonal [W]", *rows]
         pairs = [(heat[i, j], names[i], names[j]) for i in range(len(names)) for j in range(len(names)) if i != j and heat[i, j] > 0.0]
-        head = f"heat between {len(names)} groups, largest first [W]"
-        return [head, *(f"  {w:10.4g}  {a} to {b}" for w, a, b in sorted(pairs, reverse=True))]
+        return [
+            f"heat between {len(names)} groups, largest first [W]",
+            *(f"  {w:10.4g}  {a} to {b}" for w, a, b in sorted(pairs, reverse=True)),
+        ]
 
     def _nodes(self) -> list[str]:
         """Return a line for each node, hottest first: temperature, loads and heat from its largest neighbours."""
