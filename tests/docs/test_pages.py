@@ -17,9 +17,23 @@ from .workshop import Shown, Workshop, missing
 
 ELSEWHERE = {
     "docs/recipes.md": {
-        f"{k}{part}" for k in ("", "metric-", "reader-", "role-") for part in ("function", "line", "row", "test", "nomenclature", "guide")
+        f"{k}{part}"
+        for k in ("", "metric-", "reader-", "role-", "prior-", "command-")
+        for part in ("function", "line", "row", "test", "nomenclature", "guide")
     }
-    | {"line-style", "example", "metric-size", "law-function", "law-row", "law-reference", "law-kind", "quick-check", "range"}
+    | {
+        "line-style",
+        "example",
+        "metric-size",
+        "law-function",
+        "law-row",
+        "law-reference",
+        "law-kind",
+        "quick-check",
+        "range",
+        "prior-class",
+        "prior-name",
+    }
 }
 """Second words of blocks that test_contributing.py runs."""
 FOREIGN = {"pandas.read_csv", "repeat", "element.field"}

@@ -13,7 +13,7 @@ from hypothesis import given, strategies as st
 from by_code import raises_code
 from thermid.base._units_table import TABLE
 from thermid.base.errors import UnitError
-from thermid.base.expression import parse
+from thermid.base.expression import parse, quantity
 from thermid.base.units import NAMES, TEMPERATURE, describe, format_value, require, to_si, unit
 
 SCRIPT = Path(__file__).parents[2] / "scripts/generate_units.py"
@@ -112,6 +112,12 @@ def test_spellings_beyond_the_table(text: str, factor: str, offset: str) -> None
 def test_fahrenheit_sign_is_the_scale() -> None:
     assert (unit("°F").factor, unit("°F").offset) == (unit("degF").factor, unit("degF").offset)
     assert unit("fahrenheit").offset == unit("degF").offset
+
+
+def test_a_quantity_of_one_number_is_that_number_in_si() -> None:
+    assert (float(quantity(3.0, unit="km")), float(quantity([3.0], unit="km"))) == (3000.0, 3000.0)
+    with raises_code("value.wrong-kind", UnitError, match="2"):
+        float(quantity([1.0, 2.0], unit="W"))
 
 
 @pytest.mark.parametrize(

@@ -219,7 +219,7 @@ def compare_htc(
         correlations = _correlations(hot, cold, tall, faces, _gas(air, (hot + cold) / 2))
     remarks: list[str] = [CodedText(str(w.message), w.message.code) for w in caught if isinstance(w.message, ThermidWarning)]
     for text in remarks:
-        warnings.warn(ThermidWarning(text), stacklevel=2)
+        warnings.warn(ThermidWarning(text), stacklevel=3)
     radiation = None if emissivity is None else float(linearised_htc(emissivity, hot, cold))
     remarks += _box_remark(a, tall, *faces) if faces is not None else []
     remarks += _meaning(effective, error, correlations[-1].htc, radiation, q, a, rise)

@@ -181,15 +181,15 @@ class HeatMap:
         """Return lines of the heat between groups: a matrix, or for many groups a list with the largest first."""
         heat, names = self.between(groups), list(groups)
         if len(names) <= MAX_GROUPS_ON_SCREEN:
-            width = max(8, *map(len, names)) + 1
-            rows = [
-                "heat from row to column, loads of a group on the diagonal [W]",
-                " " * (width + 2) + "".join(f"{n:>{width}}" for n in names),
-            ]
-            return rows + [f"  {n:<{width}}" + "".join(f"{_watts(w):>{width}}" for w in row) for n, row in zip(names, heat, strict=True)]
+            cells = [names, *([_watts(w) for w in row] for row in heat)]
+            width = max(len(text) for row in cells for text in row) + 1
+            rows = (f"  {n:<{width}}" + "".join(f"{text:>{width}}" for text in row) for n, row in zip(["", *names], cells, strict=True))
+            return ["heat from row to column, loads of a group on the diagonal [W]", *rows]
         pairs = [(heat[i, j], names[i], names[j]) for i in range(len(names)) for j in range(len(names)) if i != j and heat[i, j] > 0.0]
-        head = f"heat between {len(names)} groups, largest first [W]"
-        return [head, *(f"  {w:10.4g}  {a} to {b}" for w, a, b in sorted(pairs, reverse=True))]
+        return [
+            f"heat between {len(names)} groups, largest first [W]",
+            *(f"  {w:10.4g}  {a} to {b}" for w, a, b in sorted(pairs, reverse=True)),
+        ]
 
     def _nodes(self) -> list[str]:
         """Return a line for each node, hottest first: temperature, loads and heat from its largest neighbours."""

@@ -20,6 +20,7 @@ from thermid.fit._problem.residuals import SensorStatistics, loss_of
 from thermid.fit._uncertainty.groups import _few_terms, percent, practical_groups
 from thermid.fit._uncertainty.information import Information, elsewhere
 from thermid.fit._uncertainty.moved import Move, Test as Asked, normal_shifts, shifts
+from thermid.fit._uncertainty.noise import _likeliest
 from thermid.values.fitted import FittedValue, FittedValues
 from unit.fit.bench import HTC, MASS, box, log, room
 
@@ -281,3 +282,10 @@ def test_the_search_for_the_fewest_terms_ends_at_three_hundred_bases(unknowns: i
 
     _few_terms(np.random.default_rng(5).standard_normal((unknowns, 2)), variance)
     assert len(asked) == 2 * judged
+
+
+def test_a_wandering_part_of_a_hundredth_of_the_white_one_is_the_least_that_is_tried() -> None:
+    """In the direction in which it is strongest; of readings without one that is the likeliest."""
+    gain, white, wandering = _likeliest(np.diag([1.0, 4.0]), np.array([1.0, 0.0]), 0.5)
+    assert 4.0 * wandering == pytest.approx(0.01 * white)
+    assert gain < 0.0

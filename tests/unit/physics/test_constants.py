@@ -23,3 +23,14 @@ def test_a_gap_that_is_tilted_has_no_step_and_falls_to_rest_behind_upright(aspec
     upright = gap_nusselt(1e5, 90.0, aspect)
     for tilt in (95.0, 120.0, 170.0):
         assert gap_nusselt(1e5, tilt, aspect) == pytest.approx(1.0 + (upright - 1.0) * math.sin(math.radians(tilt)), rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("rayleigh", "tilt", "aspect", "nusselt"),
+    [(1e5, 90.0, 1.5, 4.7208), (1e5, 90.0, 5.0, 3.4475), (1e4, 90.0, 20.0, 1.3120), (1e5, 90.0, 100.0, 3.0024), (1e6, 90.0, 12.0, 6.05),
+     (1e5, 0.0, 5.0, 3.9944)],
+    ids=["Catton, below 2", "Catton", "ElSherbiny, tall", "ElSherbiny, turning", "ElSherbiny, turbulent", "Hollands"],
+)  # fmt: skip
+def test_a_gap_has_the_published_nusselt_number(rayleigh: float, tilt: float, aspect: float, nusselt: float) -> None:
+    """By the printed formulas at a Prandtl number of 0.71: Incropera, 6th ed., Eqs. 9.49 to 9.54, and of ElSherbiny."""
+    assert gap_nusselt(rayleigh, tilt, aspect) == pytest.approx(nusselt, abs=1e-4)

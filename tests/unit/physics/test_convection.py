@@ -6,10 +6,13 @@ import numpy as np
 import pytest
 
 from by_code import warns_code
+from thermid.base.errors import ThermidWarning
 from thermid.physics.air import AIR_300K, Gas, dry_air
 from thermid.physics.convection import power_law_htc
+from thermid.physics.htc import biot_number, compare_htc
 from thermid.physics.plates import (
     horizontal_plate_down_nusselt,
+    horizontal_plate_up_htc,
     horizontal_plate_up_nusselt,
     rayleigh_number,
     vertical_plate_htc,
@@ -80,6 +83,18 @@ def test_air_outside_the_range_warns_with_limits() -> None:
         dry_air(500.0)
     with warns_code("physics.outside-range", match="200.*450"):
         dry_air(np.array([150.0, 300.0]))
+
+
+def test_a_warning_points_to_the_line_that_asked() -> None:
+    """Not to a line of the package; that of `compare_htc` named the line that checks arguments."""
+
+    def compared() -> object:
+        return compare_htc(power="2 [W]", area="0.1 [m^2]", surface="36 [degC]", ambient="24 [degC]", height="100 [m]")
+
+    for ask in (lambda: dry_air(500.0), lambda: biot_number(50.0, 1.0, 0.1), lambda: horizontal_plate_up_htc(310.0, 300.0, 1e-4), compared):
+        with pytest.warns(ThermidWarning) as told:
+            ask()
+        assert {w.filename for w in told} == {__file__}
 
 
 def test_air_thins_with_pressure() -> None:

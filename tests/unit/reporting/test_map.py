@@ -159,6 +159,14 @@ def test_every_node_is_on_one_page_and_no_card_over_another(model: td.Model) -> 
     holds(model)
 
 
+def test_a_heat_of_less_than_a_thousandth_of_the_largest_has_no_number() -> None:
+    """Nobody reads it beside the others, and four digits do not show what it changes."""
+    for small, numbers in ((1.1, {"1.1 W", "1000 W"}), (0.9, {"1000 W"})):
+        kelvin = {"n0": 1400.0, "n1": 400.0, "n2": 400.0 - small, "air": 300.0}
+        text, _ = mapped(chain(3), temperatures=kelvin, flows={"c0_1": 1000.0, "c1_2": small, "out": 550.0})
+        assert {*re.findall(r">([1-9][\d.]* W)<", text)} == numbers
+
+
 def test_neighbours_lie_near_one_another() -> None:
     """Around a ring of 25 nodes a step is one place on the grid, mostly."""
     _, plan = mapped(chain(25, ring=True))

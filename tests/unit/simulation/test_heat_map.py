@@ -55,6 +55,15 @@ def test_groups_by_pattern_by_part_and_alone() -> None:
     assert made["packages"] == ("u1.junction", "u2.junction")
 
 
+def test_columns_are_as_wide_as_their_widest_number() -> None:
+    """A heat of -1e-5 W has ten characters and pushed its row out of the columns."""
+    found = heat(loads={"q": {"into": "a", "power": "-12.347 [uW]"}})
+    _, names, *rows = found.lines(found.grouped({"solids": "a,b"}))[:6]
+    assert "1.235e-05" in rows[0]
+    assert max(len(text) for row in rows for text in row.split()) > 8
+    assert {len(row) for row in rows} == {len(names)}
+
+
 def test_mean_and_periodic_states_have_their_heat() -> None:
     pulsed = DECK | {"loads": {"q": {"into": "a", "power": "8 [W]", "periodic": {"period": "10 [s]", "duty": 0.25}}}}
     model = td.model_from_dict(pulsed)

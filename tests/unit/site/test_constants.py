@@ -1,9 +1,13 @@
-"""Numbers of the standard atmosphere and of weather files, by laws and formats that they must agree with."""
+"""Numbers of the standard atmosphere, of weather files and of steps of vapour, by laws and formats that they must agree with."""
+
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
 
 from thermid.site._atmosphere import EARTH_RADIUS, UPPER
+from thermid.site.vapour import _Interval
 from thermid.site.weather import _EPW, _converted
 
 
@@ -28,3 +32,21 @@ def test_the_codes_of_an_epw_file_for_what_is_missing_are_no_readings() -> None:
     read = _converted(pandas.DataFrame({column: [0.99 * code, code] for column, code in codes.items()}), _EPW)
     assert len(read) == len(codes)
     assert [np.isnan(values).tolist() for values in read.values()] == [[False, True]] * len(codes)
+
+
+def test_a_step_of_vapour_is_nine_tenths_of_the_longest_that_its_order_allows() -> None:
+    """The error of one step of order 5 grows with the sixth power of its length: one try more is enough, the next is as long."""
+    tried = []
+
+    def doubled(state: Any, share: float, width: float, wet: Any) -> tuple[Any, Any, float]:
+        tried.append(width)
+        return state, state, 100.0 * width**6
+
+    nothing = np.zeros(1)
+    course: Any = SimpleNamespace(
+        gain=lambda *_: nothing - 1.0, _doubled=doubled, _crossed=lambda *_: nothing > 0, _turned=lambda *_: nothing > 0
+    )
+    widths = [width for _, _, width, _ in _Interval.steps(course, SimpleNamespace(film=nothing), 1.0)]
+    longest = 0.9 * 100.0 ** (-1.0 / 6.0)
+    assert widths == pytest.approx([longest, longest, 1.0 - 2.0 * longest])
+    assert tried == [1.0, *widths]

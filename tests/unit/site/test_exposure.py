@@ -80,6 +80,13 @@ def test_a_clear_sky_as_an_engineering_reference_works_it_out() -> None:
     assert share * 5.6697e-8 * 293.0**4 == pytest.approx(340.6, abs=0.3)
 
 
+def test_clouds_count_in_tenths() -> None:
+    """Clark and Allen's factor 1 + .0224 n - .0035 n^2 + .00028 n^3 of the n tenths of the sky that are covered."""
+    clear, *cloudy = (float(cloudless_sky(273.0, n / 10.0)) for n in (0.0, 1.0, 5.0, 10.0))
+    assert clear == 0.787
+    assert cloudy == pytest.approx([0.787 * factor for factor in (1.01918, 1.0595, 1.154)], rel=1e-12)
+
+
 def test_clouds_close_the_sky() -> None:
     clear, half, shut = (float(cloudless_sky(288.15, c)) for c in (0.0, 0.5, 1.0))
     assert clear < half < shut <= 1.0

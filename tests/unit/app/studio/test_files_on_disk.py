@@ -10,7 +10,7 @@ import pytest
 import thermid as td
 from by_code import raises_code
 from planted import campaign
-from thermid.app.studio.project import Project
+from thermid.app.studio.project import Project, Watch
 from thermid.app.studio.work import Work
 from thermid.base.errors import ThermidError
 
@@ -152,3 +152,18 @@ def test_a_deck_alone_is_followed_too(tmp_path: Path) -> None:
     changed(file, 'title  = "part"', 'title  = "piece"')
     work.fresh()
     assert project.desk("piece").curves({})[0].curves[0].simulated[-1] > first + 0.5
+
+
+def test_what_a_named_deck_names_is_watched_and_every_log_of_a_pattern(tmp_path: Path) -> None:
+    """A part two folders down is found through the deck that uses it alone."""
+    unit, part = tmp_path / "decks" / "units" / "unit.toml", tmp_path / "decks" / "units" / "parts" / "part.toml"
+    part.parent.mkdir(parents=True)
+    (tmp_path / "logs").mkdir()
+    (tmp_path / "campaign.toml").write_text('model = "decks/units/unit.toml"\nfile = "logs/*.csv"\n')
+    unit.write_text('use = "parts/part.toml"\n')
+    part.write_text('title = "part"\n')
+    watch = Watch(tmp_path / "campaign.toml", (), tmp_path / "out")
+    assert watch.changed() == frozenset()
+    part.write_text('title = "another part"\n')
+    (tmp_path / "logs" / "new.csv").write_text("1\n")
+    assert watch.changed() == {part, tmp_path / "logs" / "new.csv"}

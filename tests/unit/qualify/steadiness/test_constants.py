@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from thermid.qualify._steadiness.forecast import Approach
+from thermid.qualify._steadiness.forecast import Approach, _bayesian_regression
 
 
 def approach(worth: float, variance: float) -> Approach:
@@ -29,3 +29,11 @@ def test_few_readings_do_not_know_their_own_noise(worth: float) -> None:
     wide = approach(worth, 4.0).at(3600.0)
     ratio = float(wide.spreads[0]) / float(plain.spreads[0])
     assert ratio == pytest.approx(stats.t(max(worth - 5.0, 3.0)).std(), rel=1e-6)
+
+
+def test_what_readings_do_not_tell_is_as_wide_as_its_prior() -> None:
+    """The end lies within three times the change that was seen, an amplitude within it, a reference's gain within a tenth of 1."""
+    x = np.array([[[1.0, -0.5, 2.0, 0.3], [1.0, -0.25, 2.1, 0.1]]])
+    means, covariances, _, _ = _bayesian_regression(x, np.zeros(2), 4.0, 1, 1e9)
+    assert means[0] == pytest.approx([0.0, 0.0, 1.0, 0.0], abs=1e-9)
+    assert np.sqrt(np.diag(covariances[0])) == pytest.approx([12.0, 8.0, 0.1, 0.5])
