@@ -14,8 +14,10 @@ from thermid.fit._error_model.courses import ElementCourse, OperatingPoint, cour
 from thermid.fit._error_model.elements import (
     DepartureHeat,
     ElementLaw,
+    PathLaw,
     Way,
     conductors_of,
+    paths_of,
     with_heats,
     with_laws,
 )
@@ -361,13 +363,14 @@ def left_prior() -> dict[tuple[float, float], float]:
     return {(s, t): float(np.log(m)) for s, t, m in [(0.0, LEFT_TIMES[0], mass[0]), *others]}
 
 
-def points_of(problem: Problem, fitted: Array) -> dict[str, OperatingPoint]:
-    """Return conductor -> where it was found over the runs of a fit, with the fit's own structure."""
+def points_of(problem: Problem, fitted: Array) -> tuple[dict[str, OperatingPoint], dict[str, tuple[PathLaw, float]]]:
+    """Return conductor -> where it was found over the runs of a fit, with the fit's own structure, and what `paths_of` says of them."""
     courses = [course_in_fit(problem, i, e.network, fitted) for i, e in enumerate(problem.experiments)]
     every: dict[str, Any] = {}
     for e, course in zip(problem.experiments, courses, strict=True):
         every |= conductors_of(e.network, course)
-    return {p: at for p, c in every.items() if (at := point_of(courses, c)) is not None}
+    points = {p: at for p, c in every.items() if (at := point_of(courses, c)) is not None}
+    return points, paths_of(problem.experiments[0].network, courses)
 
 
 def before(u: Unknown) -> tuple[float, float]:

@@ -100,6 +100,11 @@ FINISH: Final = 0.15
 """What an emissivity of a deck is good to, relative, whose range nobody prints; prior. [-]"""
 OTHER_FINISH, FINISHES = 0.2, 3
 """Probability before any reading that a finish is not that of the deck [-], and how many are tried one at a time, not together; prior."""
+PATH_ODDS, PATH_SHARE = 0.5, 0.2
+"""Odds before any reading that a path to a boundary is there which the deck lacks, and scale of the part of its node's heat that it then
+carries; priors. [-]"""
+NO_HEAT: Final = 1e-3
+"""Part of its conductance that a step leaves such a path at least. [-]"""
 FLOWLESS: Final = 1e-3
 """Part of the difference of a fit below which no heat flows. [-]"""
 LEVELS, LEVEL_POINTS = (150.0, 600.0), 181
