@@ -2,8 +2,6 @@
 
 from thermid.fit._error_model.courses import course_of as course_of
 from thermid.fit._error_model.elements import (
-    ANOTHER as ANOTHER,
-    WITH_PATHS as WITH_PATHS,
     DepartureHeat as DepartureHeat,
     with_heats as with_heats,
     with_laws as with_laws,

@@ -21,7 +21,7 @@ from thermid.base.files import FileKinds, replacing
 from thermid.base.linear_algebra import Array, Bools
 from thermid.base.results import Named, PlottedTrace, Result, Row
 from thermid.fit.calibration import Calibration
-from thermid.fit.error_model import ANOTHER, WITH_PATHS, BandCause, NormalMixture
+from thermid.fit.error_model import BandCause, NormalMixture
 from thermid.inference.criticism import ExplainedFit, explained, summary
 from thermid.measure.amounts import duration_text, short
 from thermid.model.elements import UNJUDGED, Standing, worst
@@ -495,7 +495,7 @@ def carrier_words(budget: Budget, bands: Mapping[str, Band]) -> list[str]:
     if share < MIN_CARRIER_PROBABILITY:
         return []
     carriers = {w.kept[0].carrier: sum(x.weight for x in budget.ways if x.kept[0].carrier == w.kept[0].carrier) for w in budget.ways}
-    finish, path = (sum(w.weight for w in budget.ways if more in w.kept[0].name) for more in (ANOTHER, WITH_PATHS))
+    finish, path = (sum(w.weight for w in budget.ways if w.kept[0].beside_deck[k]) for k in (0, 1))
     named = ", ".join(f"{name} {100 * weight:.0f} %" for name, weight in carriers.items())
     words = {
         f"no deck states what carries the heat of its surfaces; the readings say {named}. State carried_by: the bands narrow": min(

@@ -26,7 +26,6 @@ from thermid.fit._error_model.courses import (
 )
 from thermid.fit._error_model.sizes import (
     FINISH,
-    FINISHES,
     FLOWLESS,
     FREE_EXPONENT,
     FREE_EXPONENT_SD,
@@ -230,8 +229,8 @@ def ways_of(
 ) -> tuple[Way, ...]:
     """Return what may carry the heat of a network's surfaces: one way where the deck says it, free air and a stream where it does not.
 
-    A finish that the deck states, and nobody measured, may be another one: then any emissivity is as likely, in a way of its own; of
-    several finishes one at a time, of many all together. Each is there twice, without and with a path to a boundary that the deck lacks.
+    Finishes that the deck states, and nobody measured, may be others: then any emissivity is as likely, in a way of their own. Each is
+    there twice, without and with a path to a boundary that the deck lacks.
 
     Parameters
     ----------
@@ -248,11 +247,9 @@ def ways_of(
     ranges = {p: deck.stated_ranges.get(deck.literal_behind(surfaces[p].emissivity)) for p in stated}
     relative = {p: r.log_sd(stated[p]) for p, r in ranges.items() if r is not None}
     loose = [p for p in stated if deck.table[deck.literal_behind(surfaces[p].emissivity)].parameter.source != "measured"]
-    others = [[p] for p in loose] if len(loose) <= FINISHES else [loose]
     finishes = [(stated, "", 1.0 - OTHER_FINISH if loose else 1.0)]
-    for wrong in others:
-        name = f"{ANOTHER} of {wrong[0]}" if len(wrong) == 1 else ANOTHER
-        finishes.append(({p: e for p, e in stated.items() if p not in wrong}, name, OTHER_FINISH / len(others)))
+    if loose:
+        finishes.append(({p: e for p, e in stated.items() if p not in loose}, ANOTHER, OTHER_FINISH))
     out = []
     for carrier, (emissivities, finish, before) in product((FREE_AIR, STREAM) if unsaid else ("as the deck says",), finishes):
         laws: dict[str, ElementLaw] = {p: JointLaw(at[p], 0.0, linear_recipe(c)) for p, c in joints.items()}
@@ -327,7 +324,9 @@ def with_laws(network: Network, laws: Mapping[str, ElementLaw]) -> Network:
     # the radiation that an effective coefficient holds is a part of its law here
     held = {f"{path}.radiation" for path, law in laws.items() if isinstance(law, SurfaceLaw) and law.share}
     conductors = tuple(
-        c if (law := laws.get(c.path)) is None else replace(c, recipe=law, curve=law.curve if isinstance(law, JointLaw) else c.curve)
+        c
+        if (law := laws.get(c.path)) is None or isinstance(law, PathLaw)
+        else replace(c, recipe=law, curve=law.curve if isinstance(law, JointLaw) else c.curve)
         for c in network.flat.conductors
         if c.path not in held
     )

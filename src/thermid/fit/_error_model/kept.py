@@ -21,11 +21,13 @@ from thermid.base.results import Result, Row
 from thermid.fit._calibration import FIRST, LAW, Calibration, far_from_sheet
 from thermid.fit._error_model.courses import FREE_AIR, OperatingPoint
 from thermid.fit._error_model.elements import (
+    ANOTHER,
     BEND_OF,
     CONDUCTANCE_OF,
     EXPONENT_OF,
     SHARE_OF,
     TREND_OF,
+    WITH_PATHS,
     ElementLaw,
     JointLaw,
     PathLaw,
@@ -131,6 +133,11 @@ class KeptWay:
     def carrier(self) -> str:
         """What carries the heat, whatever the finish."""
         return self.name.partition(", ")[0]
+
+    @property
+    def beside_deck(self) -> tuple[bool, bool]:
+        """Whether a finish is not the deck's, and whether a path to a boundary is there that the deck lacks."""
+        return ANOTHER in self.name, self.name.endswith(WITH_PATHS)
 
     @property
     def way(self) -> Way:
