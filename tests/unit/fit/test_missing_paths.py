@@ -17,8 +17,8 @@ from thermid.fit.error_model import ErrorModel
 from thermid.simulation.network import compile_network
 
 sys.path.insert(0, str(Path(__file__).parents[3] / "scripts"))
-from judging import benches as b  # noqa: E402
-from judging.tasks import task  # noqa: E402
+from judging import benches as b
+from judging.tasks import task
 
 MIRROR = b.FAMILIES["mirror"]
 """Boxes of two masses behind a fan, with a lead from the core to the room; their decks have none."""
