@@ -34,7 +34,6 @@ from thermid.fit._error_model.sizes import (
     LEAST_SHARE,
     LEVEL_POINTS,
     LEVELS,
-    NO_HEAT,
     NODES,
     OTHER_FINISH,
     PATH_ODDS,
@@ -53,8 +52,6 @@ ANOTHER, WITH_PATHS = ", another finish", ", with a path"
 """What is added to the name of a way in which a finish is not the deck's, and in which a path to a boundary is that the deck lacks."""
 SOLIDS = ("conduction", "contact", "bolted", "wedge_lock")
 """Kinds of conductor whose constant conductance may grow with its level."""
-HALF_NORMAL_MEAN = (2.0 / np.pi) ** 0.5
-"""Mean of a half-normal number over its scale. [-]"""
 SURFACE, JOINT, LAW = "surface", "joint", "law"
 """Classes of conductors: constant coefficients of surfaces; constant conductances; laws that follow temperatures by themselves."""
 
@@ -188,7 +185,7 @@ class PathLaw:
 
     def moved(self, by: Mapping[str, float]) -> PathLaw:
         """Return the law with another conductance, kept to what is possible."""
-        return replace(self, conductance=max(self.conductance + by.get(CONDUCTANCE_OF, 0.0), NO_HEAT * self.conductance))
+        return replace(self, conductance=max(self.conductance + by.get(CONDUCTANCE_OF, 0.0), FLOWLESS * self.conductance))
 
     @property
     def shape(self) -> dict[str, float]:
@@ -282,20 +279,20 @@ def paths_of(network: Network, courses: Sequence[ElementCourse]) -> dict[str, tu
     There is one of them, any as likely, and the part of the heat through its node that it carries is half-normal about none, with
     `PATH_SHARE`. Of a larger model the `NODES` paths are taken that would carry most.
     """
-    joined = {frozenset(c.ends) for c in network.flat.conductors}
-    ends = {b: (c.path, k) for c in network.flat.conductors for k, b in enumerate(c.ends) if b in network.boundaries}
-    found: dict[str, tuple[PathLaw, float]] = {}
+    conductors = network.flat.conductors
+    joined = {frozenset(c.ends) for c in conductors}
+    ends = {b: (c.path, k) for c in conductors for k, b in enumerate(c.ends) if b in network.boundaries}
+    largest: dict[str, tuple[PathLaw, float]] = {}
     for node, (boundary, beside) in product(network.nodes, ends.items()):
         runs = [r for r in courses if node in r.stores and frozenset((node, boundary)) not in joined]
-        near = [c.path for c in network.flat.conductors if node in c.ends]
-        heat = sum(float(np.abs(r.flows[path]).sum()) for r in runs for path in near if path in r.flows)
-        apart = sum(float(np.abs(r.kelvin[node] - r.kelvin[boundary]).sum()) for r in runs)
-        if heat and apart:
-            found[f"{node}.path to {boundary}"] = PathLaw(node, *beside, PATH_SHARE * heat / apart), heat
-    several = dict(sorted(found.items(), key=lambda item: -item[1][1])[:NODES])
-    part = 1.0 / max(len(several), 1)
-    mean, sd = part * HALF_NORMAL_MEAN, (part - (part * HALF_NORMAL_MEAN) ** 2) ** 0.5
-    return {p: (replace(law, conductance=mean * law.conductance), sd * law.conductance) for p, (law, _) in several.items()}
+        heat = sum(float(np.abs(r.flows[c.path]).sum()) for r in runs for c in conductors if node in c.ends and c.path in r.flows)
+        if heat:
+            difference = sum(float(np.abs(r.kelvin[node] - r.kelvin[boundary]).sum()) for r in runs)
+            largest[f"{node}.path to {boundary}"] = PathLaw(node, *beside, PATH_SHARE * heat / max(difference, FLOWLESS)), heat
+    laws = {p: law for p, (law, _) in sorted(largest.items(), key=lambda item: -item[1][1])[:NODES]}
+    part = 1.0 / max(len(laws), 1)
+    mean = part * (2.0 / np.pi) ** 0.5  # of a half-normal number that is there with that probability, over its scale
+    return {p: (replace(law, conductance=mean * law.conductance), (part - mean**2) ** 0.5 * law.conductance) for p, law in laws.items()}
 
 
 def linear_recipe(c: FlatConductor) -> Any:

@@ -103,10 +103,8 @@ OTHER_FINISH: Final = 0.2
 PATH_ODDS, PATH_SHARE = 0.5, 0.2
 """Odds before any reading that a path to a boundary is there which the deck lacks, and scale of the part of its node's heat that it then
 carries; priors. [-]"""
-NO_HEAT: Final = 1e-3
-"""Part of its conductance that a step leaves such a path at least. [-]"""
 FLOWLESS: Final = 1e-3
-"""Part of the difference of a fit below which no heat flows. [-]"""
+"""Part of the difference of a fit below which no heat flows, and of the conductance of a path that a step leaves it at least. [-]"""
 LEVELS, LEVEL_POINTS = (150.0, 600.0), 181
 """Levels over which the growth of a joint is tabulated [K], and how many; constant beyond."""
 SHARES_OF_RUN: Final = (1.0 / 30.0, 1.0 / 10.0)
