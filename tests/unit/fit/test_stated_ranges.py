@@ -277,7 +277,7 @@ def test_the_share_of_radiation_in_an_effective_coefficient_has_the_range_of_its
             "surfaces": {"skin": skin | more},
         }
         network = compile_network(td.model_from_dict(deck))
-        first, *_ = ways_of(network, {"skin": OperatingPoint(20.0, 310.0)}, network.numbers().values)
+        first, *_ = ways_of(network, {"skin": OperatingPoint(20.0, 310.0)}, network.numbers().values, {})
         law = first.laws["skin"]
         assert isinstance(law, SurfaceLaw)
         relative.append(first.sizes["skin", SHARE_OF][1] / law.share)

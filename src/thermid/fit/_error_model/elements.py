@@ -6,7 +6,7 @@ second; so is a power, and a mass behind a node. The kernel's derivatives by the
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import product
 from typing import Any
@@ -26,7 +26,6 @@ from thermid.fit._error_model.courses import (
 )
 from thermid.fit._error_model.sizes import (
     FINISH,
-    FINISHES,
     FLOWLESS,
     FREE_EXPONENT,
     FREE_EXPONENT_SD,
@@ -35,7 +34,10 @@ from thermid.fit._error_model.sizes import (
     LEAST_SHARE,
     LEVEL_POINTS,
     LEVELS,
+    NODES,
     OTHER_FINISH,
+    PATH_ODDS,
+    PATH_SHARE,
     ROOM_KNOTS,
 )
 from thermid.model.elements import CARRIED_BY, Curve, Law, TableSignal
@@ -44,10 +46,10 @@ from thermid.physics.constants import STEFAN_BOLTZMANN
 from thermid.simulation.network import Network
 from thermid.simulation.runs import Scenario
 
-EXPONENT_OF, SHARE_OF, TREND_OF, BEND_OF = "exponent", "radiation", "trend", "bend"
-"""What of a law is not known: of a surface and of a joint."""
-ANOTHER = ", another finish"
-"""What is added to the name of a way in which a finish is not the deck's."""
+EXPONENT_OF, SHARE_OF, TREND_OF, BEND_OF, CONDUCTANCE_OF = "exponent", "radiation", "trend", "bend", "conductance"
+"""What of a law is not known: of a surface, of a joint, and of a path that the deck lacks."""
+ANOTHER, WITH_PATHS = ", another finish", ", with a path"
+"""What is added to the name of a way in which a finish is not the deck's, and in which a path to a boundary is that the deck lacks."""
 SOLIDS = ("conduction", "contact", "bolted", "wedge_lock")
 """Kinds of conductor whose constant conductance may grow with its level."""
 SURFACE, JOINT, LAW = "surface", "joint", "law"
@@ -160,7 +162,45 @@ class JointLaw:
         return {TREND_OF: self.trend}
 
 
-ElementLaw = SurfaceLaw | JointLaw
+@dataclass(frozen=True)
+class PathLaw:
+    """A path from a node to a boundary that the deck lacks.
+
+    Parameters
+    ----------
+    node : str              Where it begins.
+    beside : str            A conductor that ends at the boundary: it says where that is in a larger model.
+    end : int               Which of its ends that is.
+    conductance : float     [W/K]
+    """
+
+    node: str
+    beside: str
+    end: int
+    conductance: float
+
+    def heats(self, course: ElementCourse, c: FlatConductor) -> dict[str, Array]:
+        """Return the heat (times,) that one more of its conductance carries along a run. [K]"""
+        return {CONDUCTANCE_OF: course.kelvin[c.ends[0]] - course.kelvin[c.ends[1]]}
+
+    def moved(self, by: Mapping[str, float]) -> PathLaw:
+        """Return the law with another conductance, kept to what is possible."""
+        return replace(self, conductance=max(self.conductance + by.get(CONDUCTANCE_OF, 0.0), FLOWLESS * self.conductance))
+
+    @property
+    def shape(self) -> dict[str, float]:
+        """What of it is not known, where it is."""
+        return {CONDUCTANCE_OF: self.conductance}
+
+    def conductor(self, path: str, network: Network) -> FlatConductor | None:
+        """Return it as a conductor of a network; None where an end is missing, or the network has a conductor between its ends."""
+        other = next((c.ends[self.end] for c in network.flat.conductors if c.path == self.beside), self.node)
+        if self.node not in network.nodes or any({*c.ends} == {self.node, other} for c in network.flat.conductors) or other == self.node:
+            return None
+        return FlatConductor(path, "conduction", (self.node, other), {}, recipe=lambda _: Law("linear", (self.conductance,)))
+
+
+ElementLaw = SurfaceLaw | JointLaw | PathLaw
 
 
 @dataclass(frozen=True)
@@ -181,16 +221,19 @@ class Way:
     before: float = 1.0
 
 
-def ways_of(network: Network, at: Mapping[str, OperatingPoint], values: Mapping[str, Any]) -> tuple[Way, ...]:
+def ways_of(
+    network: Network, at: Mapping[str, OperatingPoint], values: Mapping[str, Any], paths: Mapping[str, tuple[PathLaw, float]]
+) -> tuple[Way, ...]:
     """Return what may carry the heat of a network's surfaces: one way where the deck says it, free air and a stream where it does not.
 
-    A finish that the deck states, and nobody measured, may be another one: then any emissivity is as likely, in a way of its own; of
-    several finishes one at a time, of many all together.
+    Finishes that the deck states, and nobody measured, may be others: then any emissivity is as likely, in a way of their own. Each is
+    there twice, without and with a path to a boundary that the deck lacks.
 
     Parameters
     ----------
     at : dict       Conductor -> where it was found.
     values : dict   Parameter -> its value there. [SI]
+    paths : dict    Path that the deck lacks -> its law with the mean of its prior, and the standard deviation. [W/K]
     """
     surfaces = {p: c for p, c in constant_coefficients(network).items() if p in at and c.kind in ("effective", "convection")}
     joints = {c.path: c for c in network.flat.conductors if c.path in at and c.kind in SOLIDS and len(laws_of(network, c)) == 1}
@@ -201,11 +244,9 @@ def ways_of(network: Network, at: Mapping[str, OperatingPoint], values: Mapping[
     ranges = {p: deck.stated_ranges.get(deck.literal_behind(surfaces[p].emissivity)) for p in stated}
     relative = {p: r.log_sd(stated[p]) for p, r in ranges.items() if r is not None}
     loose = [p for p in stated if deck.table[deck.literal_behind(surfaces[p].emissivity)].parameter.source != "measured"]
-    others = [[p] for p in loose] if len(loose) <= FINISHES else [loose]
     finishes = [(stated, "", 1.0 - OTHER_FINISH if loose else 1.0)]
-    for wrong in others:
-        name = f"{ANOTHER} of {wrong[0]}" if len(wrong) == 1 else ANOTHER
-        finishes.append(({p: e for p, e in stated.items() if p not in wrong}, name, OTHER_FINISH / len(others)))
+    if loose:
+        finishes.append(({p: e for p, e in stated.items() if p not in loose}, ANOTHER, OTHER_FINISH))
     out = []
     for carrier, (emissivities, finish, before) in product((FREE_AIR, STREAM) if unsaid else ("as the deck says",), finishes):
         laws: dict[str, ElementLaw] = {p: JointLaw(at[p], 0.0, linear_recipe(c)) for p, c in joints.items()}
@@ -225,7 +266,33 @@ def ways_of(network: Network, at: Mapping[str, OperatingPoint], values: Mapping[
             sizes |= {(path, EXPONENT_OF): ("", FREE_EXPONENT_SD)} if free else {}
             sizes |= {(path, SHARE_OF): ("", spread)} if spread else {}
         out.append(Way(carrier + finish, laws, sizes, before))
+        if paths:
+            laws, before = {**laws, **{p: law for p, (law, _) in paths.items()}}, before * PATH_ODDS
+            sizes = {**sizes, **{(p, CONDUCTANCE_OF): ("", sd) for p, (_, sd) in paths.items()}}
+            out.append(Way(carrier + finish + WITH_PATHS, laws, sizes, before))
     return tuple(out)
+
+
+def paths_of(network: Network, courses: Sequence[ElementCourse]) -> dict[str, tuple[PathLaw, float]]:
+    """Return the paths from a node to a boundary that a deck lacks, each with mean and standard deviation of its conductance. [W/K]
+
+    There is one of them, any as likely, and the part of the heat through its node that it carries is half-normal about none, with
+    `PATH_SHARE`. Of a larger model the `NODES` paths are taken that would carry most.
+    """
+    conductors = network.flat.conductors
+    joined = {frozenset(c.ends) for c in conductors}
+    ends = {b: (c.path, k) for c in conductors for k, b in enumerate(c.ends) if b in network.boundaries}
+    largest: dict[str, tuple[PathLaw, float]] = {}
+    for node, (boundary, beside) in product(network.nodes, ends.items()):
+        runs = [r for r in courses if node in r.stores and frozenset((node, boundary)) not in joined]
+        heat = sum(float(np.abs(r.flows[c.path]).sum()) for r in runs for c in conductors if node in c.ends and c.path in r.flows)
+        if heat:
+            difference = sum(float(np.abs(r.kelvin[node] - r.kelvin[boundary]).sum()) for r in runs)
+            largest[f"{node}.path to {boundary}"] = PathLaw(node, *beside, PATH_SHARE * heat / max(difference, FLOWLESS)), heat
+    laws = {p: law for p, (law, _) in sorted(largest.items(), key=lambda item: -item[1][1])[:NODES]}
+    part = 1.0 / max(len(laws), 1)
+    mean = part * (2.0 / np.pi) ** 0.5  # of a half-normal number that is there with that probability, over its scale
+    return {p: (replace(law, conductance=mean * law.conductance), (part - mean**2) ** 0.5 * law.conductance) for p, law in laws.items()}
 
 
 def linear_recipe(c: FlatConductor) -> Any:
@@ -254,10 +321,14 @@ def with_laws(network: Network, laws: Mapping[str, ElementLaw]) -> Network:
     # the radiation that an effective coefficient holds is a part of its law here
     held = {f"{path}.radiation" for path, law in laws.items() if isinstance(law, SurfaceLaw) and law.share}
     conductors = tuple(
-        c if (law := laws.get(c.path)) is None else replace(c, recipe=law, curve=law.curve if isinstance(law, JointLaw) else c.curve)
+        c
+        if (law := laws.get(c.path)) is None or isinstance(law, PathLaw)
+        else replace(c, recipe=law, curve=law.curve if isinstance(law, JointLaw) else c.curve)
         for c in network.flat.conductors
         if c.path not in held
     )
+    lacking = (law.conductor(path, network) for path, law in laws.items() if isinstance(law, PathLaw))
+    conductors += tuple(c for c in lacking if c is not None)
     return replace(network, flat=replace(network.flat, conductors=conductors))
 
 

@@ -23,11 +23,14 @@ from thermid.fit._error_model.courses import FREE_AIR, OperatingPoint
 from thermid.fit._error_model.elements import (
     ANOTHER,
     BEND_OF,
+    CONDUCTANCE_OF,
     EXPONENT_OF,
     SHARE_OF,
     TREND_OF,
+    WITH_PATHS,
     ElementLaw,
     JointLaw,
+    PathLaw,
     SurfaceLaw,
     Way,
     linear_recipe,
@@ -55,8 +58,6 @@ KEY = "errors"
 """Where the provenance of fitted values keeps it."""
 FOLLOWED = "prediction.error-not-followed"
 """Code of what is said of a fit whose elements cannot be followed."""
-SHAPE = ("exponent", "share", "fitted")
-"""What a file keeps of the law of a surface."""
 SIGNIFICANT_DIGITS = 7
 """Significant digits of a file."""
 
@@ -131,12 +132,17 @@ class KeptWay:
     @property
     def carrier(self) -> str:
         """What carries the heat, whatever the finish."""
-        return self.name.partition(ANOTHER)[0]
+        return self.name.partition(", ")[0]
+
+    @property
+    def beside_deck(self) -> tuple[bool, bool]:
+        """Whether a finish is not the deck's, and whether a path to a boundary is there that the deck lacks."""
+        return ANOTHER in self.name, self.name.endswith(WITH_PATHS)
 
     @property
     def way(self) -> Way:
         """What of its laws is not known."""
-        kinds = (EXPONENT_OF, SHARE_OF, TREND_OF, BEND_OF)
+        kinds = (EXPONENT_OF, SHARE_OF, TREND_OF, BEND_OF, CONDUCTANCE_OF)
         columns = {(c.source, kind): (c.group, c.size) for c in self.columns for kind in kinds if c.name == f"{kind} of {c.source}"}
         return Way(self.name, self.laws, columns)
 
@@ -148,7 +154,8 @@ class KeptWay:
     def laws_in(self, network: Network) -> dict[str, ElementLaw]:
         """Return conductor -> its law in a network, of those that it has."""
         conductors = {c.path: c for c in network.flat.conductors}
-        return {p: replace(law, linear=linear_recipe(conductors[p])) for p, law in self.laws.items() if p in conductors}
+        paths = {p: law for p, law in self.laws.items() if isinstance(law, PathLaw)}
+        return {p: replace(law, linear=linear_recipe(conductors[p])) for p, law in self.laws.items() if p in conductors} | paths
 
     def agrees(self, network: Network) -> bool:
         """Return whether it is what the deck of a network says of its surfaces, as far as that says anything."""
@@ -226,11 +233,7 @@ class KeptWay:
             for p, s in self.departures.smooth.items()
         }
         laws = {
-            p: {
-                "at": [w.at.difference, w.at.level],
-                "surface": isinstance(w, SurfaceLaw),
-                **({"trend": w.trend} if isinstance(w, JointLaw) else {k: getattr(w, k) for k in SHAPE}),
-            }
+            p: {k: x for k, x in vars(w).items() if k != "linear"} | ({} if isinstance(w, PathLaw) else {"at": [*vars(w.at).values()]})
             for p, w in self.laws.items()
         }
         return {
@@ -254,10 +257,11 @@ class KeptWay:
         """Return what `to_dict` gave, its places by their paths in a model where they begin with some text."""
         laws: dict[str, ElementLaw] = {}
         for p, w in data["laws"].items():
-            point = OperatingPoint(*map(float, w["at"]))
-            laws[at + p] = (
-                SurfaceLaw(point, w["exponent"], w["share"], w["fitted"], None) if w["surface"] else JointLaw(point, w["trend"], None)
-            )
+            if "node" in w:
+                laws[at + p] = PathLaw(at + w["node"], at + w["beside"], w["end"], w["conductance"])
+            else:
+                kind = SurfaceLaw if "share" in w else JointLaw
+                laws[at + p] = kind(**{**w, "at": OperatingPoint(*map(float, w["at"])), "linear": None})
         smooth = {
             at + p: Smooth(
                 OperatingPoint(*map(float, s["at"])),
@@ -329,9 +333,9 @@ class ErrorModel(Result):
         """Return the model of error of a fit that can be followed."""
         fitted = np.array(list(fit.fitted.values()))
         courses = [course_in_fit(problem, i, e.network, fitted) for i, e in enumerate(problem.experiments)]
-        points, network = points_of(problem, courses), problem.experiments[0].network
+        (points, paths), network = points_of(problem, courses), problem.experiments[0].network
         values = network.numbers({p: v.value for p, v in fit.values.assignments.items()}).values
-        fitted_ways = [fitted_way(problem, fitted, w, points) for w in ways_of(network, points, values)]
+        fitted_ways = [fitted_way(problem, fitted, w, points) for w in ways_of(network, points, values, paths)]
         total = sum(w.way.before for w in fitted_ways)
         logs = np.concatenate([w.members.log_evidence + math.log(w.way.before / total) for w in fitted_ways])
         every = weights_of(logs)

@@ -14,8 +14,10 @@ from thermid.fit._error_model.courses import ElementCourse, OperatingPoint, cour
 from thermid.fit._error_model.elements import (
     DepartureHeat,
     ElementLaw,
+    PathLaw,
     Way,
     conductors_of,
+    paths_of,
     with_heats,
     with_laws,
 )
@@ -362,12 +364,15 @@ def left_prior() -> dict[tuple[float, float], float]:
     return {(s, t): float(np.log(m)) for s, t, m in [(0.0, LEFT_TIMES[0], mass[0]), *others]}
 
 
-def points_of(problem: Problem, courses: Sequence[ElementCourse]) -> dict[str, OperatingPoint]:
-    """Return conductor -> where it was found over the runs of a fit, by its courses with the fit's own structure."""
+def points_of(
+    problem: Problem, courses: Sequence[ElementCourse]
+) -> tuple[dict[str, OperatingPoint], dict[str, tuple[PathLaw, float]]]:
+    """Return conductor -> where it was found over the runs of a fit, by its courses, and what `paths_of` says of them."""
     every: dict[str, Any] = {}
     for e, course in zip(problem.experiments, courses, strict=True):
         every |= conductors_of(e.network, course)
-    return {p: at for p, c in every.items() if (at := point_of(courses, c)) is not None}
+    points = {p: at for p, c in every.items() if (at := point_of(courses, c)) is not None}
+    return points, paths_of(problem.experiments[0].network, courses)
 
 
 def before(u: Unknown) -> tuple[float, float]:

@@ -13,6 +13,7 @@ from thermid.fit._error_model.courses import ElementCourse, OperatingPoint
 from thermid.fit._error_model.elements import (
     DepartureHeat,
     ElementLaw,
+    PathLaw,
     Way,
     class_of,
     conductors_of,
@@ -157,7 +158,7 @@ class Departures:
         out: list[tuple[UnknownColumn, DepartureHeat]] = []
         for path, c in conductors_of(network, course).items():
             smooth_departure = self.smooth.get(path)
-            if smooth_departure is None:
+            if smooth_departure is None and not isinstance(laws.get(path), PathLaw):
                 continue
             heat = course.flows[path]
 
@@ -170,9 +171,10 @@ class Departures:
                 for kind, watts in laws[path].heats(course, c).items():
                     if (path, kind) in way.sizes:
                         add(kind, *way.sizes[path, kind], watts)
-            phi, _ = smooth_departure.along(c, course, thinned(network, c))
-            for k, column in enumerate(phi.T):
-                add(f"departure {k}", smooth_departure.kind, 1.0, heat * column)
+            if smooth_departure is not None:
+                phi, _ = smooth_departure.along(c, course, thinned(network, c))
+                for k, column in enumerate(phi.T):
+                    add(f"departure {k}", smooth_departure.kind, 1.0, heat * column)
         for node in (n for n in self.nodes if n in course.stores):
             for time in self.hidden:
                 name = f"mass ({time:.3g} s) of {node}"

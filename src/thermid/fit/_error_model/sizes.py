@@ -98,10 +98,13 @@ LEAST_SHARE: Final = 0.01
 """Least share of radiation where there may be some. [-]"""
 FINISH: Final = 0.15
 """What an emissivity of a deck is good to, relative, whose range nobody prints; prior. [-]"""
-OTHER_FINISH, FINISHES = 0.2, 3
-"""Probability before any reading that a finish is not that of the deck [-], and how many are tried one at a time, not together; prior."""
+OTHER_FINISH: Final = 0.2
+"""Probability before any reading that finishes are not those of the deck; prior. [-]"""
+PATH_ODDS, PATH_SHARE = 0.5, 0.2
+"""Odds before any reading that a path to a boundary is there which the deck lacks, and scale of the part of its node's heat that it then
+carries; priors. [-]"""
 FLOWLESS: Final = 1e-3
-"""Part of the difference of a fit below which no heat flows. [-]"""
+"""Part of the difference of a fit below which no heat flows, and of the conductance of a path that a step leaves it at least. [-]"""
 LEVELS, LEVEL_POINTS = (150.0, 600.0), 181
 """Levels over which the growth of a joint is tabulated [K], and how many; constant beyond."""
 SHARES_OF_RUN: Final = (1.0 / 30.0, 1.0 / 10.0)
