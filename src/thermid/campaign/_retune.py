@@ -295,8 +295,8 @@ def check_replacement(
 ) -> None:
     """Refuse a part that does not fit its place in the model of a campaign's last stage, before any stage runs.
 
-    Of new `logs` those must be there that are due whatever the stages find: of the tests of the part alone, and of the last stage where it
-    fits values of the part.
+    Of new `logs` one must be there of each stage that is due whatever the stages find: of the tests of the part alone, and of the last
+    stage where it fits values of the part.
 
     Raises
     ------
@@ -312,14 +312,14 @@ def check_replacement(
     if logs is None:
         return
     alone = {n for p, i in top.inherit.items() if above.canonical(p) == path for n in i.stages}
-    due = [n for s in below if s.name in alone for n in s.records]
+    due = [s.records for s in below if s.name in alone]
     values, touched = ParameterSet(above), touching(above, path)
     own = {p for p in map(above.canonical, top.free) if inside(p, path) and p not in {*touched.settings, *top.freeze}}
     own &= ParameterSet(swapped).table.keys()
     if any(not touched.why(values, p)[1] for p in own) and not part_only:
-        due += top.records
-    missing = [n for n in dict.fromkeys(due) if n in logs.content.records and not logs.in_data(n)]
-    if missing:
+        due.append(top.records)
+    absent = {n for n in logs.content.records if not logs.in_data(n)}
+    if missing := dict.fromkeys(n for records in due if absent.issuperset(records) for n in records):
         raise MissingDataError(_missing(logs, missing), logs.path.name)
 
 
@@ -484,7 +484,8 @@ def retuned(
     source = data if isinstance(data, CampaignSource) else read_campaign(before.source.path, data)
     due = tuple(r for s in plan.stages if s.alone for r in s.records) if part_only else plan.tests
     idle = () if everything or part_only else _idle(source, plan)
-    source = _source(source, plan, due, everything)
+    source, absent = _source(source, plan, due, everything)
+    due = tuple(name for name in due if name not in absent)
     tables = {s.name: (k, s) for k, s in enumerate(before.source.content.stages)}
     renamed = {s.of: s.name for s in plan.stages if s.name != s.of}
     done: dict[str, Calibration] = {}
@@ -495,6 +496,7 @@ def retuned(
         keys[stage.name] = before.keys[stage.of]
         requests[stage.name] = before.requests[stage.of]
         again = everything and not (stage.name == stage.of and stage.of in renamed)
+        stage = replace(stage, records=tuple(r for r in stage.records if r not in absent))
         if stage.action == "kept" and not again:
             done[stage.name] = before[stage.of]
             continue
@@ -518,6 +520,8 @@ def retuned(
     count = 0 if part_only else len(plan.freed)
     tests, values = counted(len(due), "test"), counted(count, "value")
     note = f"After {plan.old} was replaced by {plan.new} at {plan.part}: {tests} repeated, {values} retuned."
+    if absent:
+        note += f" No new log of {', '.join(absent)}: the values rest on the other tests."
     if idle:
         note += f" Not used, though there are new logs of them: {', '.join(idle)}, because no value of their stage is fitted again."
     return Campaign(before.title, done, (), keys, note, requests=requests)
@@ -609,20 +613,34 @@ def _missing(source: CampaignSource, records: Iterable[str]) -> str:
     )
 
 
-def _source(source: CampaignSource, plan: RetunePlan, due: Sequence[str], everything: bool) -> CampaignSource:
-    """Return the campaign for the new logs, those of the repeated tests alone unless everything is run; other logs need not be there."""
+def _source(source: CampaignSource, plan: RetunePlan, due: Sequence[str], everything: bool) -> tuple[CampaignSource, tuple[str, ...]]:
+    """Return the campaign for the new logs, those of the repeated tests alone unless everything is run, and which of these are absent.
+
+    Raises
+    ------
+    MissingDataError   When a stage has no log of any of its tests, or a log lacks one that is joined to it.
+    """
     old = plan.campaign.source
     assert old is not None
-    joined = (t if isinstance(t, list) else [t] for name in due if (t := old.names()[name][1].joined) is not None)
-    due = tuple(dict.fromkeys((*due, *(one.record for several in joined for one in several))))  # with those of other loggers
-    tables = [table for name, (_, table) in old.names().items() if everything or name in due]
-    records = {name: source.content.records[name] for name, table in old.content.records.items() if any(table is t for t in tables)}
+    tables = old.names()
+
+    def logs_of(name: str) -> tuple[str, ...]:
+        """Return a record and those of other loggers that are joined to it."""
+        joined = tables[name][1].joined or ()
+        return (name, *(one.record for one in (joined if isinstance(joined, (list, tuple)) else [joined])))
+
+    with_joined = {log for name in due for log in logs_of(name)}
+    due_tables = [table for name, (_, table) in tables.items() if everything or name in with_joined]
+    records = {name: source.content.records[name] for name, table in old.content.records.items() if any(table is t for t in due_tables)}
     reduced = replace(source, content=source.content.model_copy(update={"records": records, "verdicts": [], "checksums": {}}))
-    if reduced.data is not None and reduced.data != old.data:
-        before = [name for name, (file, _) in reduced.names().items() if name in due and not file.resolve().is_relative_to(reduced.data)]
-        if before:
-            raise MissingDataError(_missing(reduced, before), reduced.path.name)
-    return reduced
+    if reduced.data is None or reduced.data == old.data:
+        return reduced, ()
+    before = {name for name, (file, _) in reduced.names().items() if not file.resolve().is_relative_to(reduced.data)} & with_joined
+    absent = tuple(name for name in due if before.issuperset(logs_of(name)))
+    needed = [r for s in plan.stages if s.records and {*s.records} & {*due} and {*s.records} <= {*absent} for r in s.records]
+    if lacking := [name for name in before if everything or name in needed or any(name in logs_of(r) for r in {*due} - {*absent})]:
+        raise MissingDataError(_missing(reduced, sorted(lacking)), reduced.path.name)
+    return reduced, absent
 
 
 def _idle(source: CampaignSource, plan: RetunePlan) -> tuple[str, ...]:

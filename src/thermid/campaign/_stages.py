@@ -691,7 +691,7 @@ def _looked(folder: Path | None, verdict: Verdict, campaign: Campaign) -> Verdic
         else campaign.keys[verdict.model]
     )
     record = next(iter(verdict.prediction.records.items()))
-    return replace(verdict, failed_before=look(folder, *record, verdict.model, key, verdict.passed))
+    return replace(verdict, failed_before=look(folder, *record, verdict.model, key, verdict.passed and not verdict.unfounded))
 
 
 def _go_on(last: Calibration, following: Sequence[str], source: CampaignSource) -> None:

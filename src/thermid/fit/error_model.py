@@ -18,6 +18,7 @@ from thermid.fit._error_model.kept import (
     errors_of_values as errors_of_values,
     errors_without as errors_without,
 )
+from thermid.fit._error_model.model import course_in_fit as course_in_fit
 from thermid.fit._error_model.records import (
     BandCause as BandCause,
     BesideRow as BesideRow,
@@ -26,4 +27,5 @@ from thermid.fit._error_model.records import (
     shared_with as shared_with,
     split as split,
 )
+from thermid.fit._error_model.runs import widened as widened
 from thermid.fit._error_model.sizes import SIZES as SIZES

@@ -34,7 +34,7 @@ from thermid.fit.calibration import (
     role_and_target,
     score_excess,
 )
-from thermid.fit.error_model import BandCause
+from thermid.fit.error_model import BandCause, KeptWay, course_in_fit, deviation, widened, with_heats
 from thermid.inference.planned_records import Sensor, planned_record, sensors_of
 from thermid.measure.amounts import duration_text, short
 from thermid.model.elements import Constant, Parameter, Signal, TableSignal, literal
@@ -44,7 +44,7 @@ from thermid.prediction._known import Knowledge, Rows, instruments_of, rows_of
 from thermid.prediction._predict import WayAnswer, mixed_answer
 from thermid.simulation.network import compile_network
 from thermid.simulation.runs import Scenario, Workers, in_tasks, network_for, simulate
-from thermid.values.store import Normal, Source
+from thermid.values.store import AS_FITTED, EXPECTED, Normal, Source
 
 CHAMBER_STEP = 20.0
 """Step of a chamber that costs little and is far from what most parts fear. [K]"""
@@ -268,6 +268,8 @@ class Before:
     thin : bool             Whether it was learnt with thin gas already.
     seen : dict             Sensor -> times [s] and what each log's model says that it read [K].
     split : tuple of str    Emissivities that an effective coefficient was split into.
+    departing : KeptWay or None     What of a planned run differs from other runs, where the errors of the fit count that.
+    worth : dict            Sensor whose readings count less, as they are said to be correlated or weigh less -> as many a second. [1/s]
     """
 
     budget: Budget
@@ -281,6 +283,8 @@ class Before:
     thin: bool = False
     seen: Mapping[str, Sequence[tuple[Array, Array]]] = field(default_factory=dict)
     split: tuple[str, ...] = ()
+    departing: KeptWay | None = None
+    worth: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def model(self) -> Model:
@@ -328,10 +332,13 @@ class Before:
         return out
 
     def placed(self, column: Array) -> Array:
-        """Return what a standard deviation of each source does (sources,), from what a unit of each source of the budget does."""
+        """Return what a standard deviation of each source does (sources,), from what a unit of each source of the budget does.
+
+        What only a value as fitted errs by is left out, as it is of the errors that a fit states first.
+        """
         out = np.zeros(len(self.place))
         for s, size, x in zip(self.budget.sources, self.budget.sizes, column, strict=True):
-            if s.name in self.place:
+            if s.name in self.place and EXPECTED not in s.name and AS_FITTED not in s.name:
                 out[self.place[s.name]] = size * x
         return out
 
@@ -364,6 +371,9 @@ def before_fit(fit: Calibration, scenario: Scenario | None = None) -> Before:
     predicted: dict[str, list[tuple[Array, Array]]] = {}
     for b in fit.blocks:
         predicted.setdefault(b.sensor, []).append((b.times - b.times[0], b.predicted))
+    observations = [(e, o) for e in fit.experiments for o in e.observations]
+    shares = [(o.sensor, o.weight**2 * o.effective_share, e.times[o.index]) for e, o in observations]
+    worth = {sensor: share * times.size / np.ptp(times) for sensor, share, times in shares if share < 1.0}
     return Before(
         budget,
         instruments,
@@ -371,11 +381,13 @@ def before_fit(fit: Calibration, scenario: Scenario | None = None) -> Before:
         {n: s.prior[1] ** -2 for n, s in states.items() if s.prior is not None},
         (fit.autocorrelation.variance_factor if fit.autocorrelation is not None else max(1.0, fit.reduced_chi_square)) ** 0.5,
         {t.sensor: t for t in sorted(fit.autocorrelation.traces, key=lambda t: t.samples)} if fit.autocorrelation is not None else {},
-        {o.sensor: o.sigma(fit.problem.noise) for o in fit.problem.observations()} if fit.problem is not None else {},
+        {o.sensor: o.sigma(fit.problem.noise) for _, o in observations} if fit.problem is not None else {},
         fit.request.untie if fit.request is not None else False,
         any(e.scenario.environment for e in fit.experiments),
         predicted,
         tuple(t.name for t in budget.targets if t.form == "log" and t.name not in rows.names),
+        max(budget.ways, key=lambda w: w.weight).kept[0] if budget.ways and fit.structural_errors else None,
+        worth,
     )
 
 
@@ -638,7 +650,11 @@ def _option(before: Before, action: Action, sensors: Sequence[Sensor], every: st
     """Return what an action would be worth, over its duration."""
     longest = action.scenario.seconds / 3600.0
     try:
-        grown = [replace(s, noise=(s.noise or 0.0) * before.spread if s.role == "node" else s.noise) for s in sensors]
+        shares = {name: min(rate * amount(every, "s", "every"), 1.0) for name, rate in before.worth.items()}
+        grown = [
+            replace(s, noise=(s.noise or 0.0) * before.spread / math.sqrt(shares.get(s.name, 1.0)) if s.role == "node" else s.noise)
+            for s in sensors
+        ]
         record = planned_record(before.model, action.scenario, grown, every, NAME)
         doubts = {} if before.thin else doubts_without_gas(before.model, action.scenario)
         doubts = {path: size for path, size in doubts.items() if path not in before.split}
@@ -718,21 +734,35 @@ def _informed_alike(rows: Array, excess: Array, rounding: Array) -> Array:
     return np.asarray(ends @ (both - np.linalg.inv(whole)) @ ends.T)
 
 
+def _with_departures_of_run(before: Before, problem: Problem, at: Array) -> tuple[Problem, dict[str, float]]:
+    """Return a planned run with what of it differs from other runs as further unknowns, and the standard deviation of each."""
+    way = before.departing
+    if way is None:
+        return problem, {}
+    e = problem.experiments[0]
+    own = way.departures.of_run(e.network, course_in_fit(problem, 0, e.network, at))
+    return widened(problem, 0, *with_heats(e.network, e.scenario, [h for _, h in own]), [h for _, h in own]), {
+        c.name: deviation(c, way.sizes, {}) for c, _ in own
+    }
+
+
 def _information_over_time(
     before: Before, problem: Problem, doubts: Mapping[str, float], noise: Sequence[TraceNoise]
 ) -> tuple[Array, list[Array], Array]:
     """Return durations, at each the information of the sources (those known now, then the test's own), and at the end if rounded alike."""
     leader = {q: name for name, paths in before.free.items() for q in paths}
+    at = np.array([u.to_fitted(before.values.get(leader.get(u.name, u.name), u.start)) for u in problem.unknowns])
+    problem, apart = _with_departures_of_run(before, problem, at)
+    at = np.append(at, np.zeros(len(apart)))
     # what holds with gas says nothing of the same value without it
     names = [leader.get(u.name, u.name) + (WITHOUT_GAS if u.name in doubts else "") for u in problem.unknowns]
     fresh = [k for k, name in enumerate(names) if name not in before.responses]
     size = len(before.place)
-    at = np.array([u.to_fitted(before.values.get(leader.get(u.name, u.name), u.start)) for u in problem.unknowns])
     chain = np.zeros((len(names), size + len(fresh)))
-    base = np.diag(np.concatenate([before.information, np.zeros(len(fresh))]))
+    base = np.diag(np.concatenate([before.information, [1.0 * (names[k] in apart) for k in fresh]]))
     for k, (u, name) in enumerate(zip(problem.unknowns, names, strict=True)):
         if k in fresh:
-            chain[k, size + fresh.index(k)] = 1.0
+            chain[k, size + fresh.index(k)] = apart.get(name, 1.0)
         else:
             chain[k, :size] = before.responses[name] / u.slope(at[k])
         if u.prior is not None and (k in fresh or u.kind != "parameter"):

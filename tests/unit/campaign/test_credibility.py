@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import shutil
 import tomllib
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -15,8 +16,9 @@ from by_code import raises_code
 from thermid.app.cli.app import app
 from thermid.base.errors import DeckError, NameNotFoundError
 from thermid.campaign._judge.verdict import FILE, _read, look
-from thermid.campaign._stages import Campaign
+from thermid.campaign._stages import Campaign, _looked
 from thermid.fit.error_model import SIZES
+from thermid.model.elements import Standing
 from unit.fit.bench import HTC, MASS, box, pair
 from unit.fit.project import CAMPAIGN, make_project
 
@@ -150,6 +152,14 @@ class TestLooks:
         assert "This record is no longer independent: the model" in str(after)
         (elsewhere,) = td.run_stages(path).verdicts
         assert elsewhere.unseen, "without a results folder nothing is remembered"
+
+    def test_within_limits_by_values_that_are_not_fair_is_no_pass(self, campaign: Campaign, tmp_path: Path) -> None:
+        (verdict,) = campaign.verdicts
+        assert verdict.passed
+        doubted = replace(verdict, standing=Standing("not adequate", "", verdict.model))
+        other = replace(campaign, keys={**campaign.keys, verdict.model: "other values"})
+        assert _looked(tmp_path, doubted, campaign).unseen
+        assert not _looked(tmp_path, verdict, other).unseen
 
     def test_a_record_that_passed_stays_unseen(self, tmp_path: Path) -> None:
         assert look(tmp_path, "r", "sha", "pair", "key1", True) == ()

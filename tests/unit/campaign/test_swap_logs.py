@@ -139,6 +139,29 @@ def test_logs_of_two_loggers(campaign: td.Campaign, tmp_path: Path) -> None:
         plan.run(again)
 
 
+def test_one_short_test_of_the_new_part_is_enough(campaign: td.Campaign, tmp_path: Path) -> None:
+    """Of two tests that a stage was fitted to one is made again: what is not tells nothing, and is named."""
+    deck, again = new_part(campaign, tmp_path, "d")
+    folder = tmp_path / "two"
+    assert campaign.source is not None
+    shutil.copytree(campaign.source.path.parent, folder, ignore=shutil.ignore_patterns("results"))
+    shutil.copy(folder / "logs" / "unit.csv", folder / "logs" / "later.csv")
+    block = CAMPAIGN[CAMPAIGN.index("[records.unit]") : CAMPAIGN.index("[[stages]]")]
+    later = block.replace("records.unit", "records.later").replace("unit.csv", "later.csv")
+    twice = CAMPAIGN.replace(block, block + later).replace('records = ["unit"]', 'records = ["unit", "later"]')
+    (folder / "campaign.toml").write_text(twice)
+    plan = td.design.plan_retune(td.run_stages(folder / "campaign.toml"), "x", deck)
+    assert plan.tests == ("part", "unit", "later")
+    check_replacement(folder / "campaign.toml", "x", deck, new_logs(folder / "campaign.toml", again))
+    made = plan.run(again)
+    check(made)
+    assert [*made["unit"].records] == ["unit"]
+    assert "No new log of later" in made.note
+    (again / "logs" / "unit.csv").unlink()
+    with raises_code("record.log-missing", MissingDataError, match="unit"):
+        plan.run(again)
+
+
 def test_a_sensor_that_sits_elsewhere_on_the_new_part(campaign: td.Campaign, tmp_path: Path) -> None:
     deck, again = new_part(campaign, tmp_path, "cover")
     plan = td.design.plan_retune(campaign, "x", deck)

@@ -235,3 +235,13 @@ def test_without_power_all_settles_at_its_room_whatever_is_unsure(fit: td.Calibr
     rest = told.settled["case"]
     of_elements = rest.error**2 * (1.0 - rest.shares["what no element explains"])  # which stands at the sensor, heat or not
     assert (rest.celsius, of_elements) == (pytest.approx(34.0, abs=3e-3), pytest.approx(0.0, abs=1e-9))
+
+
+def test_a_test_more_tells_as_much_as_the_tests_before(fit: td.Calibration) -> None:
+    """Elements differ from test to test, so that three tests are hardly more than sqrt(3/2) times better than two."""
+    for target in (MASS, td.design.Aim(_asked(3.0), "case")):
+        advice = td.design.next_test(fit, target, scenario=fit.experiments[0].scenario)
+        (again,) = [o for o in advice.options if o.name == "the same test again"]
+        assert 1.0 < advice.now / again.error < 1.6
+    told = td.design.next_test(fit, HTC, scenario=fit.experiments[0].scenario)
+    assert told.now / told.value == pytest.approx(fit[HTC].relative, rel=0.01)

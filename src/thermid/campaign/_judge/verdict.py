@@ -46,7 +46,7 @@ class RecordedLook:
     sha256 : str    Checksum of its samples.
     stage : str     The stage whose values were judged.
     key : str       Hash of everything that these values depend on.
-    passed : bool   Whether every criterion was met.
+    passed : bool   Whether every criterion was met by values that are fair or accepted.
     date : str      The day.
     """
 
