@@ -12,11 +12,10 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from thermid.base.errors import NameNotFoundError, RecordError, ThermidError, errors_at, refuse_unknown
+from thermid.base.errors import NameNotFoundError, RecordError, ThermidError, refuse_unknown
 from thermid.base.expression import Kelvin, Stamp
 from thermid.base.linear_algebra import Array
 from thermid.base.memo import Memo
-from thermid.base.units import require_unit, unit
 from thermid.measure.records import Channel, Record, SecondClock
 from thermid.measure.sensors import SensorPart
 from thermid.model.deck import model_from_dict
@@ -46,28 +45,26 @@ class Inputs:
     def take(self, channel: Channel, role: str, path: str, signal: Signal, errors: Mapping[str, float] | None) -> None:
         """Lay the signal of a channel over a boundary, load or parameter, its constant error taken off where it is known; note it."""
         self.driven[channel.name] = path
-        if role == "schedule":
-            self.tables["schedule"][path] = signal
+        if channel.gain:
+            self.tables["gains"][path] = channel.gain
+        if role in ("command", "schedule"):
+            self.tables["commands" if role == "command" else role][path] = signal
             return
         free = path if role == "boundary" else SCALE + path
-        if role != "command" and (noise := _input_noise(channel)).any:
+        if (noise := _input_noise(channel)).any:
             self.noisy[free] = noise
         power = 1.0 if role == "boundary" else power_while_on(signal)  # one that is always off has no error
-        if role != "command" and channel.common and errors is None and power > 0.0:
+        if channel.common and errors is None and power > 0.0:
             self.means[free] = channel.common / power
         if role == "boundary":
             self.tables["boundaries"][path] = signal if errors is None else signal.raised(-errors.get(channel.name, 0.0))
             if channel.accuracy:
                 self.shared[channel.name] = (path, channel.accuracy)
-        elif role == "command":
-            self.tables["commands"][path] = signal
         else:
             self.metered.append(path)
             self.tables["loads"][path] = signal if errors is None else signal.scaled(1.0 - errors.get(channel.name, 0.0))
             if channel.accuracy and power > 0:
                 self.shared[channel.name] = (free, channel.accuracy / power)
-        if channel.gain:
-            self.tables["gains"][path] = channel.gain
 
 
 def in_gas_of(record: Record, scenario: Scenario) -> Scenario:
@@ -165,7 +162,9 @@ def signal_of(record: Record, channel: Channel, role: str, zero: float) -> Signa
     if times.size == 1:
         return Constant(float(table.values[0]))
     held = samples != "average" and (channel.held if channel.interpolation else role != "boundary")
-    return TableSignal(times, np.asarray(table.values), held).with_details({"samples": samples}, record.name)
+    # the unit of what a schedule drives is known to the model alone
+    unit = channel.unit if role == "schedule" else ""
+    return TableSignal(times, np.asarray(table.values), held, unit).with_details({"samples": samples}, record.name)
 
 
 @dataclass(frozen=True)
@@ -908,10 +907,7 @@ def role_and_target(record: Record, channel: Channel, network: Network) -> tuple
     canonical = network.flat.names.model.canonical(target)
     loads = [load.path for load in network.flat.loads]
     if channel.role == "schedule":
-        path, slot = network.scheduled(target)
-        with errors_at(where):
-            require_unit(unit(channel.unit), slot)
-        return "schedule", path
+        return "schedule", network.flat.parameters.freeable(target, network.flat.names.model.canonical)
     if channel.role in ("load", "command") or (channel.role == "auto" and canonical in loads):
         refuse_unknown([canonical], loads, where, f"no load '{target}' in {network.title}.", RecordError)
         if channel.role == "auto" and channel.quantity != "power":
@@ -996,9 +992,8 @@ def bind(
     tips = {o.node: o.seat for o in observations if o.node != o.seat}
     initial |= {tip: initial[seat] for tip, seat in tips.items() if seat in initial and tip not in initial}
     ticks = tuple(_ticks(record, clock, zero, inputs, tuple(c.name for c, _ in observed)) for clock in record.clocks)
-    full = replace(
-        base, title=record.name, **inputs.tables, start=start, initial=initial, duration=last - zero, metered=tuple(inputs.metered)
-    )
+    ends = {"start": start, "initial": initial, "duration": last - zero}
+    full = replace(base, title=record.name, **inputs.tables, **ends, metered=tuple(inputs.metered))
     hidden = _hidden_starts(full, network, first, record, inputs.driven, observations, tips) if base.start == "" else {}
     full = replace(full, initial={**full.initial, **{n: Kelvin(h.mean) for n, h in hidden.items()}})
     notes = (inputs.noisy, inputs.means, hidden)
