@@ -26,6 +26,9 @@ from thermid.simulation.runs import Scenario
 from thermid.simulation.solver import Engine, Wiring
 from thermid.values.fitted import FittedValue
 
+DRIVEN = ("loads", "commands", "gains", "schedule")
+"""Tables of a scenario that channels lie over, beside its boundaries."""
+
 
 @dataclass
 class Inputs:
@@ -50,21 +53,19 @@ class Inputs:
         if role in ("command", "schedule"):
             self.tables["commands" if role == "command" else role][path] = signal
             return
-        free = path if role == "boundary" else SCALE + path
+        # a power that is always off has no error
+        free, power = (path, 1.0) if role == "boundary" else (SCALE + path, power_while_on(signal))
         if (noise := _input_noise(channel)).any:
             self.noisy[free] = noise
-        power = 1.0 if role == "boundary" else power_while_on(signal)  # one that is always off has no error
         if channel.common and errors is None and power > 0.0:
             self.means[free] = channel.common / power
         if role == "boundary":
             self.tables["boundaries"][path] = signal if errors is None else signal.raised(-errors.get(channel.name, 0.0))
-            if channel.accuracy:
-                self.shared[channel.name] = (path, channel.accuracy)
         else:
             self.metered.append(path)
             self.tables["loads"][path] = signal if errors is None else signal.scaled(1.0 - errors.get(channel.name, 0.0))
-            if channel.accuracy and power > 0:
-                self.shared[channel.name] = (free, channel.accuracy / power)
+        if channel.accuracy and power > 0.0:
+            self.shared[channel.name] = (free, channel.accuracy / power)
 
 
 def in_gas_of(record: Record, scenario: Scenario) -> Scenario:
@@ -967,8 +968,7 @@ def bind(
     whole, seats = attached(model, record)
     network = compile_network(whole, media=base.media(), prescribed=(*base.prescribed, *prescribed))
     zero, last = record.ends
-    begins = {name: dict(getattr(base, name)) for name in ("loads", "commands", "gains", "schedule")}
-    inputs = Inputs({"boundaries": {network.find(k): v for k, v in base.boundaries.items()}, **begins})
+    inputs = Inputs({t: dict(getattr(base, t)) for t in DRIVEN} | {"boundaries": {network.find(k): v for k, v in base.boundaries.items()}})
     observed: list[tuple[Channel, str]] = []
     for channel in record.channels.values():
         role, path = role_and_target(record, channel, network)
@@ -992,8 +992,7 @@ def bind(
     tips = {o.node: o.seat for o in observations if o.node != o.seat}
     initial |= {tip: initial[seat] for tip, seat in tips.items() if seat in initial and tip not in initial}
     ticks = tuple(_ticks(record, clock, zero, inputs, tuple(c.name for c, _ in observed)) for clock in record.clocks)
-    ends = {"start": start, "initial": initial, "duration": last - zero}
-    full = replace(base, title=record.name, **inputs.tables, **ends, metered=tuple(inputs.metered))
+    full = replace(base, title=record.name, **inputs.tables, start=start, initial=initial, duration=last - zero, metered=(*inputs.metered,))
     hidden = _hidden_starts(full, network, first, record, inputs.driven, observations, tips) if base.start == "" else {}
     full = replace(full, initial={**full.initial, **{n: Kelvin(h.mean) for n, h in hidden.items()}})
     notes = (inputs.noisy, inputs.means, hidden)

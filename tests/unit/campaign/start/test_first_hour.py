@@ -301,7 +301,6 @@ def test_a_value_that_other_structures_have_otherwise_is_named() -> None:
     assert found(fitted(1600.0, 0.060), fitted(1600.0, 0.051, False)).depending == {}  # one is worse, one cannot be
     seen = found(fitted(1600.0, 0.051))
     assert seen.depending == {"plate.capacitance": (500.0, 1600.0), "box_to_plate.conductance": (0.5, 1.6)}
-    assert "500 to 1600" in seen.depending_text
 
 
 def supplied(path: Path, power: str, seed: int) -> Path:
