@@ -180,7 +180,7 @@ def name_and_unit(header: str) -> tuple[str, str | None]:
     return text, spelt(tail) if tail != text and len(tail) > 1 and spelt(tail) in _SUFFIXES else None
 
 
-_SUFFIXES: Final = frozenset(("degC", "degF", "mW", "uW", "kW", "%", "ms", "us", "ns"))
+_SUFFIXES: Final = frozenset(("degC", "degF", "mW", "uW", "kW", "%", "ms", "us", "ns", "rpm"))
 """Units that are taken for one after an underscore or a blank; others there, such as C, F, min and h, may be a word's first letter."""
 
 

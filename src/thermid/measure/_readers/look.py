@@ -29,6 +29,8 @@ from thermid.measure._record.record import thinned_step
 from thermid.measure.amounts import duration_text, short
 
 ACCURACY: Final = 'add accuracy = "0.5 [K]" to each thermometer, half of the +-1 K of its data sheet; no log shows it'
+METERED: Final = 0.99
+"""Correlation with volts times amperes from which a power is of the same supply. [-]"""
 SUPPLY: Final = "P_supply"
 _ELECTRIC: Final = re.compile(r"\A([vuia]|volts?|voltage|spannung|tens[aã]o|amp(ere)?s?|current|strom|corrente)(?=\d*\Z)", re.IGNORECASE)
 """A word that tells a voltage from a current, a number after it apart: `proc V` and `proc A`, `U1` and `I1` are of one supply each."""
@@ -253,7 +255,7 @@ class Look(Result):
         """
         volts, amperes = ([c for c in self.columns if c.unit and _is(c.unit, slot) and c.values.size] for slot in ("V", "A"))
         if len(volts) == len(amperes) == 1:
-            return {SUPPLY: (volts[0], amperes[0])}
+            return {} if self._is_metered(volts[0].values * amperes[0].values) else {SUPPLY: (volts[0], amperes[0])}
         # what names of voltages and currents say beside that, in the characters of a bare key
         names = [[[_ELECTRIC.sub("", w) for w in re.split(r"[\W_]+", c.name)] for c in columns] for columns in (volts, amperes)]
         words, others = (["_".join(filter(None, name)) for name in several] for several in names)
@@ -261,6 +263,12 @@ class Look(Result):
             return {f"P_{w}" if w else SUPPLY: (volts[0], current) for w, current in zip(others, amperes, strict=True)}
         shared = [w for w in words if words.count(w) == others.count(w) == 1]
         return {f"P_{w}" if w else SUPPLY: (volts[words.index(w)], amperes[others.index(w)]) for w in shared}
+
+    def _is_metered(self, product: Any) -> bool:
+        """Whether a column in watts follows a product of volts and amperes, as that of a meter of alternating current does."""
+        powers = [c.values for c in self.columns if c.guess == "power"]
+        pairs = [(p[good], product[good]) for p in powers if (good := np.isfinite(p) & np.isfinite(product)).sum() > 2]
+        return any(np.ptp(p) > 0.0 and np.ptp(other) > 0.0 and np.corrcoef(p, other)[0, 1] > METERED for p, other in pairs)
 
     @property
     def _of_supplies(self) -> list[Column]:
@@ -565,7 +573,10 @@ def offset_range(clock: dict[str, Any]) -> tuple[str, str]:
     return _digits(late - reach, 4), _digits(late + reach, 4)
 
 
-UNDECIDED = "no step of a power decides it, by the way that the temperatures answer: give the offset, as a range to have it fitted"
+UNDECIDED = (
+    "no step of a power decides it, by the way that the temperatures answer: give the offset, or a range in which the fit finds it: "
+    "offset = ['-300 [s]', '300 [s]']"
+)
 ALIGNED = "give a range to have it fitted by the model"
 STAMPS_APART = 60.0
 """By how much stamps of two computers are usually apart: a step with a larger error that agrees with them tells less than they do. [s]"""
