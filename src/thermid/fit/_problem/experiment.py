@@ -38,7 +38,7 @@ class Inputs:
     the loads whose power was logged.
     """
 
-    tables: dict[str, dict[str, Any]]
+    tables: dict[str, Any]
     shared: dict[str, tuple[str, float]] = field(default_factory=dict)
     driven: dict[str, str] = field(default_factory=dict)
     metered: list[str] = field(default_factory=list)
