@@ -837,7 +837,7 @@ class Experiment:
 
     def on_clocks(self, at: Sequence[tuple[float, ...]]) -> Experiment:
         """Return the experiment with what follows its unknown clocks where they stand otherwise: `Ticks.at` of each clock."""
-        tables = {name: dict(getattr(self.scenario, name)) for name in ("boundaries", "loads", "commands")}
+        tables = {name: dict(getattr(self.scenario, name)) for name in ("boundaries", *DRIVEN)}
         for ticks, there in zip(self.ticks, at, strict=True):
             for name, path in ticks.driven:
                 tables[name][path] = ticks.moved(path, tables[name][path], there)
@@ -1029,7 +1029,8 @@ def _ticks(record: Record, second: SecondClock, zero: float, inputs: Inputs, obs
     sampled: list[tuple[float, SampledChange]] = []
     for channel, path in inputs.driven.items():
         driving_channel = record.channels[channel]
-        for _, held in tables if channel in second.channels and driving_channel.held and not driving_channel.prompt else ():
+        instants = driving_channel.held and not driving_channel.prompt and driving_channel.role != "schedule"
+        for _, held in tables if channel in second.channels and instants else ():
             if path in held and isinstance(table := held[path], TableSignal) and table.held:
                 change, intervals = _changes(driving_channel, table), np.diff(table.times) / second.at[RATE]
                 sampled += [(-abs(change[k]), SampledChange(path, int(k) + 1, float(intervals[k]))) for k in np.flatnonzero(change)]
