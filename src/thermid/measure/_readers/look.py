@@ -266,9 +266,9 @@ class Look(Result):
 
     def _is_metered(self, product: Any) -> bool:
         """Whether a column in watts follows a product of volts and amperes, as that of a meter of alternating current does."""
-        powers = [c.values for c in self.columns if c.guess == "power"]
-        pairs = [(p[good], product[good]) for p in powers if (good := np.isfinite(p) & np.isfinite(product)).sum() > 2]
-        return any(np.ptp(p) > 0.0 and np.ptp(other) > 0.0 and np.corrcoef(p, other)[0, 1] > METERED for p, other in pairs)
+        powers = (np.stack([c.values, product]) for c in self.columns if c.guess == "power")
+        pairs = (pair[:, np.isfinite(pair).all(axis=0)] for pair in powers)
+        return any(pair.size and np.ptp(pair, axis=1).all() and np.corrcoef(pair)[0, 1] > METERED for pair in pairs)
 
     @property
     def _of_supplies(self) -> list[Column]:

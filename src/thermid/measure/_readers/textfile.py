@@ -200,9 +200,8 @@ def cells_of_text(text: str, file: str, separator: str | None, notes: Sequence[s
 
 def _named_above(names: tuple[str, ...], above: Sequence[Sequence[str]], notes: list[str]) -> tuple[str, ...]:
     """Return names, those of numbered channels as a table above the header has them: `CH1, LID, ...`; as they are where two are alike."""
-    bare = [name_and_unit(name)[0] for name in names]
     titles = {row[0].strip(): row[1].strip() for row in above if len(row) > 1 and row[1].strip() and numbers_a_channel(row[0])}
-    named = [name.replace(short, titles.get(short, short), 1) for name, short in zip(names, bare, strict=True)]
+    named = [name.replace(short, titles.get(short, short), 1) for name in names for short in [name_and_unit(name)[0]]]
     if named == [*names] or len({*named}) < len(named):
         return names
     notes.append("channels are named by the table above the header")
