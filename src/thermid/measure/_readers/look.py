@@ -17,7 +17,7 @@ from thermid.base.errors import ThermidError
 from thermid.base.results import Result
 from thermid.base.units import counted, in_si, unit
 from thermid.measure._readers.columns import decimal_sign
-from thermid.measure._readers.common_step import CLOCKS_APART, CommonStep, LogCourse, common_step, zone_shared
+from thermid.measure._readers.common_step import CLOCKS_APART, MIN_EXPLAINED_SHARE, CommonStep, LogCourse, common_step, zone_shared
 from thermid.measure._readers.formats import log_cells
 from thermid.measure._readers.guess import Column, columns_of
 from thermid.measure._readers.headers import name_and_unit
@@ -29,8 +29,6 @@ from thermid.measure._record.record import thinned_step
 from thermid.measure.amounts import duration_text, short
 
 ACCURACY: Final = 'add accuracy = "0.5 [K]" to each thermometer, half of the +-1 K of its data sheet; no log shows it'
-METERED: Final = 0.99
-"""Correlation with volts times amperes from which a power is of the same supply. [-]"""
 SUPPLY: Final = "P_supply"
 _ELECTRIC: Final = re.compile(r"\A([vuia]|volts?|voltage|spannung|tens[aã]o|amp(ere)?s?|current|strom|corrente)(?=\d*\Z)", re.IGNORECASE)
 """A word that tells a voltage from a current, a number after it apart: `proc V` and `proc A`, `U1` and `I1` are of one supply each."""
@@ -255,7 +253,13 @@ class Look(Result):
         """
         volts, amperes = ([c for c in self.columns if c.unit and _is(c.unit, slot) and c.values.size] for slot in ("V", "A"))
         if len(volts) == len(amperes) == 1:
-            return {} if self._is_metered(volts[0].values * amperes[0].values) else {SUPPLY: (volts[0], amperes[0])}
+            product = volts[0].values * amperes[0].values
+            powers = (np.stack([c.values, product]) for c in self.columns if c.guess == "power")
+            pairs = (pair[:, np.isfinite(pair).all(axis=0)] for pair in powers)
+            metered = any(
+                pair.size and np.ptp(pair, axis=1).all() and np.corrcoef(pair)[0, 1] ** 2 > MIN_EXPLAINED_SHARE[False] for pair in pairs
+            )
+            return {} if metered else {SUPPLY: (volts[0], amperes[0])}
         # what names of voltages and currents say beside that, in the characters of a bare key
         names = [[[_ELECTRIC.sub("", w) for w in re.split(r"[\W_]+", c.name)] for c in columns] for columns in (volts, amperes)]
         words, others = (["_".join(filter(None, name)) for name in several] for several in names)
@@ -263,12 +267,6 @@ class Look(Result):
             return {f"P_{w}" if w else SUPPLY: (volts[0], current) for w, current in zip(others, amperes, strict=True)}
         shared = [w for w in words if words.count(w) == others.count(w) == 1]
         return {f"P_{w}" if w else SUPPLY: (volts[words.index(w)], amperes[others.index(w)]) for w in shared}
-
-    def _is_metered(self, product: Any) -> bool:
-        """Whether a column in watts follows a product of volts and amperes, as that of a meter of alternating current does."""
-        powers = (np.stack([c.values, product]) for c in self.columns if c.guess == "power")
-        pairs = (pair[:, np.isfinite(pair).all(axis=0)] for pair in powers)
-        return any(pair.size and np.ptp(pair, axis=1).all() and np.corrcoef(pair)[0, 1] > METERED for pair in pairs)
 
     @property
     def _of_supplies(self) -> list[Column]:
