@@ -256,9 +256,8 @@ class Look(Result):
             product = volts[0].values * amperes[0].values
             powers = (np.stack([c.values, product]) for c in self.columns if c.guess == "power")
             pairs = (pair[:, np.isfinite(pair).all(axis=0)] for pair in powers)
-            metered = any(
-                pair.size and np.ptp(pair, axis=1).all() and np.corrcoef(pair)[0, 1] ** 2 > MIN_EXPLAINED_SHARE[False] for pair in pairs
-            )
+            squares = (np.corrcoef(pair)[0, 1] ** 2 for pair in pairs if pair.size and np.ptp(pair, axis=1).all())
+            metered = any(share > MIN_EXPLAINED_SHARE[False] for share in squares)
             return {} if metered else {SUPPLY: (volts[0], amperes[0])}
         # what names of voltages and currents say beside that, in the characters of a bare key
         names = [[[_ELECTRIC.sub("", w) for w in re.split(r"[\W_]+", c.name)] for c in columns] for columns in (volts, amperes)]
