@@ -21,7 +21,7 @@ from typing import Any
 
 from thermid.base.arguments import takes_objects
 from thermid.base.errors import DeckError, ExpressionError, ThermidError, UnitError, cap, raising
-from thermid.base.expression import FUNCTIONS, parse
+from thermid.base.expression import parse
 from thermid.base.files import read_text
 from thermid.base.results import Shown
 from thermid.base.units import DIMENSIONLESS, Dimension, counted, describe, in_si, unit
@@ -474,13 +474,7 @@ def _expression(written: str, where: str, constants: Mapping[str, str]) -> str:
             shown = "" if rest == written else f"'{_shortened(written)}': "
             raise ExpressionError(
                 f"{shown}'{_shortened(rest, 20)}' cannot be read. Use single numbers, earlier names, pi, Inf, + - * "
-                f"/ ^, {', '.join(FUNCTIONS)} and parentheses; no texts, ranges, matrices or other calls.",
-                where,
-                code="import.not-understood",
-            )
-        if word["sign"] == "(" and words and words[-1].isidentifier() and words[-1] not in FUNCTIONS:
-            raise ExpressionError(
-                f"'{_shortened(written)}': '{words[-1]}(' calls a function or takes an element. Write the number instead.",
+                "/ ^, sqrt, exp, abs, min, max and parentheses; no texts, ranges, matrices or other calls.",
                 where,
                 code="import.not-understood",
             )

@@ -315,12 +315,17 @@ def test_a_column_of_speeds_drives_a_parameter_and_a_factor_of_it_is_fitted(tmp_
     channels = {
         "BOX": {"node": "box", "noise": "0.01 [K]"},
         "AIR": {"boundary": "air"},
-        "FAN": {"schedule": "speed", "interpolation": "previous"},
+        "FAN": {"schedule": "speed"},
     }
     fit = calibrate(model, read_record(tmp_path / "fan.csv", channels), free=["blown"])
     assert fit["blown"].value == pytest.approx(0.6, rel=1e-3)
     record = read_record(tmp_path / "fan.csv", channels)
-    with raises_code("unit.wrong-dimension", match="FAN"):
-        bind(model, replace(record, channels={**record.channels, "FAN": replace(record["FAN"], target="blown")}))
+    alone = read_record(tmp_path / "fan.csv", {n: c for n, c in channels.items() if n != "FAN"})
+    fan = read_record(tmp_path / "fan.csv", {"FAN": channels["FAN"]}, name="counter")
+    fit = calibrate(model, alone.joined(fan, ("-90 [s]", "90 [s]")), free=["blown"])  # a counter of its own clock
+    assert fit["blown"].value == pytest.approx(0.6, rel=5e-3)
+    with raises_code("unit.wrong-dimension", match="blown"):
+        wrong = record.with_channels(replace(record["FAN"], target="blown"))
+        calibrate(model, wrong, free=["box.capacitance"])
     with raises_code("name.unknown", match="spede"):
-        bind(model, replace(record, channels={**record.channels, "FAN": replace(record["FAN"], target="spede")}))
+        bind(model, record.with_channels(replace(record["FAN"], target="spede")))

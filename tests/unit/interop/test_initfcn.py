@@ -97,7 +97,7 @@ def test_a_script_is_shown_with_its_remarks() -> None:
 @pytest.mark.parametrize(
     ("script", "message"),
     [
-        ("a = 1;\nb = log(a);", "script:2: 'log(a)': 'log(' calls a function or takes an element. Write the number instead."),
+        ("a = 1;\nb = log(a);", "script:2: 'log(a)' cannot be read: 'log(a)': 'log(a)' is not allowed."),
         ("a = [1:3];", "script:1: '1:3': ':3' cannot be read. Use single numbers, earlier"),
         ("a = 'steel';", "cannot be read. Use single"),
         ("a = 3';", "cannot be read. Use single"),

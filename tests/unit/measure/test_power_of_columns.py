@@ -113,3 +113,18 @@ def test_columns_with_spaces_stand_in_a_table_or_between_backticks(tmp_path: Pat
     path.write_text("time [s],Supply V [V],Supply I [A]\n0,10,1\n10,10,2\n")
     np.testing.assert_allclose(power(path, {"volts": "Supply V", "amperes": "Supply I"}).values, [10.0, 20.0])
     np.testing.assert_allclose(power(path, "`Supply V` * `Supply I`").values, [10.0, 20.0])
+
+
+def test_a_meter_of_alternating_current_is_one_power_and_a_speed_says_what_it_is_for(tmp_path: Path) -> None:
+    watts = np.repeat([0.0, 18.3, 9.1], 10)
+    rows = [f"{60 * k},230.{k % 10},{w / (0.92 * 230.0):.4f},{w:.2f},{1200 + k}" for k, w in enumerate(watts)]
+    (tmp_path / "meter.csv").write_text("\n".join(["time_s,U [V],I [A],P [W],fan_rpm", *rows]))
+    seen = td.look(tmp_path / "meter.csv")
+    assert not seen.supplies
+    assert 'load = "P"' in seen.campaign()
+    (fan,) = [c for c in seen.columns if c.name == "fan_rpm"]
+    assert fan.unit == "rpm"
+    assert "schedule" in fan.why
+    rows = [f"{60 * k},24.{k % 10},{w / 24.0:.4f},{1.0 + (k % 3)}" for k, w in enumerate(watts)]
+    (tmp_path / "two.csv").write_text("\n".join(["time_s,U [V],I [A],P_FAN [W]", *rows]))
+    assert td.look(tmp_path / "two.csv").supplies

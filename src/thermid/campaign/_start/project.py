@@ -205,10 +205,14 @@ def write_template(name: str, folder: Path) -> tuple[str, list[Path]]:
         may_write(folder / file, kind)
     may_write_schemas(folder, grammars.values())
     written = [write_text(folder / file, headed(text, grammars[file]), kinds[file]) for file, text in files.items()]
-    written += write_schemas(folder, grammars.values())
-    if not (folder / "thermid.toml").exists():
-        written.append(write_text(folder / "thermid.toml", ROOT, TEMPLATE.titled("root")))
+    written += [*write_schemas(folder, grammars.values()), *_write_root(folder)]
     return f"thermid simulate {folder / deck} --scenario {folder / 'scenario.toml'}", written
+
+
+def _write_root(folder: Path) -> list[Path]:
+    """Write the file that marks the root of a project, where none is there, and return it."""
+    marker = folder / "thermid.toml"
+    return [] if marker.exists() else [write_text(marker, ROOT, TEMPLATE.titled("root"))]
 
 
 FITTED, HOLDOUT_NAME = 0.7, "holdout"
@@ -341,10 +345,7 @@ def write_project(
         files.append(logs / f"{record.name}.csv")
     for (name, (grammar, kind)), text in zip(kinds.items(), texts, strict=True):
         write_text(folder / name, headed(text, grammar), kind)
-    files += write_schemas(folder, (grammar for grammar, _ in kinds.values()))
-    marker = folder / "thermid.toml"
-    if not marker.exists():
-        files.append(write_text(marker, ROOT, TEMPLATE.titled("root")))
+    files += [*write_schemas(folder, (grammar for grammar, _ in kinds.values())), *_write_root(folder)]
     return Written(folder, tuple(files), proposal, fixed, left_out, tuple(masked))
 
 

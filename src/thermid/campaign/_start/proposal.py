@@ -350,16 +350,6 @@ class Proposal:
         return [f"{n}.conductance" for n, c in self.chosen.request.model.conductors.items() if set(c.between) <= parts]
 
     @property
-    def depending_text(self) -> str:
-        """Which values depend on the structure; empty for none."""
-        ranges = [
-            f"{path} {low:.4g} to {high:.4g} {'J/K' if path.endswith('.capacitance') else 'W/K'}"
-            for path, (low, high) in self.depending.items()
-        ]
-        beginning = f"Not determined, because structures that fit as well differ: {', '.join(ranges)}. "
-        return f"{beginning}State masses or paths that you know: --mass, --path." if ranges else ""
-
-    @property
     def decided(self) -> bool:
         """Whether the log decides on one structure, and that is one that hardware can have."""
         return len(self.search.orders) == 1 and not (self.unexplained or self.not_physical or self.depending)
@@ -439,17 +429,16 @@ class Proposal:
     @property
     def findings(self) -> list[str]:
         """What to know before its values are used: what is not physical or not explained, what the log leaves open, what is assumed."""
-        orders = orders_text(self.search.orders) if len(self.search.orders) > 1 else ""
-        open_orders = f"This log cannot separate structures of {orders} masses." if orders else ""
+        *first, last = sorted(self.search.orders)
+        open_orders = f"This log cannot separate structures of {', '.join(map(str, first))} and {last} masses." if first else ""
         assumed = f"Assumed: {self.assumed}" if self.assumed else ""
+        units = {"capacitance": "J/K", "conductance": "W/K"}
+        ranges = ", ".join(f"{p} {low:.4g} to {high:.4g} {units[p.rpartition('.')[2]]}" for p, (low, high) in self.depending.items())
+        depending = (
+            f"Not determined, because structures that fit as well differ: {ranges}. State masses or paths that you know: --mass, --path."
+        )
         impossible = (f"Not physical: {c}" for c in self.not_physical)
-        return [t for t in (*impossible, self.unexplained, open_orders, self.depending_text, assumed) if t]
-
-
-def orders_text(orders: Sequence[int]) -> str:
-    """Return numbers of masses in words: 3, 4 and 5."""
-    *first, last = (str(n) for n in sorted(orders))
-    return f"{', '.join(first)} and {last}" if first else last
+        return [t for t in (*impossible, self.unexplained, open_orders, depending if ranges else "", assumed) if t]
 
 
 @dataclass(frozen=True)

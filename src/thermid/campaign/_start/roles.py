@@ -110,9 +110,7 @@ class Roles:
 
     def channels(self, noise: Mapping[str, float] | None = None, accuracy: Mapping[str, float] | None = None) -> dict[str, dict[str, Any]]:
         """Return the table of channels as a campaign has it; noise and accuracy [K] by column."""
-        out: dict[str, dict[str, Any]] = {}
-        for column, node in self.parts.items():
-            out[column] = {"node": node}
+        out: dict[str, dict[str, Any]] = {column: {"node": node} for column, node in self.parts.items()}
         if self.logged:
             out[self.surroundings] = {"boundary": self.boundary}
         for power in self.powers:

@@ -12,11 +12,10 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from thermid.base.errors import NameNotFoundError, RecordError, ThermidError, errors_at, refuse_unknown
+from thermid.base.errors import NameNotFoundError, RecordError, ThermidError, refuse_unknown
 from thermid.base.expression import Kelvin, Stamp
 from thermid.base.linear_algebra import Array
 from thermid.base.memo import Memo
-from thermid.base.units import require_unit, unit
 from thermid.measure.records import Channel, Record, SecondClock
 from thermid.measure.sensors import SensorPart
 from thermid.model.deck import model_from_dict
@@ -27,6 +26,9 @@ from thermid.simulation.runs import Scenario
 from thermid.simulation.solver import Engine, Wiring
 from thermid.values.fitted import FittedValue
 
+DRIVEN = ("loads", "commands", "gains", "schedule")
+"""Tables of a scenario that channels lie over, beside its boundaries."""
+
 
 @dataclass
 class Inputs:
@@ -36,7 +38,7 @@ class Inputs:
     the loads whose power was logged.
     """
 
-    tables: dict[str, dict[str, Any]]
+    tables: dict[str, Any]
     shared: dict[str, tuple[str, float]] = field(default_factory=dict)
     driven: dict[str, str] = field(default_factory=dict)
     metered: list[str] = field(default_factory=list)
@@ -46,28 +48,24 @@ class Inputs:
     def take(self, channel: Channel, role: str, path: str, signal: Signal, errors: Mapping[str, float] | None) -> None:
         """Lay the signal of a channel over a boundary, load or parameter, its constant error taken off where it is known; note it."""
         self.driven[channel.name] = path
-        if role == "schedule":
-            self.tables["schedule"][path] = signal
+        if channel.gain:
+            self.tables["gains"][path] = channel.gain
+        if role in ("command", "schedule"):
+            self.tables["commands" if role == "command" else role][path] = signal
             return
-        free = path if role == "boundary" else SCALE + path
-        if role != "command" and (noise := _input_noise(channel)).any:
+        # a power that is always off has no error
+        free, power = (path, 1.0) if role == "boundary" else (SCALE + path, power_while_on(signal))
+        if (noise := _input_noise(channel)).any:
             self.noisy[free] = noise
-        power = 1.0 if role == "boundary" else power_while_on(signal)  # one that is always off has no error
-        if role != "command" and channel.common and errors is None and power > 0.0:
+        if channel.common and errors is None and power > 0.0:
             self.means[free] = channel.common / power
         if role == "boundary":
             self.tables["boundaries"][path] = signal if errors is None else signal.raised(-errors.get(channel.name, 0.0))
-            if channel.accuracy:
-                self.shared[channel.name] = (path, channel.accuracy)
-        elif role == "command":
-            self.tables["commands"][path] = signal
         else:
             self.metered.append(path)
             self.tables["loads"][path] = signal if errors is None else signal.scaled(1.0 - errors.get(channel.name, 0.0))
-            if channel.accuracy and power > 0:
-                self.shared[channel.name] = (free, channel.accuracy / power)
-        if channel.gain:
-            self.tables["gains"][path] = channel.gain
+        if channel.accuracy and power > 0.0:
+            self.shared[channel.name] = (free, channel.accuracy / power)
 
 
 def in_gas_of(record: Record, scenario: Scenario) -> Scenario:
@@ -165,7 +163,9 @@ def signal_of(record: Record, channel: Channel, role: str, zero: float) -> Signa
     if times.size == 1:
         return Constant(float(table.values[0]))
     held = samples != "average" and (channel.held if channel.interpolation else role != "boundary")
-    return TableSignal(times, np.asarray(table.values), held).with_details({"samples": samples}, record.name)
+    # the unit of what a schedule drives is known to the model alone
+    unit = channel.unit if role == "schedule" else ""
+    return TableSignal(times, np.asarray(table.values), held, unit).with_details({"samples": samples}, record.name)
 
 
 @dataclass(frozen=True)
@@ -837,7 +837,7 @@ class Experiment:
 
     def on_clocks(self, at: Sequence[tuple[float, ...]]) -> Experiment:
         """Return the experiment with what follows its unknown clocks where they stand otherwise: `Ticks.at` of each clock."""
-        tables = {name: dict(getattr(self.scenario, name)) for name in ("boundaries", "loads", "commands")}
+        tables = {name: dict(getattr(self.scenario, name)) for name in ("boundaries", *DRIVEN)}
         for ticks, there in zip(self.ticks, at, strict=True):
             for name, path in ticks.driven:
                 tables[name][path] = ticks.moved(path, tables[name][path], there)
@@ -908,10 +908,7 @@ def role_and_target(record: Record, channel: Channel, network: Network) -> tuple
     canonical = network.flat.names.model.canonical(target)
     loads = [load.path for load in network.flat.loads]
     if channel.role == "schedule":
-        path, slot = network.scheduled(target)
-        with errors_at(where):
-            require_unit(unit(channel.unit), slot)
-        return "schedule", path
+        return "schedule", network.flat.parameters.freeable(target, network.flat.names.model.canonical)
     if channel.role in ("load", "command") or (channel.role == "auto" and canonical in loads):
         refuse_unknown([canonical], loads, where, f"no load '{target}' in {network.title}.", RecordError)
         if channel.role == "auto" and channel.quantity != "power":
@@ -971,8 +968,7 @@ def bind(
     whole, seats = attached(model, record)
     network = compile_network(whole, media=base.media(), prescribed=(*base.prescribed, *prescribed))
     zero, last = record.ends
-    begins = {name: dict(getattr(base, name)) for name in ("loads", "commands", "gains", "schedule")}
-    inputs = Inputs({"boundaries": {network.find(k): v for k, v in base.boundaries.items()}, **begins})
+    inputs = Inputs({t: dict(getattr(base, t)) for t in DRIVEN} | {"boundaries": {network.find(k): v for k, v in base.boundaries.items()}})
     observed: list[tuple[Channel, str]] = []
     for channel in record.channels.values():
         role, path = role_and_target(record, channel, network)
@@ -996,9 +992,7 @@ def bind(
     tips = {o.node: o.seat for o in observations if o.node != o.seat}
     initial |= {tip: initial[seat] for tip, seat in tips.items() if seat in initial and tip not in initial}
     ticks = tuple(_ticks(record, clock, zero, inputs, tuple(c.name for c, _ in observed)) for clock in record.clocks)
-    full = replace(
-        base, title=record.name, **inputs.tables, start=start, initial=initial, duration=last - zero, metered=tuple(inputs.metered)
-    )
+    full = replace(base, title=record.name, **inputs.tables, start=start, initial=initial, duration=last - zero, metered=(*inputs.metered,))
     hidden = _hidden_starts(full, network, first, record, inputs.driven, observations, tips) if base.start == "" else {}
     full = replace(full, initial={**full.initial, **{n: Kelvin(h.mean) for n, h in hidden.items()}})
     notes = (inputs.noisy, inputs.means, hidden)
@@ -1035,7 +1029,8 @@ def _ticks(record: Record, second: SecondClock, zero: float, inputs: Inputs, obs
     sampled: list[tuple[float, SampledChange]] = []
     for channel, path in inputs.driven.items():
         driving_channel = record.channels[channel]
-        for _, held in tables if channel in second.channels and driving_channel.held and not driving_channel.prompt else ():
+        instants = driving_channel.held and not driving_channel.prompt and driving_channel.role != "schedule"
+        for _, held in tables if channel in second.channels and instants else ():
             if path in held and isinstance(table := held[path], TableSignal) and table.held:
                 change, intervals = _changes(driving_channel, table), np.diff(table.times) / second.at[RATE]
                 sampled += [(-abs(change[k]), SampledChange(path, int(k) + 1, float(intervals[k]))) for k in np.flatnonzero(change)]

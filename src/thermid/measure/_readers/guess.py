@@ -143,7 +143,8 @@ def _guess(name: str, text: str | None, values: FloatArray, letter: str) -> tupl
         return "power", text, f"its unit is {text}"
     if dimension == DIMENSIONLESS and text == "%":
         return ("ignored", text, "a humidity") if _HUMID.search(name) else ("duty", text, "in per cent: a load needs its power at 100 %")
-    return "ignored", text, describe(dimension)
+    words = {unit("1/s").dimension: "a speed or a frequency; a channel with schedule = '...' gives a parameter, such as the speed of a fan"}
+    return "ignored", text, words.get(dimension) or describe(dimension)
 
 
 def _temperature(name: str, text: str, why: str) -> tuple[str, str, str]:

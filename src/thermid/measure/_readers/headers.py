@@ -180,7 +180,7 @@ def name_and_unit(header: str) -> tuple[str, str | None]:
     return text, spelt(tail) if tail != text and len(tail) > 1 and spelt(tail) in _SUFFIXES else None
 
 
-_SUFFIXES: Final = frozenset(("degC", "degF", "mW", "uW", "kW", "%", "ms", "us", "ns"))
+_SUFFIXES: Final = frozenset(("degC", "degF", "mW", "uW", "kW", "%", "ms", "us", "ns", "rpm"))
 """Units that are taken for one after an underscore or a blank; others there, such as C, F, min and h, may be a word's first letter."""
 
 
@@ -318,7 +318,7 @@ def one_line_of_names(rows: Lines, numbers: Sequence[int]) -> tuple[list[str], s
     units = [_common_unit([row[at] for row in cells], numbers) for at in range(len(cells[0]))]
     # a line whose cells only number channels names nothing; one that names every column apart from the time, no two alike, tells all
     others = [[_bare_name(cell) for at, cell in enumerate(row) if cell and at not in clock] for row in cells]
-    named = [k for k, row in enumerate(others) if not all(re.match(_NUMBERING, name) for name in row)]
+    named = [k for k, row in enumerate(others) if not all(numbers_a_channel(name) for name in row)]
     every = {at for row in cells for at, cell in enumerate(row) if cell} - clock
     telling = [k for k in named if every and all(cells[k][at] for at in every) and not _twice([cells[k][at] for at in every])]
     if any(timed[k] for k in telling):  # a line with another word above or below the time is of another kind: a title, forms of cells
@@ -338,6 +338,11 @@ def one_line_of_names(rows: Lines, numbers: Sequence[int]) -> tuple[list[str], s
     return full, _names_assumed(cells, numbers, used, names)
 
 
+def numbers_a_channel(cell: str) -> bool:
+    """Whether a cell numbers a channel or position of a logger and names nothing that was measured."""
+    return bool(re.match(_NUMBERING, cell.strip()))
+
+
 def _bare_name(cell: str) -> str:
     """Return a name without a unit that loggers write behind it."""
     return name_and_unit(cell)[0] if _unit_of(cell) else cell
@@ -347,15 +352,6 @@ def _unit_of(cell: str) -> str:
     """Return the unit in a name where it is one that loggers write, else an empty text."""
     unit_text = name_and_unit(cell)[1] if cell else None
     return unit_text if unit_text in _PLAIN else ""
-
-
-def named_above(names: Sequence[str], above: Lines) -> tuple[str, ...]:
-    """Return the names of numbered channels as a table above the header has them, `CH1, LID, ...`; as they are where it names not each."""
-    titles = {row[0].strip(): row[1].strip() for row in above if len(row) > 1 and re.match(_NUMBERING, row[0].strip()) and row[1].strip()}
-    found = {name: titles[bare] for name in names if (bare := name_and_unit(name)[0]) in titles}
-    if len({*found.values()}) < len(found) or {*found.values()} & {*names}:
-        return tuple(names)
-    return tuple(name.replace(name_and_unit(name)[0], found.get(name, name_and_unit(name)[0]), 1) for name in names)
 
 
 def _common_unit(column: Sequence[str], numbers: Sequence[int]) -> str:

@@ -17,7 +17,7 @@ from thermid.base.errors import ThermidError
 from thermid.base.results import Result
 from thermid.base.units import counted, in_si, unit
 from thermid.measure._readers.columns import decimal_sign
-from thermid.measure._readers.common_step import CLOCKS_APART, CommonStep, LogCourse, common_step, zone_shared
+from thermid.measure._readers.common_step import CLOCKS_APART, MIN_EXPLAINED_SHARE, CommonStep, LogCourse, common_step, zone_shared
 from thermid.measure._readers.formats import log_cells
 from thermid.measure._readers.guess import Column, columns_of
 from thermid.measure._readers.headers import name_and_unit
@@ -253,7 +253,12 @@ class Look(Result):
         """
         volts, amperes = ([c for c in self.columns if c.unit and _is(c.unit, slot) and c.values.size] for slot in ("V", "A"))
         if len(volts) == len(amperes) == 1:
-            return {SUPPLY: (volts[0], amperes[0])}
+            product = volts[0].values * amperes[0].values
+            powers = (np.stack([c.values, product]) for c in self.columns if c.guess == "power")
+            pairs = (pair[:, np.isfinite(pair).all(axis=0)] for pair in powers)
+            squares = (np.corrcoef(pair)[0, 1] ** 2 for pair in pairs if pair.size and np.ptp(pair, axis=1).all())
+            metered = any(share > MIN_EXPLAINED_SHARE[False] for share in squares)
+            return {} if metered else {SUPPLY: (volts[0], amperes[0])}
         # what names of voltages and currents say beside that, in the characters of a bare key
         names = [[[_ELECTRIC.sub("", w) for w in re.split(r"[\W_]+", c.name)] for c in columns] for columns in (volts, amperes)]
         words, others = (["_".join(filter(None, name)) for name in several] for several in names)
@@ -565,7 +570,10 @@ def offset_range(clock: dict[str, Any]) -> tuple[str, str]:
     return _digits(late - reach, 4), _digits(late + reach, 4)
 
 
-UNDECIDED = "no step of a power decides it, by the way that the temperatures answer: give the offset, as a range to have it fitted"
+UNDECIDED = (
+    "no step of a power decides it, by the way that the temperatures answer: give the offset, or a range in which the fit finds it: "
+    "offset = ['-300 [s]', '300 [s]']"
+)
 ALIGNED = "give a range to have it fitted by the model"
 STAMPS_APART = 60.0
 """By how much stamps of two computers are usually apart: a step with a larger error that agrees with them tells less than they do. [s]"""

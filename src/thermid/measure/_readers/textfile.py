@@ -24,7 +24,8 @@ from thermid.measure._readers.headers import (
     lines_of_names,
     may_name,
     may_number,
-    named_above,
+    name_and_unit,
+    numbers_a_channel,
     one_line_of_names,
     refuse_two_units,
     with_units_row,
@@ -173,9 +174,7 @@ def cells_of_text(text: str, file: str, separator: str | None, notes: Sequence[s
             if header.units
             else f"line {numbers[extra]} below the header holds no samples"
         )
-    names = named_above(header.names, _cells_of_lines(every[:above], mark))
-    if names != header.names:
-        notes.append("channels are named by the table above the header")
+    names = _named_above(header.names, _cells_of_lines(every[:above], mark), notes)
     rows, numbers = rows[extra + 1 :], numbers[extra + 1 :]
     rows, numbers, notes_on_cut = _without_cut_lines(rows, numbers, width, whole)
     notes += notes_on_cut
@@ -197,6 +196,16 @@ def cells_of_text(text: str, file: str, separator: str | None, notes: Sequence[s
     )
     commas, table = columns is None or mark != ",", columns or list(zip(*rows, strict=True))
     return Cells(file, names, table, numbers, tuple(notes), synthetic, commas=commas, layout=layout)
+
+
+def _named_above(names: tuple[str, ...], above: Sequence[Sequence[str]], notes: list[str]) -> tuple[str, ...]:
+    """Return names, those of numbered channels as a table above the header has them: `CH1, LID, ...`; as they are where two are alike."""
+    titles = {row[0].strip(): row[1].strip() for row in above if len(row) > 1 and row[1].strip() and numbers_a_channel(row[0])}
+    named = [name.replace(short, titles.get(short, short), 1) for name in names for short in [name_and_unit(name)[0]]]
+    if named == [*names] or len({*named}) < len(named):
+        return names
+    notes.append("channels are named by the table above the header")
+    return tuple(named)
 
 
 Table = tuple[list[list[str]], list[int], list[tuple[str, ...]] | None]

@@ -21,7 +21,6 @@ from thermid.base.codes import CodedText
 from thermid.base.dual import Number, value_of
 from thermid.base.errors import DeckError, errors_at
 from thermid.base.memo import Memo
-from thermid.base.units import TEMPERATURE
 from thermid.model.elements import COMPLEMENT, Curve, HeatStore, Law, exposed_area
 from thermid.model.tree import Flat, FlatConductor, FlatLoad, FlatNode, Model, flatten, streams_of
 from thermid.simulation._network.controls import PHASE, ControlRow, control_names, control_row, phase_row, state_of
@@ -107,17 +106,6 @@ class Network:
     def find(self, name: str, where: str = "") -> str:
         """Return the canonical path of a node or boundary; aliases are accepted."""
         return self.flat.names.find(name, where)
-
-    def scheduled(self, name: str) -> tuple[str, str]:
-        """Return the path of a parameter that a schedule or a channel drives, and what its values must be: a unit, or `temperature`.
-
-        Raises
-        ------
-        NameNotFoundError   When there is no such parameter.
-        """
-        path = self.flat.parameters.freeable(name, self.flat.names.model.canonical)
-        literal = self.flat.parameters.table[path].parameter.expression.literal
-        return path, TEMPERATURE if literal and literal.unit.absolute else literal.unit.text if literal else "1"
 
     @property
     def streams(self) -> Streams:

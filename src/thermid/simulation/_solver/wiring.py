@@ -191,10 +191,14 @@ def read_schedule(network: Network, scenario: Scenario) -> Schedule | None:
     """
     if not scenario.schedule:
         return None
+    parameters = network.flat.parameters
     signals = {}
     for raw, value in scenario.schedule.items():
-        path, slot = network.scheduled(raw)
-        signals[path] = signal(value, slot, f"{scenario.title}, schedule.{raw}")
+        where = f"{scenario.title}, schedule.{raw}"
+        path = parameters.freeable(raw, network.flat.names.model.canonical)
+        literal = parameters.table[path].parameter.expression.literal
+        slot = TEMPERATURE if literal and literal.unit.absolute else literal.unit.text if literal else "1"
+        signals[path] = signal(value, slot, where)
     return Schedule(signals, scenario.seconds)
 
 

@@ -142,7 +142,7 @@ def test_a_log_of_another_logger_is_no_further_test(tmp_path: Path) -> None:
     code, message = said("init", str(log), str(tmp_path / "supply.csv"), "--to", str(tmp_path / "p"))
     assert code == 2
     assert message == (
-        "it has none of the temperatures of the first log. A further log is another test of the unit. One that ran beside the first is "
+        "it has none of the temperatures of the first log. A further log is another test of the unit. A log that ran beside the first is "
         "joined with it before: `thermid look` with both prints channels and offset, and in Python `td.read_record(FIRST, CHANNELS)"
         ".joined(td.read_record(OTHER, CHANNELS), OFFSET).to_csv('joined.csv')` writes the log for `thermid init joined.csv`."
     )
@@ -301,7 +301,6 @@ def test_a_value_that_other_structures_have_otherwise_is_named() -> None:
     assert found(fitted(1600.0, 0.060), fitted(1600.0, 0.051, False)).depending == {}  # one is worse, one cannot be
     seen = found(fitted(1600.0, 0.051))
     assert seen.depending == {"plate.capacitance": (500.0, 1600.0), "box_to_plate.conductance": (0.5, 1.6)}
-    assert "500 to 1600" in seen.depending_text
 
 
 def supplied(path: Path, power: str, seed: int) -> Path:

@@ -17,7 +17,7 @@ from by_code import raises_code
 from thermid.app.cli.app import app
 from thermid.base.errors import IdentificationError, NameNotFoundError, OutputError, RecordError, ThermidError
 from thermid.campaign._start.project import TEMPLATES, parted, write_template
-from thermid.campaign._start.proposal import KnownMass, StatedFacts, _within, orders_text, propose, request_of
+from thermid.campaign._start.proposal import KnownMass, StatedFacts, _within, propose, request_of
 from thermid.campaign._start.roles import named_part, noise_of, part_name, roles_of, with_noise
 from thermid.inference.criticism import Fitted, fitted_structure
 from thermid.model.elements import TableSignal
@@ -213,10 +213,6 @@ def test_stated_paths_are_the_paths(tmp_path: Path) -> None:
 def test_names_of_parts() -> None:
     assert [part_name(c) for c in ("T1_C", "CASE", "1st sensor", "Stator_Body_C")] == ["t1", "case", "part_1st_sensor", "stator_body"]
     assert [part_name(c) for c in ("Potência", "Gehäuse außen")] == ["potencia", "gehause_aussen"]
-
-
-def test_numbers_of_masses_in_words() -> None:
-    assert [orders_text(o) for o in ((2,), (3, 2), (4, 8, 5))] == ["2", "2 and 3", "4, 5 and 8"]
 
 
 def test_noise_is_that_of_second_differences_on_a_slope() -> None:
