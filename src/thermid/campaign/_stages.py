@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
@@ -521,6 +521,7 @@ def run_stages(
     cache: str | os.PathLike[str] | None = None,
     accept: Sequence[str] = (),
     fresh: bool = False,
+    only: Collection[str] = (),
     executor: Workers = None,
 ) -> Campaign:
     """Return the calibrations and verdicts of a campaign.
@@ -537,6 +538,7 @@ def run_stages(
     accept : sequence       Stages that are accepted as they are, beside those that the file accepts: their standing stays and is told,
                             the exit codes of commands do not count it.
     fresh : bool            Whether every stage is fitted anew, whatever the results folder keeps; it keeps what comes out.
+    only : collection       Stages that are fitted, with all that they rest on among them; all of them when empty.
     executor                As in `ensemble`: stages that do not rest on one another are fitted at the same time, and descents of one.
 
     Raises
@@ -551,7 +553,8 @@ def run_stages(
         forget(folder, (*(s.name for s in source.content.stages), "joint"))
     done: dict[str, Calibration] = {}
     keys, requests, changed = dict[str, str](), dict[str, Request](), dict[str, tuple[str, ...]]()
-    todo, workers = dict(enumerate(source.content.stages)), KeptTasks.of_workers(executor).workers
+    todo = {k: s for k, s in enumerate(source.content.stages) if not only or s.name in only}
+    workers = KeptTasks.of_workers(executor).workers
     while todo:
         # a stage waits for the earlier ones that it rests on
         rests = {k: {n for i in s.inherit.values() for n in i.stages} for k, s in todo.items()}
@@ -573,7 +576,7 @@ def run_stages(
             done[name] = fitted
             _go_on(fitted, [s.name for s in todo.values() if s.name not in done], source)
         todo = {k: s for k, s in todo.items() if k not in ready}
-    done = {s.name: done[s.name] for s in source.content.stages}
+    done = {s.name: done[s.name] for s in source.content.stages if s.name in done}
     result = Campaign(source.content.title, done, (), keys, source.content.note, None, source, requests, changed)
     result = replace(result, joint=_joint(result, notice, folder)) if source.content.joint is not None else result
     return judge(result, folder, notice)

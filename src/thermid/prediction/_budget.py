@@ -5,6 +5,7 @@ from __future__ import annotations
 import fnmatch
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from itertools import product
 from typing import Any, Literal, get_args
 
@@ -406,12 +407,12 @@ class Budget:
         ends = np.cumsum([w.weight for w in self.ways])
         return np.asarray(np.minimum(np.searchsorted(ends, sources[place]), len(self.ways) - 1))
 
-    @property
+    @cached_property
     def means(self) -> Array:
         """Means (sources,) of the sources."""
         return np.array([s.law.mean for s in self.sources])
 
-    @property
+    @cached_property
     def sizes(self) -> Array:
         """Standard deviations (sources,) of the sources."""
         return np.sqrt([s.law.variance for s in self.sources])

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from functools import wraps
+from inspect import signature
 from pathlib import Path
 from typing import Annotated, Any, NoReturn
 
@@ -100,6 +102,24 @@ def executor_of(workers: int, cluster: str, job: Path | None = None) -> Workers:
         return by
     job.mkdir(parents=True, exist_ok=True)  # a file of that name is refused before long work
     return KeptTasks(job, by)
+
+
+def add_worker_options(run_command: Callable[..., None]) -> Callable[..., None]:
+    """Return a command with --workers, --cluster and --job in place of its argument `executor`, which is what they say."""
+
+    @wraps(run_command)
+    def run(*, workers: int, cluster: str, job: Path | None, **options: Any) -> None:
+        """Run the command."""
+        run_command(executor=executor_of(workers, cluster, job), **options)
+
+    own = signature(run_command, eval_str=True)
+    added = {"workers": (Processes, 1), "cluster": (Cluster, ""), "job": (Job, None)}
+    options = [own.parameters["executor"].replace(name=n, annotation=kind, default=start) for n, (kind, start) in added.items()]
+    run.__annotations__ = {name: kind for name, kind in run.__annotations__.items() if name != "executor"}
+    run.__dict__["__signature__"] = own.replace(
+        parameters=[p for one in own.parameters.values() for p in (options if one.name == "executor" else [one])]
+    )
+    return run
 
 
 def leave(standing: Standing, code: int = 0) -> NoReturn:

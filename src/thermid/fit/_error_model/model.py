@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any
 
 import numpy as np
 
@@ -364,9 +363,8 @@ def left_prior() -> dict[tuple[float, float], float]:
 
 def points_of(problem: Problem, courses: Sequence[ElementCourse]) -> dict[str, OperatingPoint]:
     """Return conductor -> where it was found over the runs of a fit, by its courses with the fit's own structure."""
-    every: dict[str, Any] = {}
-    for e, course in zip(problem.experiments, courses, strict=True):
-        every |= conductors_of(e.network, course)
+    several = zip(problem.experiments, courses, strict=True)
+    every = {p: c for e, course in several for p, c in conductors_of(e.network, course).items()}
     return {p: at for p, c in every.items() if (at := point_of(courses, c)) is not None}
 
 

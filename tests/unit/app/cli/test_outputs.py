@@ -108,6 +108,12 @@ OUTPUTS = {
     "report --job": ["report", "campaign.toml", "--to", "new.html", "--job"],
     "criticise --job": ["criticise", "campaign.toml", "--job"],
     "improve --job": ["improve", "campaign.toml", "--job"],
+    "identify --job": ["identify", "campaign.toml", "--job"],
+    "estimate --job": ["estimate", "campaign.toml", "--noise", "case=free", "--job"],
+    "swap --job": ["swap", "campaign.toml", "a", "cool.toml", "--job"],
+    "predict --job": ["predict", "campaign.toml", "--scenario", "pair_warm.toml", "--job"],
+    "credibility --job": ["credibility", "campaign.toml", "--job"],
+    "plausibility --job": ["plausibility", "campaign.toml", "--job"],
     "fleet --job": ["fleet", "fleet.toml", "--scenario", "warm.toml", "--members", "4", "--job"],
     "report --results": ["report", "campaign.toml", "--to", "new.html", "--results"],
 }
