@@ -8,6 +8,7 @@ from __future__ import annotations
 import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from statistics import NormalDist
 from typing import Any
 
@@ -168,7 +169,7 @@ class Band(Result):
         rest = self.kelvin - self.simulated - np.sum([np.zeros(self.times.size), *named.values()], axis=0)
         return named | ({BENT: rest} if float(np.abs(rest).max(initial=0.0)) > ROUNDING else {})
 
-    @property
+    @cached_property
     def kelvin(self) -> Array:
         """Expected temperatures (times,): the mean of the members where there are some. [K]"""
         return self.simulated + self.shift if self.members is None else np.asarray(self.members.mean(axis=1))
@@ -188,7 +189,7 @@ class Band(Result):
         """Expected temperatures (times,). [degC]"""
         return self.kelvin - ICE_POINT
 
-    @property
+    @cached_property
     def error(self) -> Array:
         """Standard error (times,). [K]"""
         if self.members is not None:
@@ -233,7 +234,7 @@ class Band(Result):
         celsius, error = (float(np.interp(time, self.times, x)) for x in (self.celsius, self.error))
         return Estimate(celsius, error, low, high, _shares(parts))
 
-    @property
+    @cached_property
     def final(self) -> Estimate:
         """The last temperature."""
         return self.at(float(self.times[-1]))
