@@ -232,7 +232,7 @@ class Band(Result):
         low, high = (float(np.interp(time, self.times, x)) for x in self.interval())
         parts = {c: float(np.interp(time, self.times, v)) for c, v in self.parts.items()}
         celsius, error = (float(np.interp(time, self.times, x)) for x in (self.celsius, self.error))
-        return Estimate(celsius, error, low, high, _shares(parts))
+        return Estimate(celsius, error, low, high, shares(parts))
 
     @cached_property
     def final(self) -> Estimate:
@@ -240,7 +240,7 @@ class Band(Result):
         return self.at(float(self.times[-1]))
 
 
-def _shares(parts: Mapping[str, float]) -> dict[str, float]:
+def shares(parts: Mapping[str, float]) -> dict[str, float]:
     """Return cause -> share of the sum of variances; zeros where that is zero. [-]"""
     whole = sum(parts.values())
     return {c: v / whole if whole > 0 else 0.0 for c, v in parts.items()}
@@ -569,7 +569,7 @@ def _mixed(several: Sequence[Estimate], weights: Array) -> Estimate:
     variance = sum(variances.values())
     error = variance**0.5 if variance >= ROUNDING**2 else 0.0
     wide = NormalDist().inv_cdf(0.975) * error
-    return Estimate(celsius, error, celsius - wide, celsius + wide, _shares(variances))
+    return Estimate(celsius, error, celsius - wide, celsius + wide, shares(variances))
 
 
 def predicted(

@@ -113,8 +113,10 @@ def add_worker_options(run_command: Callable[..., None]) -> Callable[..., None]:
         run_command(executor=executor_of(workers, cluster, job), **options)
 
     own = signature(run_command, eval_str=True)
-    added = (("workers", Processes, 1), ("cluster", Cluster, ""), ("job", Job, None))
-    options = [own.parameters["executor"].replace(name=n, annotation=kind, default=start) for n, kind, start in added]
+    options = [
+        own.parameters["executor"].replace(name=n, annotation=kind, default=start)
+        for n, kind, start in (("workers", Processes, 1), ("cluster", Cluster, ""), ("job", Job, None))
+    ]
     parameters = [p for one in own.parameters.values() for p in (options if one.name == "executor" else [one])]
     run.__annotations__ = {p.name: p.annotation for p in parameters}
     run.__dict__["__signature__"] = own.replace(parameters=parameters)
