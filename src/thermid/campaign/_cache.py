@@ -89,9 +89,9 @@ def remember(folder: Path | None, stage: str, key: str, end: KeptFit | None, ing
     write_text(folder / f"{file_name(stage)}.fit.json", json.dumps(content, indent=1), FileKinds.RESULTS_FILE)
 
 
-def forget(folder: Path, stages: Iterable[str]) -> None:
+def forget(folder: Path | None, stages: Iterable[str]) -> None:
     """Remove the ends of finished stages and their models of error from a results folder; looks at hold-out records stay."""
-    for path in [folder / f"{file_name(stage)}.{kind}.json" for stage in stages for kind in ("fit", "errors")]:
+    for path in [folder / f"{file_name(stage)}.{kind}.json" for stage in stages for kind in ("fit", "errors")] if folder else []:
         path.unlink(missing_ok=True)
 
 

@@ -170,14 +170,8 @@ def improve(path: Path, stage: str = "", evaluations: int = EVALUATIONS, data: P
         request, records=tuple(r.delayed(delays_found[r.name][0], _driven(r)) if r.name in delays_found else r for r in request.records)
     )
     remaining = max(evaluations - first.evaluations, evaluations // 2)
-    # A power that changed earlier in an interval than in the mean of all leaves what a power that grows or settles would answer: no course
-    # of a power is asked for where a log has its changes to a sample only
-    sampled = any(not r[n].prompt for r in late.records for n in _driven(r))
     then = search_structure(
-        late,
-        changes=lambda s: [c for c in s.changes() if not c.delay and not (sampled and c.of_power)],
-        evaluations=remaining,
-        executor=executor,
+        late, changes=lambda s: [c for c in s.changes() if _beside_a_delay(c, late.records)], evaluations=remaining, executor=executor
     )
     new, longest = then.proposed.full_request, max(longest, float(f"{2.0 * max(value for value, _ in delays_found.values()):.3g}"))
     new = replace(new, records=tuple(_rebound(_ranged(old, longest), one) for old, one in zip(request.records, new.records, strict=True)))
@@ -235,6 +229,15 @@ def _rebound(record: Record, like: Record) -> Record:
 def _ranged(record: Record, longest: float) -> Record:
     """Return a record with a delay that the fit finds, up to the longest [s]; as it is where it drives nothing."""
     return record.delayed((0.0, longest), _driven(record)) if _driven(record) else record
+
+
+def _beside_a_delay(change: MissingElement, records: Sequence[Record]) -> bool:
+    """Whether a change is asked for beside a delay: no other delay, and no course of a power where a log has its changes to a sample only.
+
+    A power that changed earlier in an interval than in the mean of all leaves what a power that grows or settles would answer.
+    """
+    sampled = any(not r[n].prompt for r in records for n in _driven(r))
+    return not change.delay and not (sampled and change.of_power)
 
 
 def _delays_of(fit: Calibration) -> dict[str, tuple[float, float]]:
