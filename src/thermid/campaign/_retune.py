@@ -693,7 +693,7 @@ def _of_new(inherit: Mapping[str, InheritTable], stage: StagePlan, plan: RetuneP
     """Return what a stage inherits, without what stages found of parts of the old part that the new one does not have."""
     definitions, requests = dict(instances(plan.model)), plan.campaign.requests
 
-    def same(name: str, path: str) -> bool:
+    def has_same_deck(name: str, path: str) -> bool:
         """Return whether the new part has, at a path, the deck that a stage was fitted with."""
         return name in requests and definitions.get(f"{plan.model.canonical(path)}.") == definition_of(requests[name].model)
 
@@ -701,7 +701,7 @@ def _of_new(inherit: Mapping[str, InheritTable], stage: StagePlan, plan: RetuneP
     for part, i in inherit.items():
         path = part if stage.alone else stage.model.canonical(part)
         rest = path if stage.alone else path.removeprefix(f"{stage.part}.") if inside(path, stage.part) else ""
-        if rest in ("", stage.part) or (rest != "." and all(same(n, rest) for n in i.stages)):
+        if rest in ("", stage.part) or (rest != "." and all(has_same_deck(n, rest) for n in i.stages)):
             out[part] = i
     return out
 

@@ -507,9 +507,9 @@ class Budget:
         for cause, name in _departures_of_run(errors, network, self.scenario, as_logged):
             out = out.beside([Source(name, "structural", Normal(), name)], cause, [Target(name, "heat")], 1.0)
         elements = {c.source for e in errors for w in e.ways for c in w.columns} or {*network.nodes}
-        left = [Target(n, "node") for n in network.nodes if n in elements]
-        sources = [Source(f"left over at {t.name}", "misfit", Normal(), BandCause.UNEXPLAINED) for t in left]
-        out = out.beside(sources, BandCause.UNEXPLAINED, left, np.eye(len(left)))
+        places = [Target(n, "node") for n in network.nodes if n in elements]
+        sources = [Source(f"left over at {t.name}", "misfit", Normal(), BandCause.UNEXPLAINED) for t in places]
+        out = out.beside(sources, BandCause.UNEXPLAINED, places, np.eye(len(places)))
         names = list(dict.fromkeys(w.name for e in errors if len(e.ways) > 1 for w in e.ways)) or [errors[0].ways[0].name]
         # a deck may have said since what carries the heat
         names = [n for n in names if all(w.agrees(network) for e in errors for w in e.ways if w.name == n)] or names

@@ -165,9 +165,8 @@ def _only_campaign() -> Path:
     """
     found = [path for path in sorted(Path().glob("*.toml")) if kind_of_text(read_bytes(path)) == "a campaign"]
     if len(found) != 1:
-        several = ", ".join(map(str, found)) or "none"
         raise ScenarioError(
-            f"campaigns of this folder: {several}. Name one: thermid report campaign.toml --to report.html.",
+            f"campaigns of this folder: {', '.join(map(str, found)) or 'none'}. Name one: thermid report campaign.toml --to report.html.",
             "command line",
             code="value.incomplete",
         )
@@ -390,8 +389,11 @@ def predict(
     deck and what a stage found of it, or of a part of it (PART=FILE).
     """
     if scenario is not None and record:
-        words = "a prediction is of a scenario or of logged runs. Give --scenario FILE or --record NAME."
-        raise ScenarioError(words, "command line", code="value.incomplete")
+        raise ScenarioError(
+            "a prediction is of a scenario or of logged runs. Give --scenario FILE or --record NAME.",
+            "command line",
+            code="value.incomplete",
+        )
     conditions = load_scenario(scenario) if scenario is not None else None
     writable((csv, FileKinds.TABLE))
     spreads, times = _spreads(spread), moments(at, conditions.seconds) if conditions is not None else []
@@ -422,8 +424,11 @@ def predict(
 def _known_of_file(deck: Path, values: Path, alone: bool) -> tuple[Knowledge, str]:
     """Return what a values file says of a deck, and its stage; `alone` says that only a scenario is given with it."""
     if not alone:
-        words = "values are laid over a deck, which has no stages, records or results. Give it with --values and --scenario FILE."
-        raise ScenarioError(words, "--values", code="value.excludes-another")
+        raise ScenarioError(
+            "values are laid over a deck, which has no stages, records or results. Give it with --values and --scenario FILE.",
+            "--values",
+            code="value.excludes-another",
+        )
     filled = filled_model(load_model(deck), values, None)
     return Knowledge.of_file(filled), filled.values.stage
 
@@ -558,8 +563,9 @@ def hold(
     if dry_run or math.isfinite(memory):
         cost = hold_question.cost(n=members, folder=folder)
         if cost.size > 1e6 * memory:
-            text = f"{cost}, more than {memory:g} MB. Ask for fewer reference points, or a longer interval: every = '30 [min]'."
-            raise ScenarioError(text, question.name)
+            raise ScenarioError(
+                f"{cost}, more than {memory:g} MB. Ask for fewer reference points, or a longer interval: every = '30 [min]'.", question.name
+            )
     if dry_run:
         say(as_json, {"members": cost.members, "kept": cost.kept, "processor_s": cost.seconds, "memory_B": cost.size}, cost, verbose)
         return
@@ -567,8 +573,10 @@ def hold(
         try:
             _, answer = hold_question.run(n=members, executor=executor_of(workers, cluster, folder), progress=progress)
         except KeyboardInterrupt:
-            done = f"interrupted with {progress.finished} of {progress.members} runs done"
-            raise SolverError(f"{done}. The same command goes on from there.", code="fit.stopped") from None
+            raise SolverError(
+                f"interrupted with {progress.finished} of {progress.members} runs done. The same command goes on from there.",
+                code="fit.stopped",
+            ) from None
     answer = replace(answer, standing=answer.standing.accept(accept or ()))
     if figure is not None:
         picture(answer, figure)
@@ -581,8 +589,7 @@ class MemberProgress(Progress):
 
     def __init__(self) -> None:
         super().__init__("members")
-        self.finished, self.members = 0, 0
-        self._at = -1
+        self.finished, self.members, self._at = 0, 0, -1
 
     def __call__(self, done: int, members: int) -> None:
         """Show how many members are done; what the folder held took no time."""

@@ -23,7 +23,7 @@ from thermid.measure.amounts import pairs as pairs, with_unit as with_unit
 from thermid.model.deck import load_model
 from thermid.model.elements import Standing, literal
 from thermid.model.tree import Model
-from thermid.simulation.runs import KeptTasks, Workers
+from thermid.simulation.runs import KeptTasks, Workers as Workers
 from thermid.simulation.scenario_files import Scenario, load_scenario
 from thermid.values.store import model_standing
 from thermid.values.value_files import Filed, filed
@@ -98,10 +98,9 @@ def say(as_json: bool, content: Mapping[str, Any], text: object, verbose: bool |
 def executor_of(workers: int, cluster: str, job: Path | None = None) -> Workers:
     """Return who does tasks, as the options say, kept in a folder where one is given; None for this process alone."""
     by = cluster or (workers if workers > 1 else None)
-    if job is None:
-        return by
-    job.mkdir(parents=True, exist_ok=True)  # a file of that name is refused before long work
-    return KeptTasks(job, by)
+    if job is not None:
+        job.mkdir(parents=True, exist_ok=True)  # a file of that name is refused before long work
+    return KeptTasks(job, by) if job is not None else by
 
 
 def add_worker_options(run_command: Callable[..., None]) -> Callable[..., None]:
@@ -112,14 +111,14 @@ def add_worker_options(run_command: Callable[..., None]) -> Callable[..., None]:
         """Run the command."""
         run_command(executor=executor_of(workers, cluster, job), **options)
 
-    own = signature(run_command, eval_str=True)
+    form = signature(run_command, eval_str=True)
     options = [
-        own.parameters["executor"].replace(name=n, annotation=kind, default=start)
+        form.parameters["executor"].replace(name=n, annotation=kind, default=start)
         for n, kind, start in (("workers", Processes, 1), ("cluster", Cluster, ""), ("job", Job, None))
     ]
-    parameters = [p for one in own.parameters.values() for p in (options if one.name == "executor" else [one])]
+    parameters = [p for one in form.parameters.values() for p in (options if one.name == "executor" else [one])]
     run.__annotations__ = {p.name: p.annotation for p in parameters}
-    run.__dict__["__signature__"] = own.replace(parameters=parameters)
+    run.__dict__["__signature__"] = form.replace(parameters=parameters)
     return run
 
 

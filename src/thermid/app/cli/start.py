@@ -9,7 +9,7 @@ from typing import Annotated
 
 import typer
 
-from thermid.app.cli.options import CampaignPath, Data, Json, Results, Whole, add_worker_options, leave, pairs, say
+from thermid.app.cli.options import CampaignPath, Data, Json, Results, Whole, Workers, add_worker_options, leave, pairs, say
 from thermid.app.cli.screen import searching, show, working
 from thermid.app.cli.summary import show_campaign, staged
 from thermid.app.examples import EXAMPLES, PUBLIC, copies, copy_example, example_named
@@ -39,7 +39,6 @@ from thermid.model.elements import worst
 from thermid.physics.finishes import FINISHES
 from thermid.physics.materials import NOT_CHECKED, materials
 from thermid.reporting import pages as page
-from thermid.simulation.runs import Workers
 
 Stage = Annotated[str, typer.Option("--stage", help="One stage; all that were fitted to logs without it.")]
 
