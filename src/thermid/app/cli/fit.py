@@ -382,8 +382,8 @@ def predict(
 ) -> None:
     """Predict scenarios with a fitted stage, with 95 % bands.
 
-    Without --scenario and --record, the predictions that the campaign names are made, with the margins of their bands to limits: exit code 1
-    if one is exceeded. Bands are broken down into their causes. A logged run is compared with its readings. With --values, a scenario is
+    Without --scenario and --record, the predictions that the campaign names are made, with the margins of their bands to limits: exit code
+    1 if one is exceeded. Bands are broken down into their causes. A logged run is compared with its readings. With --values, a scenario is
     predicted with a deck and what a stage found of it, or of a part of it (PART=FILE).
     """
     if scenario is not None and record:
