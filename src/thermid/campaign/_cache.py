@@ -55,16 +55,15 @@ def file_name(stage: str) -> str:
 
 def recall(folder: Path | None, stage: str, key: str) -> KeptFit | None:
     """Return what is kept of the fit of a finished stage, or None when nothing is kept or anything has changed since."""
-    path = folder / f"{file_name(stage)}.fit.json" if folder is not None else None
-    if path is None or not path.is_file():
+    if folder is None:
         return None
     try:
-        stored = json.loads(path.read_text(encoding="utf-8"))
+        stored = json.loads((folder / f"{file_name(stage)}.fit.json").read_text(encoding="utf-8"))
         fitted = {str(k): float(v) for k, v in stored["fitted"].items()}
         same = (stored["key"], stored["code"]) == (key, code_digest()) and np.isfinite(list(fitted.values())).all()
         return KeptFit(fitted, int(stored["evaluations"]), str(stored["search"]), tuple(map(str, stored["remarks"]))) if same else None
-    except (ValueError, KeyError, TypeError, AttributeError, OverflowError, RecursionError):
-        return None  # a damaged file is as good as none: the stage runs again
+    except (OSError, ValueError, KeyError, TypeError, AttributeError, OverflowError, RecursionError):
+        return None  # no file, or a damaged one, which is as good as none: the stage runs again
 
 
 def changed_since(folder: Path | None, stage: str, ingredients: Mapping[str, str]) -> tuple[str, ...]:
@@ -90,11 +89,10 @@ def remember(folder: Path | None, stage: str, key: str, end: KeptFit | None, ing
     write_text(folder / f"{file_name(stage)}.fit.json", json.dumps(content, indent=1), FileKinds.RESULTS_FILE)
 
 
-def forget(folder: Path, stages: Iterable[str]) -> None:
+def forget(folder: Path | None, stages: Iterable[str]) -> None:
     """Remove the ends of finished stages and their models of error from a results folder; looks at hold-out records stay."""
-    for stage in stages:
-        for kind in ("fit", "errors"):
-            (folder / f"{file_name(stage)}.{kind}.json").unlink(missing_ok=True)
+    for path in [folder / f"{file_name(stage)}.{kind}.json" for stage in stages for kind in ("fit", "errors")] if folder else []:
+        path.unlink(missing_ok=True)
 
 
 def errors_kept(folder: Path | None, stage: str, key: str) -> Keeping | None:
@@ -179,8 +177,6 @@ def _write(path: Path, key: str, record: Record) -> None:
 
 def _read(path: Path, key: str) -> Record | None:
     """Return a record that is kept under a key; None where there is none, the key is another, or the file is damaged."""
-    if not path.is_file():
-        return None
     try:
         with path.open("rb") as file, np.load(file) as arrays:
             about = json.loads(str(arrays[_ABOUT]))

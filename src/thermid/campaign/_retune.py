@@ -27,7 +27,7 @@ from thermid.model.identity import PlaceStart, Replacement, definition_of, insid
 from thermid.model.tree import Model, Names, ParameterSet
 from thermid.physics.constants import ICE_POINT
 from thermid.simulation.network import compile_network
-from thermid.simulation.runs import Scenario, steady
+from thermid.simulation.runs import Scenario, Workers, steady
 from thermid.values.fitted import view
 from thermid.values.store import Normal, Source, State, Store, ValueOrigin, graft
 
@@ -162,7 +162,13 @@ class RetunePlan(Result):
         return tuple(dict.fromkeys(r for r in records if r not in self.tests))
 
     def run(
-        self, data: str | os.PathLike[str] | CampaignSource, *, everything: bool = False, part_only: bool = False, notice: Any = None
+        self,
+        data: str | os.PathLike[str] | CampaignSource,
+        *,
+        everything: bool = False,
+        part_only: bool = False,
+        notice: Any = None,
+        executor: Workers = None,
     ) -> Campaign:
         """Return the campaign after the retune: the stages that are due are fitted to the repeated tests, all others are as they were.
 
@@ -172,12 +178,13 @@ class RetunePlan(Result):
         everything : bool   Fit every stage anew with all that it frees, which needs all tests: what a retune is measured against.
         part_only : bool    Fit the new part to its own tests alone; the stages above know it then, and count what is assumed of its place.
         notice : callable   As in `run_stages`.
+        executor            As in `ensemble`: the descents of a stage.
 
         Raises
         ------
         ThermidError   From reading or fitting.
         """
-        return retuned(self, data, notice, everything, part_only)
+        return retuned(self, data, notice, everything, part_only, executor)
 
     @property
     def assumes(self) -> tuple[str, ...]:
@@ -475,6 +482,7 @@ def retuned(
     notice: Notice | None = None,
     everything: bool = False,
     part_only: bool = False,
+    executor: Workers = None,
 ) -> Campaign:
     """Return the campaign after a retune; see `RetunePlan.run`."""
     before = plan.campaign
@@ -514,7 +522,7 @@ def retuned(
                 done[stage.name] = _carried(before[stage.of], request, _replaced_places(stage)) if stage.part else before[stage.of]
             else:
                 anew = () if stage.alone or again else (*_replaced_places(stage), *stage.free)
-                request, done[stage.name] = _fitted(request, before[stage.of], anew, progress_of(notice, stage.name))
+                request, done[stage.name] = _fitted(request, before[stage.of], anew, progress_of(notice, stage.name), executor)
             requests[stage.name] = request
             keys[stage.name] = request.stage_key([keys[n] for i in changed_table.inherit.values() for n in i.stages])
     count = 0 if part_only else len(plan.freed)
@@ -532,7 +540,7 @@ def _replaced_places(stage: StagePlan) -> tuple[str, ...]:
     return (stage.part, *(s.path for s in stage.starts))
 
 
-def _fitted(request: Request, before: Calibration, anew: Sequence[str], progress: Any) -> tuple[Request, Calibration]:
+def _fitted(request: Request, before: Calibration, anew: Sequence[str], progress: Any, executor: Workers) -> tuple[Request, Calibration]:
     """Return the fit of a stage with its request; instruments that are not those of the tests before have constant errors of their own.
 
     The constant errors are fitted with the accuracy that is stated of them. Where they agree with those before, by the errors of both, the
@@ -540,16 +548,16 @@ def _fitted(request: Request, before: Calibration, anew: Sequence[str], progress
     What is known of all but the parts and values `anew` is that of before, by its model of error too.
     """
     if not anew:
-        return request, fit(request, progress)
+        return request, fit(request, progress, executor=executor)
     held_request = replace(request, records=tuple(as_found(r, before.values, before.bias) for r in request.records))
     own_request = replace(request, held_bias={}, held_errors=None, store=request.store.only(lambda s: s.kind == "parameter"), remarks=())
     try:
-        refit = fit(own_request, progress) if any(s.kind != "parameter" for s in before.store.states.values()) else None
+        refit = fit(own_request, progress, executor=executor) if any(s.kind != "parameter" for s in before.store.states.values()) else None
     except IdentificationError:
         refit = None
     changed = moved_instruments(before.store, refit.store) if refit is not None else None
     if refit is None or changed is None or changed.verdict != MOVED:
-        return held_request, _with_errors_before(fit(held_request, progress), before, anew, held_request)
+        return held_request, _with_errors_before(fit(held_request, progress, executor=executor), before, anew, held_request)
     remark = (
         f"the logs after the swap come from other instruments, or these drifted: {', '.join(changed.paths)}. Their constant errors "
         "were fitted again, within the stated accuracy. Of the other values, only those were fitted again that the new part affects."
@@ -701,20 +709,19 @@ def _handed(inherit: InheritTable, plan: RetunePlan, done: Mapping[str, Calibrat
 
 def _of_new(inherit: Mapping[str, InheritTable], stage: StagePlan, plan: RetunePlan) -> dict[str, InheritTable]:
     """Return what a stage inherits, without what stages found of parts of the old part that the new one does not have."""
+    definitions, requests = dict(instances(plan.model)), plan.campaign.requests
+
+    def has_same_deck(name: str, path: str) -> bool:
+        """Return whether the new part has, at a path, the deck that a stage was fitted with."""
+        return name in requests and definitions.get(f"{plan.model.canonical(path)}.") == definition_of(requests[name].model)
+
     out = {}
     for part, i in inherit.items():
         path = part if stage.alone else stage.model.canonical(part)
         rest = path if stage.alone else path.removeprefix(f"{stage.part}.") if inside(path, stage.part) else ""
-        if rest in ("", stage.part) or (rest != "." and all(_same_part(plan, n, rest) for n in i.stages)):
+        if rest in ("", stage.part) or (rest != "." and all(has_same_deck(n, rest) for n in i.stages)):
             out[part] = i
     return out
-
-
-def _same_part(plan: RetunePlan, stage: str, path: str) -> bool:
-    """Return whether the new part has, at a path, the deck that a stage was fitted with."""
-    definitions = dict(instances(plan.model))
-    below = plan.campaign.requests.get(stage)
-    return below is not None and definitions.get(f"{plan.model.canonical(path)}.") == definition_of(below.model)
 
 
 def _local(request: Request, stage: StagePlan, before: Calibration, plan: RetunePlan) -> Request:

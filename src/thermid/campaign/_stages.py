@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
@@ -521,6 +521,7 @@ def run_stages(
     cache: str | os.PathLike[str] | None = None,
     accept: Sequence[str] = (),
     fresh: bool = False,
+    only: Collection[str] = (),
     executor: Workers = None,
 ) -> Campaign:
     """Return the calibrations and verdicts of a campaign.
@@ -529,14 +530,12 @@ def run_stages(
 
     Parameters
     ----------
-    campaign : path         The campaign file.
-    data : path             A folder of logs outside the project.
+    campaign, data : path   The campaign file; a folder of logs outside the project.
     notice : callable       Called while stages run.
-    cache : path            A results folder; a log that is as it was is not parsed again, and a stage of which nothing changed, the code
-                            included, is not fitted again.
-    accept : sequence       Stages that are accepted as they are, beside those that the file accepts: their standing stays and is told,
-                            the exit codes of commands do not count it.
+    cache : path            A results folder: logs and stages of which nothing changed, the code included, are taken from it.
+    accept : sequence       Stages accepted as they are, beside those of the file: their standing is told, exit codes do not count it.
     fresh : bool            Whether every stage is fitted anew, whatever the results folder keeps; it keeps what comes out.
+    only : collection       Stages that are fitted, with all that they rest on among them; all of them when empty.
     executor                As in `ensemble`: stages that do not rest on one another are fitted at the same time, and descents of one.
 
     Raises
@@ -545,13 +544,11 @@ def run_stages(
     """
     source = campaign if isinstance(campaign, CampaignSource) else read_campaign(campaign, data)
     folder = Path(cache) if cache is not None else None
-    source = replace(source, results=folder) if folder is not None else source
-    source = accepting(source, accept) if accept else source
-    if folder is not None and fresh:
-        forget(folder, (*(s.name for s in source.content.stages), "joint"))
-    done: dict[str, Calibration] = {}
-    keys, requests, changed = dict[str, str](), dict[str, Request](), dict[str, tuple[str, ...]]()
-    todo, workers = dict(enumerate(source.content.stages)), KeptTasks.of_workers(executor).workers
+    source = accepting(replace(source, results=folder or source.results), accept)
+    forget(folder if fresh else None, (*(s.name for s in source.content.stages), "joint"))
+    done, keys, requests, changed = dict[str, Calibration](), dict[str, str](), dict[str, Request](), dict[str, tuple[str, ...]]()
+    todo = {k: s for k, s in enumerate(source.content.stages) if not only or s.name in only}
+    workers = KeptTasks.of_workers(executor).workers
     while todo:
         # a stage waits for the earlier ones that it rests on
         rests = {k: {n for i in s.inherit.values() for n in i.stages} for k, s in todo.items()}
@@ -566,14 +563,13 @@ def run_stages(
             tasks.append((place, (request, source.path.name, place, recall(folder, name, key), errors_kept(folder, name, key), *alone)))
         for _, (fitted, new) in in_tasks(_fitted, tasks, workers if len(ready) > 1 else None):
             name = fitted.stage
-            if new:
-                changed[name] = changed_since(folder, name, ingredients[name])
+            changed |= {name: changed_since(folder, name, ingredients[name])} if new else {}
             if new and fitted.converged:
                 remember(folder, name, keys[name], fitted.end.place if fitted.end is not None else None, ingredients[name])
             done[name] = fitted
             _go_on(fitted, [s.name for s in todo.values() if s.name not in done], source)
         todo = {k: s for k, s in todo.items() if k not in ready}
-    done = {s.name: done[s.name] for s in source.content.stages}
+    done = {s.name: done[s.name] for s in source.content.stages if s.name in done}
     result = Campaign(source.content.title, done, (), keys, source.content.note, None, source, requests, changed)
     result = replace(result, joint=_joint(result, notice, folder)) if source.content.joint is not None else result
     return judge(result, folder, notice)

@@ -15,11 +15,10 @@ from thermid.base.dual import value_of
 from thermid.base.errors import DeckError, IdentificationError, NameNotFoundError, RecordError, ThermidError, errors_at, refuse_unknown
 from thermid.base.expression import kelvin
 from thermid.base.toml_files import resolve_inside
-from thermid.campaign._cache import errors_kept, recall
 from thermid.campaign._file import CampaignSource, bound_by, local_of, read_campaign, scenario_of
 from thermid.campaign._judge.limits import Limits
 from thermid.campaign._judge.predictions import CampaignPrediction
-from thermid.campaign._stages import Campaign, Notice, keyed, progress_of, readings_of, request_of, run_stages
+from thermid.campaign._stages import Campaign, Notice, keyed, readings_of, request_of, run_stages
 from thermid.fit.calibration import (
     FIRST,
     Calibration,
@@ -156,6 +155,7 @@ def survey(
     data: str | os.PathLike[str] | None = None,
     cache: str | os.PathLike[str] | None = None,
     notice: Notice | None = None,
+    executor: Workers = None,
 ) -> dict[str, Identifiability]:
     """Return stage -> what its logs can tell of what it frees, before its own fit, so that a stage that would be refused is explained too.
 
@@ -165,8 +165,7 @@ def survey(
     stage : str             One stage; all of them when empty. Stages below it are fitted, since it starts from what they found.
     after : bool            Look at the ends of the fits and not at their starts.
     data : path             A folder of logs outside the project.
-    cache : path            A results folder; stages that it holds as they are now are not fitted again.
-    notice : callable       Called while stages run.
+    cache, notice, executor    As in `run_stages`.
 
     Raises
     ------
@@ -178,28 +177,21 @@ def survey(
     names = [s.name for s in stages]
     wanted = [stage] if stage else names
     refuse_unknown(wanted, names, source.content.title, "no stage '{}'.", NameNotFoundError)
-    below = {name: [n for i in s.inherit.values() for n in i.stages] for name, s in zip(names, stages, strict=True)}
-    needed = set(wanted)
+    below = {s.name: {n for i in s.inherit.values() for n in i.stages} for s in stages}
+    fits = set(wanted) if after else {n for name in wanted for n in below[name]}
     for name in reversed(names):  # a stage inherits from earlier ones only
-        needed |= set(below[name]) if name in needed else set()
-    fits = {n for name in needed for n in below[name]} | (set(wanted) if after else set())
-    done: dict[str, Calibration] = {}
-    keys: dict[str, str] = {}
+        fits |= below[name] if name in fits else set()
+    run = run_stages(source.unjudged, notice=notice, cache=folder, only=fits, executor=executor) if fits else None
+    done, keys = (run.stages, dict(run.keys)) if run is not None else ({}, {})
+    if after:
+        return {name: identifiability(done[name]) for name in wanted if done[name].values.parameters}
     out = {}
-    for k, (name, table) in enumerate(zip(names, stages, strict=True)):
-        if name not in needed:
-            continue
-        with errors_at(source.where(f"stages.{k}"), ": "):
-            request, _ = keyed(request_of(source, table, k, done), table, keys)
-            if name in wanted and not after and request.free:
-                out[name] = identifiability_of(request)
-            if name in fits:
-                keys[name] = request.key
-                done[name] = fit(
-                    request, progress_of(notice, name), recall(folder, name, keys[name]), keeping=errors_kept(folder, name, keys[name])
-                )
-            if name in wanted and after and done[name].values.parameters:
-                out[name] = identifiability(done[name])
+    for k, table in enumerate(stages):
+        if table.name in wanted:
+            with errors_at(source.where(f"stages.{k}"), ": "):
+                request, _ = keyed(request_of(source, table, k, done), table, keys)
+                if request.free:
+                    out[table.name] = identifiability_of(request)
     return out
 
 

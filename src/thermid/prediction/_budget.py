@@ -5,6 +5,7 @@ from __future__ import annotations
 import fnmatch
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from itertools import product
 from typing import Any, Literal, get_args
 
@@ -406,12 +407,12 @@ class Budget:
         ends = np.cumsum([w.weight for w in self.ways])
         return np.asarray(np.minimum(np.searchsorted(ends, sources[place]), len(self.ways) - 1))
 
-    @property
+    @cached_property
     def means(self) -> Array:
         """Means (sources,) of the sources."""
         return np.array([s.law.mean for s in self.sources])
 
-    @property
+    @cached_property
     def sizes(self) -> Array:
         """Standard deviations (sources,) of the sources."""
         return np.sqrt([s.law.variance for s in self.sources])
@@ -467,10 +468,6 @@ class Budget:
         named, causes = (*self.sources, *sources), (*self.causes, *(cause,) * k)
         return replace(self, sources=named, causes=causes, alike=joined, targets=(*self.targets, *targets), gain=whole)
 
-    def with_one(self, source: Source, cause: str, target: Target) -> Budget:
-        """Return it with a source that moves one target by itself."""
-        return self.beside([source], cause, [target], np.ones((1, 1)))
-
     def below(self, errors: Sequence[ErrorModel]) -> Budget:
         """Return it with those sources alone that act on values which no fit has seen; all others are in the fits' models of error.
 
@@ -508,12 +505,11 @@ class Budget:
         acting = dict.fromkeys(n for e in errors for v in e.seen.values() for n, _, _ in v.acts if n in driven - target_names)
         out = out.beside([], BandCause.VALUES, [Target(n, "add") for n in acting], np.zeros((len(acting), 0)))
         for cause, name in _departures_of_run(errors, network, self.scenario, as_logged):
-            out = out.with_one(Source(name, "structural", Normal(), name), cause, Target(name, "heat"))
+            out = out.beside([Source(name, "structural", Normal(), name)], cause, [Target(name, "heat")], 1.0)
         elements = {c.source for e in errors for w in e.ways for c in w.columns} or {*network.nodes}
-        for n in (n for n in network.nodes if n in elements):
-            out = out.with_one(
-                Source(f"left over at {n}", "misfit", Normal(), BandCause.UNEXPLAINED), BandCause.UNEXPLAINED, Target(n, "node")
-            )
+        places = [Target(n, "node") for n in network.nodes if n in elements]
+        sources = [Source(f"left over at {t.name}", "misfit", Normal(), BandCause.UNEXPLAINED) for t in places]
+        out = out.beside(sources, BandCause.UNEXPLAINED, places, np.eye(len(places)))
         names = list(dict.fromkeys(w.name for e in errors if len(e.ways) > 1 for w in e.ways)) or [errors[0].ways[0].name]
         # a deck may have said since what carries the heat
         names = [n for n in names if all(w.agrees(network) for e in errors for w in e.ways if w.name == n)] or names
@@ -601,7 +597,7 @@ class Budget:
         positive = (by_log or bool(again)) and nominal > 0.0 and float(law.at(np.array([MEMBER_TAIL_SHARE]))[0]) > MIN_LOG_SHARE * nominal
         spread_law: Distribution = Logarithm(law, nominal) if positive else Shifted(law, -nominal)
         target = Target(name, "log" if positive else "add", also)
-        out = self.with_one(Source(name, "stated", spread_law, cause[1]), cause[0], target)
+        out = self.beside([Source(name, "stated", spread_law, cause[1])], cause[0], [target], 1.0)
         for fitted, moved in ((f, m) for dependents in again for f, m in dependents.items()):
             row = next((k for k, t in enumerate(out.targets) if t.name == fitted and t.form in ("add", "log")), None)
             if row is not None:
@@ -729,7 +725,7 @@ def budget_of(
     contacts, remark = open_contacts(source, rows, scenario)
     for path, gas in contacts.items():
         also = next((t.also for t in make.targets if t.name == path), ())
-        make = make.with_one(gas, GAS_IN_JOINTS, Target(path, "factor", also))
+        make = make.beside([gas], GAS_IN_JOINTS, [Target(path, "factor", also)], 1.0)
     make = replace(make, followed=followed_by(source.discrepancies), said=told_first(k.of_assumed for k in source.discrepancies))
     make = make.with_stated(plain)
     unseen = UNSEEN if split_model.runner is not None else ""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from os import PathLike
 from typing import Any
 
@@ -98,30 +99,30 @@ class Knowledge(Result):
         """Of the values of the model, and of the fit where it is at hand."""
         return worst([model_standing(self.model), *([self.fit.standing] if self.fit is not None else [])])
 
-    @property
+    @cached_property
     def stores(self) -> tuple[Store, ...]:
         """What is known at every depth behind each of `values`, by the paths of the model."""
         stores = [self.fit.store] if self.fit is not None else [v.store if v.store is not None else v.as_store() for v in self.values]
         return tuple(graft(self.model, [(self.at, s)])[0] if self.at else s.in_decks(self.model)[0] for s in stores)
 
-    @property
+    @cached_property
     def placed(self) -> tuple[FittedValues, ...]:
         """The values by the paths of the model."""
         if not self.at:
             return self.values
         return tuple(_with_twins(values_at(v, self.at), store) for v, store in zip(self.values, self.stores, strict=True))
 
-    @property
+    @cached_property
     def provenances(self) -> tuple[Mapping[str, Any], ...]:
         """What is kept of every fit behind the values, the first one first, by the paths of the model."""
         return tuple(provenance for s in self.stores for provenance in s.provenance.values())
 
-    @property
+    @cached_property
     def discrepancies(self) -> tuple[Discrepancy, ...]:
         """What the fits leave open in the structure of their models, the first one first, as far as they say it."""
         return tuple(k for provenance in self.provenances if (k := kept_in(provenance)) is not None)
 
-    @property
+    @cached_property
     def errors(self) -> tuple[ErrorModel, ...]:
         """The models of error that speak of the elements of the model, each element once, by the last stage that saw it.
 

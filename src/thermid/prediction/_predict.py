@@ -8,6 +8,7 @@ from __future__ import annotations
 import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from statistics import NormalDist
 from typing import Any
 
@@ -168,7 +169,7 @@ class Band(Result):
         rest = self.kelvin - self.simulated - np.sum([np.zeros(self.times.size), *named.values()], axis=0)
         return named | ({BENT: rest} if float(np.abs(rest).max(initial=0.0)) > ROUNDING else {})
 
-    @property
+    @cached_property
     def kelvin(self) -> Array:
         """Expected temperatures (times,): the mean of the members where there are some. [K]"""
         return self.simulated + self.shift if self.members is None else np.asarray(self.members.mean(axis=1))
@@ -188,7 +189,7 @@ class Band(Result):
         """Expected temperatures (times,). [degC]"""
         return self.kelvin - ICE_POINT
 
-    @property
+    @cached_property
     def error(self) -> Array:
         """Standard error (times,). [K]"""
         if self.members is not None:
@@ -231,15 +232,15 @@ class Band(Result):
         low, high = (float(np.interp(time, self.times, x)) for x in self.interval())
         parts = {c: float(np.interp(time, self.times, v)) for c, v in self.parts.items()}
         celsius, error = (float(np.interp(time, self.times, x)) for x in (self.celsius, self.error))
-        return Estimate(celsius, error, low, high, _shares(parts))
+        return Estimate(celsius, error, low, high, shares(parts))
 
-    @property
+    @cached_property
     def final(self) -> Estimate:
         """The last temperature."""
         return self.at(float(self.times[-1]))
 
 
-def _shares(parts: Mapping[str, float]) -> dict[str, float]:
+def shares(parts: Mapping[str, float]) -> dict[str, float]:
     """Return cause -> share of the sum of variances; zeros where that is zero. [-]"""
     whole = sum(parts.values())
     return {c: v / whole if whole > 0 else 0.0 for c, v in parts.items()}
@@ -570,7 +571,7 @@ def _mixed(several: Sequence[Estimate], weights: Array) -> Estimate:
     variance = sum(variances.values())
     error = variance**0.5 if variance >= ROUNDING**2 else 0.0
     wide = NormalDist().inv_cdf(0.975) * error
-    return Estimate(celsius, error, celsius - wide, celsius + wide, _shares(variances))
+    return Estimate(celsius, error, celsius - wide, celsius + wide, shares(variances))
 
 
 def predicted(

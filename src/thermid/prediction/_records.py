@@ -36,7 +36,7 @@ from thermid.measure.records import Record
 from thermid.model.elements import UNJUDGED, Constant, Standing, TableSignal, literal
 from thermid.prediction._budget import AVERAGED, Budget, budget_of, first_line, in_order
 from thermid.prediction._known import Knowledge, rows_of
-from thermid.prediction._predict import parted, predicted
+from thermid.prediction._predict import parted, predicted, shares
 from thermid.prediction._setting import Setting
 from thermid.simulation.runs import Scenario
 from thermid.values.store import LeftOut, error_table_of
@@ -250,9 +250,7 @@ class RecordPrediction:
 
 def _shares(b: SensorBand) -> dict[str, float]:
     """Return cause -> share of the mean variance of a band; zeros where that is zero. [-]"""
-    means = {c: float(v.mean()) for c, v in b.parts.items()}
-    whole = sum(means.values())
-    return {c: v / whole if whole > 0 else 0.0 for c, v in means.items()}
+    return shares({c: float(v.mean()) for c, v in b.parts.items()})
 
 
 def record_request(

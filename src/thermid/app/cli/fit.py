@@ -19,7 +19,6 @@ from thermid.app.cli.options import (
     Cluster,
     Data,
     Force,
-    Job,
     Json,
     Moments,
     Page,
@@ -30,6 +29,7 @@ from thermid.app.cli.options import (
     ValuesPath,
     Verbose,
     Whole,
+    add_worker_options,
     executor_of,
     filled_model,
     leave,
@@ -88,15 +88,14 @@ def _run(
     return campaign, campaign.save(folder)
 
 
+@add_worker_options
 def calibrate(
     campaign: CampaignPath,
     data: Data = None,
     to: Kept = None,
     fresh: Fresh = False,
     accept: Accept = None,
-    workers: Processes = 1,
-    cluster: Cluster = "",
-    job: Job = None,
+    executor: Workers = None,
     force: Force = False,
     verbose: Verbose = False,
     as_json: Json = False,
@@ -107,7 +106,7 @@ def calibrate(
 
     Exit code 1 if a verdict failed or a fit is not credible, 4 if the data cannot decide.
     """
-    result, files = _run(campaign, data, to, fresh, accept, executor_of(workers, cluster, job))
+    result, files = _run(campaign, data, to, fresh, accept, executor)
     names = [f.name for f in files]
     if as_json:
         say(True, campaign_object(result, names), "")
@@ -124,6 +123,7 @@ def calibrate(
     leave(result.standing, result.exit_code)
 
 
+@add_worker_options
 def report(
     campaign: Annotated[Path | None, typer.Argument(help="A campaign (TOML); the only one of this folder without it.")] = None,
     to: Page = None,
@@ -132,9 +132,7 @@ def report(
     audience: Audience = "all",
     fresh: Fresh = False,
     accept: Accept = None,
-    workers: Processes = 1,
-    cluster: Cluster = "",
-    job: Job = None,
+    executor: Workers = None,
     force: Force = False,
     as_json: Json = False,
 ) -> None:
@@ -149,7 +147,7 @@ def report(
     to = to or Path("report.html")
     check_target(to)
     check_audience(audience)
-    result, _ = _run(campaign, data, results, fresh, accept, executor_of(workers, cluster, job))
+    result, _ = _run(campaign, data, results, fresh, accept, executor)
     with working("writing the report"):
         files = named_page(page.report(result, to=to, audience=audience, tables_to=tables_folder(to)))
     taken = [f"campaign: {campaign}, the only one of this folder"] if alone else []
@@ -167,21 +165,22 @@ def _only_campaign() -> Path:
     """
     found = [path for path in sorted(Path().glob("*.toml")) if kind_of_text(read_bytes(path)) == "a campaign"]
     if len(found) != 1:
-        several = ", ".join(map(str, found)) or "none"
         raise ScenarioError(
-            f"campaigns of this folder: {several}. Name one: thermid report campaign.toml --to report.html.",
+            f"campaigns of this folder: {', '.join(map(str, found)) or 'none'}. Name one: thermid report campaign.toml --to report.html.",
             "command line",
             code="value.incomplete",
         )
     return found[0]
 
 
+@add_worker_options
 def identify(
     campaign: CampaignPath,
     stage: Annotated[str, typer.Option("--stage", help="One stage; all of them without it.")] = "",
     after: Annotated[bool, typer.Option("--after", help="Look at the ends of the fits, not at their starts.")] = False,
     data: Data = None,
     results: Results = None,
+    executor: Workers = None,
     verbose: Whole = False,
     as_json: Json = False,
 ) -> None:
@@ -190,11 +189,14 @@ def identify(
     Parameters that cannot be separated are named, with the measurement that would help.
     """
     with campaign_progress(campaign) as progress:
-        stages = survey(campaign, stage, after=after, data=data, cache=results or campaign.parent / "results", notice=progress)
+        stages = survey(
+            campaign, stage, after=after, data=data, cache=results or campaign.parent / "results", notice=progress, executor=executor
+        )
     text = "\n\n".join(f"{i}\n  inputs:\n{i.inputs.indented}" for i in stages.values())
     say(as_json, {"stages": {name: i.to_dict() for name, i in stages.items()}}, text, verbose)
 
 
+@add_worker_options
 def estimate(
     campaign: CampaignPath,
     noise: Annotated[
@@ -212,6 +214,7 @@ def estimate(
     scenario: ScenarioPath = None,
     data: Data = None,
     results: Results = None,
+    executor: Workers = None,
     verbose: Whole = False,
     as_json: Json = False,
 ) -> None:
@@ -222,7 +225,7 @@ def estimate(
     """
     conditions = load_scenario(scenario) if scenario is not None else None
     drivers = pairs(noise, "--noise")
-    result = staged(campaign, data, results, stage=stage, judged=False)
+    result = staged(campaign, data, results, executor=executor, stage=stage, judged=False)
     request = result.requests[result[stage].stage if stage else list(result)[-1]]
     with working(f"process noise of stage '{request.name}'"):
         estimation = estimated(replace(request, fit_start=False), drivers, {}, with_unit(horizon, "s"))
@@ -235,15 +238,14 @@ def estimate(
     raise SystemExit(0 if estimation.chosen.maximum.converged else 1)
 
 
+@add_worker_options
 def fleet(
     campaign: CampaignPath,
     scenario: ScenarioPath = None,
     members: Annotated[int, typer.Option("--members", help="Units that are drawn for the bands of --scenario.", min=2)] = 1000,
     data: Data = None,
     results: Results = None,
-    workers: Processes = 1,
-    cluster: Cluster = "",
-    job: Job = None,
+    executor: Workers = None,
     verbose: Whole = False,
     as_json: Json = False,
 ) -> None:
@@ -254,12 +256,11 @@ def fleet(
     or what `calibrate` exits with if the fit of a unit is not credible or adequate.
     """
     conditions = load_scenario(scenario) if scenario is not None else None
-    executor = executor_of(workers, cluster, job)
     with campaign_progress(campaign) as progress:
         population = fleet_in(campaign, data=data, cache=results or campaign.parent / "results", notice=progress, executor=executor)
     answer, lines = population.to_dict(), [str(population)]
     if conditions is not None:
-        runs = population.predict(conditions, members, executor=executor_of(workers, cluster))  # traces, which no folder keeps
+        runs = population.predict(conditions, members, executor=KeptTasks.of_workers(executor).workers)  # traces, which no folder keeps
         bands = {n: np.quantile(runs.highest(n), (0.5, 0.025, 0.975)).tolist() for n in runs.nodes}
         answer |= {"highest_degC": {n: dict(zip(("median", "low", "high"), b, strict=True)) for n, b in bands.items()}}
         lines.append(f"Highest temperatures of a unit not built yet, {conditions.title}, 95 % of {members} drawn units:")
@@ -268,11 +269,13 @@ def fleet(
     raise SystemExit(1 if population.odd else population.standing.exit_code)
 
 
+@add_worker_options
 def credibility(
     campaign: CampaignPath,
     data: Data = None,
     results: Results = None,
     to: Annotated[Path | None, typer.Option("--to", help="The file to write, JSON or TOML; standard output without it.")] = None,
+    executor: Workers = None,
     force: Force = False,
     verbose: Whole = False,
     as_json: Json = False,
@@ -282,13 +285,14 @@ def credibility(
     Level and origin of every value are listed too, and the sizes of model error; --to writes the values as JSON or TOML.
     """
     writable((to, FileKinds.CREDIBILITY))
-    record = origins.credibility(staged(campaign, data, results))
+    record = origins.credibility(staged(campaign, data, results, executor=executor))
     if to is not None:
         record.save(to)
     sizes = {name: {"value": s.value, "unit": s.unit, "sets": s.sets} for name, s in SIZES.items()}
     say(as_json, record.to_dict() | {"sizes_of_error": sizes}, f"written: {to}" if to is not None else f"{record}\n\n{SIZES}", verbose)
 
 
+@add_worker_options
 def swap(
     campaign: CampaignPath,
     part: Annotated[str, typer.Argument(help="Path of the part in the model of the last stage, such as pre.ele.")],
@@ -302,6 +306,7 @@ def swap(
         typer.Option("--sensor-at", help="OLD=NEW: nodes of the part, where a sensor sits elsewhere on the new one."),
     ] = [],  # noqa: B006
     to: Annotated[Path | None, typer.Option("--to", help="Folder for the values files of the retune.")] = None,
+    executor: Workers = None,
     accept: Accept = None,
     force: Force = False,
     verbose: Whole = False,
@@ -322,7 +327,7 @@ def swap(
     logs = new_logs(campaign, new_data) if new_data is not None else None
     check_replacement(campaign, part, deck, logs, part_only)
     sensors = pairs(sensor_at, "--sensor-at")
-    plan = plan_retune(staged(campaign, data, results, accept), part, deck, sensors=sensors)
+    plan = plan_retune(staged(campaign, data, results, accept, executor=executor), part, deck, sensors=sensors)
     content: dict[str, Any] = {"plan": retune_object(plan)}
     texts, standing, code = [str(plan)], plan.standing, 0
     if logs is not None:
@@ -330,7 +335,7 @@ def swap(
         if to is not None:
             deck.parent.mkdir(exist_ok=True)
             save_model(plan.deck, deck)
-        retuned = plan.run(logs, part_only=part_only)
+        retuned = plan.run(logs, part_only=part_only, executor=executor)
         texts, standing, code = [plan.text], retuned.standing, retuned.exit_code
         run = [s.name for s in plan.stages if s.action == "run" and (s.alone or not part_only)]
         content["stages"] = [calibration_object(retuned[name]) for name in run]
@@ -350,6 +355,7 @@ def swap(
     leave(standing, code)
 
 
+@add_worker_options
 def predict(
     campaign: Annotated[Path, typer.Argument(help="A campaign (TOML), or with --values a deck.")],
     stage: Annotated[str, typer.Option("--stage", help="The stage whose values are used; the last one by default.")] = "",
@@ -369,21 +375,21 @@ def predict(
     force: Force = False,
     data: Data = None,
     results: Results = None,
+    executor: Workers = None,
     accept: Accept = None,
     verbose: Whole = False,
     as_json: Json = False,
 ) -> None:
     """Predict scenarios with a fitted stage, with 95 % bands.
 
-    Without --scenario and --record, the predictions that the campaign names are
-    made, with the margins of their bands to limits: exit code 1 if one is
-    exceeded. The bands are broken down into their causes. A logged run is
-    compared with its readings. With --values, a scenario is predicted with a
-    deck and what a stage found of it, or of a part of it (PART=FILE).
+    Without --scenario and --record, the predictions that the campaign names are made, with the margins of their bands to limits: exit code
+    1 if one is exceeded. Bands are broken down into their causes. A logged run is compared with its readings. With --values, a scenario is
+    predicted with a deck and what a stage found of it, or of a part of it (PART=FILE).
     """
     if scenario is not None and record:
-        words = "a prediction is of a scenario or of logged runs. Give --scenario FILE or --record NAME."
-        raise ScenarioError(words, "command line", code="value.incomplete")
+        raise ScenarioError(
+            "a prediction is of a scenario or logged runs: --scenario FILE or --record NAME.", "command line", code="value.incomplete"
+        )
     conditions = load_scenario(scenario) if scenario is not None else None
     writable((csv, FileKinds.TABLE))
     spreads, times = _spreads(spread), moments(at, conditions.seconds) if conditions is not None else []
@@ -394,7 +400,7 @@ def predict(
         if conditions is None:
             options = {"--spread": spread, "--at": at, "--draws": draws, "--vacuum": vacuum, "--csv": csv}
             _refuse_options_of_scenario(campaign, bool(record), options, stage)
-        stages = staged(campaign, data, results, accept, stage=stage, records=record)
+        stages = staged(campaign, data, results, accept, executor=executor, stage=stage, records=record)
         name = stage or list(stages)[-1]
         if conditions is None:
             _predict_without_scenario(campaign, data, stages, name, record, as_json, verbose)
@@ -414,8 +420,11 @@ def predict(
 def _known_of_file(deck: Path, values: Path, alone: bool) -> tuple[Knowledge, str]:
     """Return what a values file says of a deck, and its stage; `alone` says that only a scenario is given with it."""
     if not alone:
-        words = "values are laid over a deck, which has no stages, records or results. Give it with --values and --scenario FILE."
-        raise ScenarioError(words, "--values", code="value.excludes-another")
+        raise ScenarioError(
+            "values are laid over a deck, which has no stages, records or results. Give it with --values and --scenario FILE.",
+            "--values",
+            code="value.excludes-another",
+        )
     filled = filled_model(load_model(deck), values, None)
     return Knowledge.of_file(filled), filled.values.stage
 
@@ -550,19 +559,20 @@ def hold(
     if dry_run or math.isfinite(memory):
         cost = hold_question.cost(n=members, folder=folder)
         if cost.size > 1e6 * memory:
-            text = f"{cost}, more than {memory:g} MB. Ask for fewer reference points, or a longer interval: every = '30 [min]'."
-            raise ScenarioError(text, question.name)
+            raise ScenarioError(
+                f"{cost}, more than {memory:g} MB. Ask for fewer reference points, or a longer interval: every = '30 [min]'.", question.name
+            )
     if dry_run:
         say(as_json, {"members": cost.members, "kept": cost.kept, "processor_s": cost.seconds, "memory_B": cost.size}, cost, verbose)
         return
     with MemberProgress() as progress:
         try:
-            _, answer = hold_question.run(
-                n=members, executor=KeptTasks(folder, KeptTasks.of_workers(executor_of(workers, cluster)).workers), progress=progress
-            )
+            _, answer = hold_question.run(n=members, executor=executor_of(workers, cluster, folder), progress=progress)
         except KeyboardInterrupt:
-            done = f"interrupted with {progress.finished} of {progress.members} runs done"
-            raise SolverError(f"{done}. The same command goes on from there.", code="fit.stopped") from None
+            raise SolverError(
+                f"interrupted with {progress.finished} of {progress.members} runs done. The same command goes on from there.",
+                code="fit.stopped",
+            ) from None
     answer = replace(answer, standing=answer.standing.accept(accept or ()))
     if figure is not None:
         picture(answer, figure)
@@ -575,8 +585,7 @@ class MemberProgress(Progress):
 
     def __init__(self) -> None:
         super().__init__("members")
-        self.finished, self.members = 0, 0
-        self._at = -1
+        self.finished, self.members, self._at = 0, 0, -1
 
     def __call__(self, done: int, members: int) -> None:
         """Show how many members are done; what the folder held took no time."""

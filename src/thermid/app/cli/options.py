@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from functools import wraps
+from inspect import signature
 from pathlib import Path
 from typing import Annotated, Any, NoReturn
 
@@ -21,7 +23,7 @@ from thermid.measure.amounts import pairs as pairs, with_unit as with_unit
 from thermid.model.deck import load_model
 from thermid.model.elements import Standing, literal
 from thermid.model.tree import Model
-from thermid.simulation.runs import KeptTasks, Workers
+from thermid.simulation.runs import KeptTasks, Workers as Workers
 from thermid.simulation.scenario_files import Scenario, load_scenario
 from thermid.values.store import model_standing
 from thermid.values.value_files import Filed, filed
@@ -96,10 +98,28 @@ def say(as_json: bool, content: Mapping[str, Any], text: object, verbose: bool |
 def executor_of(workers: int, cluster: str, job: Path | None = None) -> Workers:
     """Return who does tasks, as the options say, kept in a folder where one is given; None for this process alone."""
     by = cluster or (workers if workers > 1 else None)
-    if job is None:
-        return by
-    job.mkdir(parents=True, exist_ok=True)  # a file of that name is refused before long work
-    return KeptTasks(job, by)
+    if job is not None:
+        job.mkdir(parents=True, exist_ok=True)  # a file of that name is refused before long work
+    return KeptTasks(job, by) if job is not None else by
+
+
+def add_worker_options(run_command: Callable[..., None]) -> Callable[..., None]:
+    """Return a command with --workers, --cluster and --job in place of its argument `executor`, which is what they say."""
+
+    @wraps(run_command)
+    def run(*, workers: int, cluster: str, job: Path | None, **options: Any) -> None:
+        """Run the command."""
+        run_command(executor=executor_of(workers, cluster, job), **options)
+
+    form = signature(run_command, eval_str=True)
+    options = [
+        form.parameters["executor"].replace(name=n, annotation=kind, default=start)
+        for n, kind, start in (("workers", Processes, 1), ("cluster", Cluster, ""), ("job", Job, None))
+    ]
+    parameters = [p for one in form.parameters.values() for p in (options if one.name == "executor" else [one])]
+    run.__annotations__ = {p.name: p.annotation for p in parameters}
+    run.__dict__["__signature__"] = form.replace(parameters=parameters)
+    return run
 
 
 def leave(standing: Standing, code: int = 0) -> NoReturn:

@@ -9,7 +9,7 @@ from typing import Annotated
 
 import typer
 
-from thermid.app.cli.options import CampaignPath, Cluster, Data, Job, Json, Processes, Results, Whole, executor_of, leave, pairs, say
+from thermid.app.cli.options import CampaignPath, Data, Json, Results, Whole, Workers, add_worker_options, leave, pairs, say
 from thermid.app.cli.screen import searching, show, working
 from thermid.app.cli.summary import show_campaign, staged
 from thermid.app.examples import EXAMPLES, PUBLIC, copies, copy_example, example_named
@@ -161,14 +161,13 @@ def _several(question: str, shown: Sequence[str]) -> list[str]:
     return [] if answer == "-" else [part.strip() for part in answer.split(",") if part.strip()]
 
 
+@add_worker_options
 def improve(
     campaign: CampaignPath,
     stage: Annotated[str, typer.Option("--stage", help="The stage; the last one by default.")] = "",
     evaluations: Annotated[int, typer.Option("--evaluations", help="Budget of the search of a structure, in runs.")] = EVALUATIONS,
     data: Data = None,
-    workers: Processes = 1,
-    cluster: Cluster = "",
-    job: Job = None,
+    executor: Workers = None,
     as_json: Json = False,
 ) -> None:
     """Search for a better structure of a stage and write its files.
@@ -176,7 +175,7 @@ def improve(
     Deck and campaign are written beside the old ones, with a comparison before and after.
     """
     with working("searching for a structure"):
-        improved_model = improved.improve(campaign, stage, evaluations, data, executor=executor_of(workers, cluster, job))
+        improved_model = improved.improve(campaign, stage, evaluations, data, executor=executor)
     content = {
         "changes": list(improved_model.changes),
         "gain": improved_model.search.likelihood(improved_model.search.proposed),
@@ -222,7 +221,10 @@ def example(
         show(chosen.data.words, err=True)
     with working("making the synthetic logs" if chosen.makes else ""):
         copied = copy_example(
-            name, to, copies(originals), _print_count_of_logs if chosen.data is not None and sys.stderr.isatty() else None
+            *(name, to, copies(originals)),
+            (lambda n, whole: typer.echo(f"\r\x1b[2K{n} of {whole} logs", nl=n == whole, err=True))
+            if chosen.data is not None and sys.stderr.isatty()
+            else None,
         )
     content = {"folder": str(copied.folder), "logs": copied.logs, "checked": copied.checked, "next": chosen.first}
     if not run:
@@ -275,19 +277,14 @@ def _materials_listed() -> tuple[dict[str, object], str]:
     return {"materials": rows, "finishes": finishes}, "\n".join(lines)
 
 
-def _print_count_of_logs(count: int, whole: int) -> None:
-    """Print how many of the logs were read, on one line that is rewritten."""
-    typer.echo(f"\r\x1b[2K{count} of {whole} logs", nl=count == whole, err=True)
-
-
-def _fits(campaign: Path, stage: str, data: Path | None, results: Path | None) -> Mapping[str, Calibration]:
+def _fits(campaign: Path, stage: str, data: Path | None, results: Path | None, executor: Workers) -> Mapping[str, Calibration]:
     """Return the fits of a stage, or of all stages that were fitted to logs.
 
     Raises
     ------
     NameNotFoundError   When no stage of that name was fitted to logs.
     """
-    done = staged(campaign, data, results, stage=stage, judged=False).stages
+    done = staged(campaign, data, results, executor=executor, stage=stage, judged=False).stages
     fitted = {name: fit for name, fit in done.items() if fit.records}
     if not stage:
         return fitted
@@ -296,14 +293,13 @@ def _fits(campaign: Path, stage: str, data: Path | None, results: Path | None) -
     return {stage: fitted[stage]}
 
 
+@add_worker_options
 def criticise(
     campaign: CampaignPath,
     stage: Stage = "",
     data: Data = None,
     results: Results = None,
-    workers: Processes = 1,
-    cluster: Cluster = "",
-    job: Job = None,
+    executor: Workers = None,
     verbose: Whole = False,
     as_json: Json = False,
 ) -> None:
@@ -311,8 +307,7 @@ def criticise(
 
     Missing elements are tried in refits where the residuals are more than noise.
     """
-    executor = executor_of(workers, cluster, job)
-    fits = _fits(campaign, stage, data, results)
+    fits = _fits(campaign, stage, data, results, executor)
     criticisms = {}
     for name, fit in fits.items():
         with searching(f"missing elements of stage {name}") as progress:
@@ -321,6 +316,7 @@ def criticise(
     leave(worst(f.standing for f in fits.values()))
 
 
+@add_worker_options
 def plausibility(
     campaign: CampaignPath,
     stage: Stage = "",
@@ -332,6 +328,7 @@ def plausibility(
     ] = [],  # noqa: B006
     data: Data = None,
     results: Results = None,
+    executor: Workers = None,
     verbose: Whole = False,
     as_json: Json = False,
 ) -> None:
@@ -340,7 +337,7 @@ def plausibility(
     Exit code 1 if a value is not physical.
     """
     weights, powers = pairs(weight, "--weight"), pairs(delivered, "--delivered")
-    fits = _fits(campaign, stage, data, results)
+    fits = _fits(campaign, stage, data, results, executor)
     checks = {name: ranges_of(fit, weights=weights, delivered=powers) for name, fit in fits.items()}
     say(as_json, {"stages": {n: p.to_dict() for n, p in checks.items()}}, "\n\n".join(map(str, checks.values())), verbose)
     leave(worst(f.standing for f in fits.values()), 0 if all(p.physical for p in checks.values()) else 1)

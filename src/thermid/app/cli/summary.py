@@ -107,8 +107,9 @@ def staged(
     refuse_unknown([stage] if stage else [], [s.name for s in source.content.stages], path.name, "no stage '{}'.", NameNotFoundError)
     source.pick(records, "--record")
     with campaign_progress(path) as progress:
-        asked = source if judged else source.unjudged
-        return run_stages(asked, notice=progress, cache=folder, accept=accept or (), fresh=fresh, executor=executor)
+        return run_stages(
+            source if judged else source.unjudged, notice=progress, cache=folder, accept=accept or (), fresh=fresh, executor=executor
+        )
 
 
 def check_target(to: Path | None) -> None:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any
 
 import numpy as np
 
@@ -368,9 +367,8 @@ def points_of(
     problem: Problem, courses: Sequence[ElementCourse]
 ) -> tuple[dict[str, OperatingPoint], dict[str, tuple[PathLaw, float]]]:
     """Return conductor -> where it was found over the runs of a fit, by its courses, and what `paths_of` says of them."""
-    every: dict[str, Any] = {}
-    for e, course in zip(problem.experiments, courses, strict=True):
-        every |= conductors_of(e.network, course)
+    several = zip(problem.experiments, courses, strict=True)
+    every = {p: c for e, course in several for p, c in conductors_of(e.network, course).items()}
     points = {p: at for p, c in every.items() if (at := point_of(courses, c)) is not None}
     return points, paths_of(problem.experiments[0].network, courses)
 

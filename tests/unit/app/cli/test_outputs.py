@@ -13,6 +13,7 @@ import pytest
 from typer.main import get_command
 
 from thermid.app.cli.app import COMMANDS, app
+from thermid.base.errors import ScenarioError
 from thermid.interop.decks import read_sinda
 from thermid.model.deck import save_model
 from torture.seeds import SINDA
@@ -108,6 +109,12 @@ OUTPUTS = {
     "report --job": ["report", "campaign.toml", "--to", "new.html", "--job"],
     "criticise --job": ["criticise", "campaign.toml", "--job"],
     "improve --job": ["improve", "campaign.toml", "--job"],
+    "identify --job": ["identify", "campaign.toml", "--job"],
+    "estimate --job": ["estimate", "campaign.toml", "--noise", "case=free", "--job"],
+    "swap --job": ["swap", "campaign.toml", "a", "cool.toml", "--job"],
+    "predict --job": ["predict", "campaign.toml", "--scenario", "pair_warm.toml", "--job"],
+    "credibility --job": ["credibility", "campaign.toml", "--job"],
+    "plausibility --job": ["plausibility", "campaign.toml", "--job"],
     "fleet --job": ["fleet", "fleet.toml", "--scenario", "warm.toml", "--members", "4", "--job"],
     "report --results": ["report", "campaign.toml", "--to", "new.html", "--results"],
 }
@@ -203,6 +210,27 @@ def test_every_one_of_these_commands_can_write(call: Call, bench: Path, output: 
     assert said.code in (0, 1, 4, 5), said.err
     assert target.exists()
     shutil.rmtree("r", ignore_errors=True)
+
+
+@pytest.mark.parametrize(
+    "command", ["calibrate", "report", "identify", "estimate", "swap", "predict", "credibility", "criticise", "plausibility"]
+)
+def test_stages_are_fitted_by_the_workers_that_are_asked_for(
+    call: Call, bench: Path, command: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asked: list[object] = []
+
+    def run(*_: object, executor: object, **__: object) -> None:
+        asked.append(executor)
+        raise ScenarioError("stop here")
+
+    for module in ("thermid.app.cli.summary", "thermid.campaign._survey"):
+        monkeypatch.setattr(f"{module}.run_stages", run)
+    words = OUTPUTS[f"{command} --job"][:-1] + ["--after"] * (command == "identify")
+    assert call(*words, "--workers", "3").code == 2
+    assert call(*words, "--cluster", "tcp://127.0.0.1:1", "--job", "jobs").code == 2
+    shutil.rmtree("jobs")
+    assert (asked[0], asked[1].folder, asked[1].workers) == (3, Path("jobs"), "tcp://127.0.0.1:1")  # type: ignore[attr-defined]
 
 
 def test_folders_of_results_hold_what_others_wrote(call: Call, bench: Path) -> None:
