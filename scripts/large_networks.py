@@ -13,7 +13,7 @@ import numpy as np
 
 import thermid as td
 
-CASES = (((32, 32), 10, 0), ((70, 70), 30, 0), ((32, 32), 0, 20), ((10, 10, 10), 0, 1))
+CASES = (((32, 32), 10, 0), ((70, 70), 30, 0), ((32, 32), 0, 20), ((70, 70), 0, 50), ((10, 10, 10), 0, 1))
 """Nodes along each side, free conductances, thermostats."""
 
 

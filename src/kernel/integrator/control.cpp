@@ -107,9 +107,11 @@ bool Integrator::attempt(OutputList& out, double& next) {
     const double e = std::max(err, 1e-6);
     // What a jump of a projected input leaves is a matter of chance: answered in full, steps would only swing, and the longest would set the
     // error of all. Answered weakly, half of them stay below an eighth of what is allowed.
-    // Where a caller's own times cut steps, halves that err little would stay halves: they say at once how long a step may be.
+    // Where a caller's own times cut steps, halves that err little would stay halves: they say at once how long a step may be. On a ladder of steps
+    // the answer must reach the next rung, too.
     const double wish = step_.leftover && err > 1e-3 ? std::pow(e, -0.05)
                         : in_parts_ && clipped_      ? std::pow(e, -0.25)
+                        : step_.factors.kept         ? std::pow(e, -0.2)
                                                      : std::pow(e, -0.175) * std::pow(old_error_, 0.1);
     const double factor = std::min(5.0, std::max(0.2, 0.9 * wish));
     old_error_ = std::max(err, 1e-3);
@@ -158,7 +160,7 @@ void Integrator::advance(double t_end, OutputList& out) {
         clipped_ = false;
         double knot = -1.0;
         if (pending_ < 0) {
-            wish = step_.h = step_.factors.kept && !given ? step_.factors.rung(std::min(next, limit)) : std::min(next, limit);
+            wish = step_.h = step_.factors.kept && !given && !step_.leftover ? step_.factors.rung(std::min(next, limit)) : std::min(next, limit);
             if (hold_ < step_.h) {
                 // Up to the next knot nothing is left over; where the inputs allow about one sample, end the step there.
                 knot = std::numeric_limits<double>::infinity();
