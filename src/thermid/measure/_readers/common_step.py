@@ -17,6 +17,7 @@ import numpy as np
 
 from thermid.measure._readers.questions import SWITCH
 from thermid.measure._record.channel import FloatArray
+from thermid.measure.amounts import DAY, HOUR
 
 MAX_COMPARED_READINGS, TRIED_OFFSETS = 400, 300
 """Most readings that two courses are compared at, and offsets that are tried at first. [-]"""
@@ -49,7 +50,7 @@ FINER = 3
 
 ZONES = (*range(-12, 15), -9.5, -3.5, 3.5, 4.5, 5.5, 5.75, 6.5, 8.75, 9.5, 10.5, 12.75)
 """By how much local times are ahead of UTC, standard and summer (IANA time zone database). [h]"""
-CLOCKS_APART, HOUR, DAY = 300.0, 3600.0, 86400.0
+CLOCKS_APART = 300.0
 """By how much clocks that nobody set by each other may differ beside their zones. [s]"""
 
 MAX_POINTS = 20000
