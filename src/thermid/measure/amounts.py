@@ -11,6 +11,8 @@ from thermid.base.units import format_value
 
 MINUTE, HOUR, DAY = 60.0, 3600.0, 86400.0
 """[s]"""
+DEVIATION_OF_MEDIAN = 1.4826
+"""Standard deviation of normal samples over the median of their absolute values (Hampel, J. Am. Stat. Assoc. 69 (1974) 383-393). [-]"""
 
 
 def positive_seconds(written: object, what: str) -> float:

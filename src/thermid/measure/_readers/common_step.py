@@ -17,7 +17,7 @@ import numpy as np
 
 from thermid.measure._readers.questions import SWITCH
 from thermid.measure._record.channel import FloatArray
-from thermid.measure.amounts import DAY, HOUR
+from thermid.measure.amounts import DAY, DEVIATION_OF_MEDIAN, HOUR
 
 MAX_COMPARED_READINGS, TRIED_OFFSETS = 400, 300
 """Most readings that two courses are compared at, and offsets that are tried at first. [-]"""
@@ -319,7 +319,7 @@ def _quarter_time(course: LogCourse) -> float:
 
 def _scatter(course: LogCourse) -> float:
     """Return the standard deviation of readings from the line between their neighbours, by their median. [the course's unit]"""
-    return float(1.4826 * np.median(np.abs(np.diff(course.values, 2))) / 6.0**0.5)
+    return float(DEVIATION_OF_MEDIAN * np.median(np.abs(np.diff(course.values, 2))) / np.sqrt(6.0))
 
 
 def _enough_switches(seen: LogCourse, cause: LogCourse, offset: float) -> bool:
