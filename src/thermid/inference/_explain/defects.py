@@ -117,13 +117,15 @@ def _explained(fit: Calibration, request: Request) -> tuple[ExplainedFit, ...]:
                 attempts += [t for t in [_tried(open_request, change, clock, start)] if t is not None]
     if not attempts:
         return ()
-    best = max(attempts, key=_likeliest)
+    best = max(attempts, key=lambda t: t.weighing.best)
     if best.fit.reduced_chi_square > MAX_NOISE_CHI_SQUARE or _over(best.weighing, _weighed(fit, None)) < 0.5 * VERY_STRONG:
         return ()  # it leaves more than noise, or is not much better than the fit of the deck
-    likely = _nearly_as_likely(attempts)
-    weights = shares([t.weighing for t in likely])
+    weights = shares([t.weighing for t in attempts])
+    weights[weights < MIN_DEFECT_WEIGHT * weights.max()] = 0.0
     out = [
-        ExplainedFit("" if t.change is None else t.change.name, _finding(t), float(w), t.fit) for t, w in zip(likely, weights, strict=True)
+        ExplainedFit("" if t.change is None else t.change.name, _finding(t), float(w), t.fit)
+        for t, w in zip(attempts, weights / weights.sum(), strict=True)
+        if w > 0.0
     ]
     return tuple(sorted(out, key=lambda e: -e.weight))
 
@@ -144,18 +146,6 @@ def _promises(fit: Calibration, request: Request, change: MissingElement | None,
         return True  # the refit says why
     chi_square_left = float(np.sum((rows + slopes @ np.linalg.lstsq(slopes, -rows, rcond=None)[0]) ** 2)) / max(problem.freedom, 1)
     return chi_square_left <= max(MAX_NOISE_CHI_SQUARE, (1.0 - MIN_PROMISED_FALL) * fit.reduced_chi_square)
-
-
-def _likeliest(t: _Tried) -> float:
-    """Return the logarithm of the evidence of a refit; what refits are sorted by."""
-    return t.weighing.best
-
-
-def _nearly_as_likely(attempts: Sequence[_Tried]) -> list[_Tried]:
-    """Return the refits whose evidence is above `MIN_DEFECT_WEIGHT` of the best one's, under one noise."""
-    noise = noise_of(t.weighing for t in attempts)
-    most = max(t.weighing.logs[noise] for t in attempts)
-    return [t for t in attempts if t.weighing.logs[noise] > most + np.log(MIN_DEFECT_WEIGHT)]
 
 
 def _over(one: CauseScore, other: CauseScore) -> float:

@@ -349,11 +349,6 @@ def _mapped(request: Request, names: Iterable[str], law: Callable[[Array], Array
     return _with_records(request, change)
 
 
-def _scaled(factor: float, values: Array) -> Array:
-    """Return values times a factor."""
-    return factor * values
-
-
 def _per_cents(request: Request, network: Network) -> Iterator[Hypothesis]:
     """Yield powers up to 100 W, well above the deck's, that may be duty cycles in per cent."""
     values = network.flat.parameters.evaluate({})
@@ -365,7 +360,7 @@ def _per_cents(request: Request, network: Network) -> Iterator[Hypothesis]:
             continue
         words = f"'{name}' is a duty cycle in per cent but was read in watts, up to {short(largest, 3)} W for a load of {short(watts, 3)} W"
         remedy = f'Give {name} full_scale = "{short(watts, 3)} [W]", its power at 100 %.'
-        other = _mapped(request, [name], partial(_scaled, watts / 100.0))
+        other = _mapped(request, [name], partial(np.multiply, watts / 100.0))
         yield _hypothesis("per cent", name, words, remedy, other)
 
 
