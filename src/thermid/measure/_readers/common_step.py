@@ -10,7 +10,7 @@ of the N readings that both would share.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -425,16 +425,8 @@ def _error(effect: LogCourse, responses: Explanation, best: float, step: float) 
     changes = np.count_nonzero(np.diff(np.sign(residuals)))
     count = max(residuals.size * float(np.tan(0.5 * np.pi * min(changes / residuals.size, 0.5))) ** 2, MIN_INDEPENDENT)
     base = max(_part_unexplained(effect, responses, best), 1e-12)
-    for width in _widths(step, float(effect.times[-1])):
+    for width in np.geomspace(0.1 * step, max(effect.times[-1], step), 32).tolist():
         rise = min(_part_unexplained(effect, responses, best - width), _part_unexplained(effect, responses, best + width)) / base
         if np.log(rise) > 1.0 / count:
             return float(max(width, step / 12.0**0.5))
     return float(effect.times[-1])
-
-
-def _widths(step: float, length: float) -> Iterator[float]:
-    """Yield half-widths by factors of 1.3, from a tenth of a step to the whole length. [s]"""
-    width = 0.1 * step
-    while width < length:
-        yield width
-        width *= 1.3
