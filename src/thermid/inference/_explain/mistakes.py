@@ -25,6 +25,7 @@ from thermid.inference._explain.heats import Heat, heats_of, stores_of
 from thermid.inference._explain.rough_fit import MAX_DESCENT_STEPS, MAX_RANKING_STEPS, Extra, RoughEnd, RoughFit
 from thermid.inference._explain.thresholds import (
     ANY_VALUE,
+    CHOSEN,
     CLOCK_SHIFTS,
     FULLY_FITTED_HYPOTHESES,
     MAX_HEATED_NODES,
@@ -166,7 +167,7 @@ def _mistakes_of(request: Request, name: str) -> Mistakes:
         *_of_requests(request, fit),
         *(of_reading(extra, fit) for extra in sensors),
         *(
-            Hypothesis(heat.kind, heat.name, heat.words, heat.remedy, request, heat=heat, against=0.0 if heat.load else 2.0 * TIE)
+            Hypothesis(heat.kind, heat.name, heat.words, heat.remedy, request, heat=heat, against=0.0 if heat.load else 2.0 * CHOSEN)
             for heat in heats_of(request, fit, base, logged)
         ),
     ]
@@ -268,7 +269,7 @@ class Hypothesis:
     kind, name : str
     words, remedy : callable    From the amount that was found (0 where there is none), in words.
     request : Request           The request without the mistake; that of the fit where heat or an extra is what differs.
-    against : float             What it must gain beside: `TIE` for each instant that was chosen before its fit. [-]
+    against : float             What it must gain beside: `CHOSEN` for each instant that was chosen before its fit. [-]
     heat : Heat or None         Heat that acts, with an amount to be found.
     extra : Extra or None       What acts on one sensor, with an amount to be found.
     read : dict                 Sensor -> whose readings it has, and by what factor, where these are others; see `RoughFit.of_request`.
@@ -525,7 +526,7 @@ def _shift(request: Request, fit: RoughFit, names: list[str]) -> Hypothesis:
         f"Change the offset of that log by {-shift:+.4g} s, or give offset as a range and let the fit find it. 'thermid look' shows the "
         "clocks."
     )
-    return _hypothesis("clock", ", ".join(names), words, remedy, _shifted(request, names, shift), TIE)
+    return _hypothesis("clock", ", ".join(names), words, remedy, _shifted(request, names, shift), CHOSEN)
 
 
 def _shifted(request: Request, names: list[str], shift: float) -> Request:
@@ -563,4 +564,4 @@ def of_reading(extra: Extra, fit: RoughFit) -> Hypothesis:
         loose = f"is detached: {100 * amount:.0f} % of its reading comes from its surroundings"
         return f"'{t.sensor}' {loose if extra.loose else f'reads {amount:+.2g} K off'}{when}"
 
-    return Hypothesis("sensor", t.sensor, words, lambda _: remedy, fit.request, extra=extra, against=TIE)
+    return Hypothesis("sensor", t.sensor, words, lambda _: remedy, fit.request, extra=extra, against=CHOSEN)
