@@ -19,6 +19,7 @@ from thermid.fit.calibration import MEASURED, Calibration, Experiment, LocalSpec
 from thermid.fit.power import PowerCourse
 from thermid.inference._explain.causes import SIZES, SizedValue
 from thermid.inference._explain.thresholds import (
+    DEFAULT_COLD_TEMPERATURE,
     HOUR,
     MAX_CLOCK_ERROR,
     MAX_CLOCK_SHARE,
@@ -34,7 +35,6 @@ from thermid.inference._explain.thresholds import (
 from thermid.measure.amounts import short
 from thermid.model.elements import Conductor, Curve, HeatLoad, Node, parameter
 from thermid.model.tree import Model
-from thermid.physics.constants import AMBIENT_DEFAULT
 from thermid.simulation.network import Network, compile_network
 from thermid.simulation.runs import Scenario
 
@@ -912,7 +912,7 @@ def _growing_as_logged(structure: Fitted, place: _Place) -> MissingElement:
     """Return the logged power times 1 + a (T - T_0), a fitted, T_0 the mean first reading of its node."""
     load, free = place.load, f"{place.load}.temperature_coefficient"
     first = [float(o.measured[0]) for e in structure.experiments for o in e.observations if o.measured.size and o.seat == place.node]
-    cold = float(np.mean(first)) if first else AMBIENT_DEFAULT
+    cold = float(np.mean(first)) if first else DEFAULT_COLD_TEMPERATURE
     fields = {
         "power": parameter("1 [W]", load),
         "temperature_coefficient": parameter(

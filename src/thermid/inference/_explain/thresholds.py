@@ -8,6 +8,8 @@ import numpy as np
 
 # ---- candidates
 
+DEFAULT_COLD_TEMPERATURE: Final = 293.15
+"""Temperature at which a power is taken to be the logged one where its node has no reading. [K]"""
 SLOWEST_SAMPLES: Final = 10.0
 """Samples that a power takes to settle, at least. [-]"""
 MAX_TIP_SHARE: Final = 0.1

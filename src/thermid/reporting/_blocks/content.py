@@ -191,6 +191,17 @@ def capitalised(text: str) -> str:
     return text[:1].upper() + text[1:]
 
 
+def duration(seconds: float) -> str:
+    """Return a time as a person says it.
+
+    >>> duration(18000.0), duration(90.0)
+    ('5 h', '90 s')
+    """
+    if seconds <= 300:
+        return f"{seconds:.4g} s"
+    return f"{seconds / 60:.4g} min" if seconds < 3 * 3600 else f"{seconds / 3600:.4g} h"
+
+
 @dataclass(frozen=True)
 class Words(PageBlock):
     """A paragraph; `refs` are the keys of figures and tables to which it refers at its end."""

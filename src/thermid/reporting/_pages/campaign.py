@@ -21,7 +21,6 @@ from thermid.fit.calibration import MOVED, NOT_REJECTED, UNDECIDED, Calibration,
 from thermid.inference.criticism import criticise
 from thermid.inference.diagnosis import energy_balance
 from thermid.inference.intervals import identifiability
-from thermid.measure.amounts import duration_text
 from thermid.model.tree import Model, Names, flatten
 from thermid.physics.constants import ICE_POINT
 from thermid.reporting._blocks.content import (
@@ -38,6 +37,7 @@ from thermid.reporting._blocks.content import (
     PageBlock,
     Plot,
     Table,
+    duration,
     group_cell,
     number,
     oversized,
@@ -347,7 +347,7 @@ def _prediction(key: str, title: str, solution: Solution, campaign: Campaign) ->
     flows = {name: float(w[-1]) for name, w in solution.heat_flows.items()}
     end_state = {"temperatures": final, "flows": flows, "powers": powers, "title": end}
     pictures = [fitting_map(m, SHEET, **end_state) for m in _models_of(solution, campaign)]
-    length = duration_text(float(solution.times[-1] - solution.times[0]))
+    length = duration(float(solution.times[-1] - solution.times[0]))
     return {
         "key": key,
         "title": title,

@@ -16,7 +16,6 @@ from thermid.base.sourced import VERDICTS
 from thermid.campaign.stages import Campaign
 from thermid.campaign.verdicts import Check, Verdict, metric
 from thermid.fit.calibration import Calibration, SensorTrace
-from thermid.measure.amounts import duration_text
 from thermid.model.tree import Model, flatten
 from thermid.physics.constants import ICE_POINT
 from thermid.reporting._blocks.content import (
@@ -27,6 +26,7 @@ from thermid.reporting._blocks.content import (
     Plot,
     Words,
     capitalised,
+    duration,
     number,
     oversized,
     plain,
@@ -145,7 +145,7 @@ class Decisive:
         Without a hold-out record no limit applies: it gives the RMSE.
         """
         b, k = self.block, self.moment
-        at = duration_text(float(b.times[k] - b.times[0]))
+        at = duration(float(b.times[k] - b.times[0]))
         read = f"measured {b.measured[k] - ICE_POINT:.2f} °C, simulated {b.predicted[k] - ICE_POINT:.2f} °C"
         trace = f"{b.sensor} in {b.record}. After {at}: {read}, residual {b.residuals[k]:+.2f} K"
         if self.check is None:
@@ -230,7 +230,7 @@ def _network(decisive: Decisive, run: Solution | None) -> Plot | None:
     powers = {name: float(np.broadcast_to(v, run.times.shape)[k]) for name, v in run.load_powers.items()}
     markup = fitting_map(model, NETWORK_SIZE, temperatures=temperatures, flows=flows, powers=powers)
     hottest = max(nodes, key=lambda n: temperatures[n])
-    when = f"after {duration_text(float(run.times[k] - run.times[0]))} of {decisive.block.record}, when {hottest} is hottest"
+    when = f"after {duration(float(run.times[k] - run.times[0]))} of {decisive.block.record}, when {hottest} is hottest"
     caption = f"{model.title} {when}, as simulated: temperatures by colour, heat flows by width."
     return Plot(Graphic(markup, ()), caption, _tag(decisive.fit), NETWORK)
 

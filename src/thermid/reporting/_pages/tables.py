@@ -17,7 +17,6 @@ from thermid.base.units import counted, from_si, si_unit, unit
 from thermid.campaign.stages import Campaign
 from thermid.campaign.verdicts import CampaignPrediction, Check, Verdict, metric
 from thermid.fit.calibration import MOVED, Calibration
-from thermid.measure.amounts import duration_text
 from thermid.measure.records import Record
 from thermid.model.tree import Model, ParameterSet, flatten, ledger
 from thermid.physics.constants import ICE_POINT
@@ -29,6 +28,7 @@ from thermid.reporting._blocks.content import (
     Line,
     Table,
     capitalised,
+    duration,
     group_cell,
     number,
     plain,
@@ -387,7 +387,7 @@ def data(campaign: Campaign) -> list[Table]:
         file, begins, length, samples = DASH, DASH, DASH, DASH
         if record is not None:
             file, begins = record.origin.file, record.origin.start or DASH
-            length, samples = duration_text(record.duration), str(record.times.size)
+            length, samples = duration(record.duration), str(record.times.size)
             steps.setdefault(tuple(record.steps), []).append(name)
         rows.append([Cell(name, "", "main"), ", ".join(uses), kind, file, begins, length, samples, Cell(sha[:12], sha, "code")])
     if all(cells[4] == DASH for cells in rows):
