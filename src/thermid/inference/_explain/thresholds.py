@@ -63,7 +63,7 @@ MAX_REFIT_UNKNOWNS, MAX_REFIT_SAMPLES, MAX_REFIT_NODES, MAX_REFIT_RECORDS = 16, 
 HOUR, WRONG_HOURS = 3600.0, (0.0, -1.0, 1.0, -2.0, 2.0)
 """An hour [s], and by how many a clock of another time zone, or of summer time, is off."""
 MAX_CLOCK_ERROR, MAX_CLOCK_SHARE = 300.0, 0.25
-"""How far a clock that nobody set by the other may be off [s], and the part of the log that this is at most. [-]"""
+"""How far a clock that was not set by the other may be off [s], and the part of the log that this is at most. [-]"""
 
 # ---- diagnosis
 
@@ -72,7 +72,7 @@ DIAGNOSED_STRETCHES: Final = 24
 DIAGNOSED_ROUNDS, MAX_DIAGNOSED_FAULTS = 4, 6
 """Steps in which the size of a fault is found beside the equations, and how many of the likeliest faults are looked at so."""
 LEFT_BY_EVERY_MODEL: Final = 0.1
-"""Standard deviation of what every model leaves, wandering over a fifth of a log. [K]"""
+"""Standard deviation of what every model leaves, autocorrelated over a fifth of a log. [K]"""
 MIN_EXPLAINED_SHARE: Final = 0.7
 """Part of the weighted squares that a fault must take away to be called the explanation."""
 

@@ -30,7 +30,7 @@ def series_look(k: int) -> tuple[tuple[str, str], str]:
     return (f"--s{n}", SERIES[n]), " ".join(f"{d:g}" for d in DASHES[(n + k // len(SERIES)) % len(DASHES)])
 
 
-THIN, BROAD = 1.4, 3.4
+THIN, WIDE_LINE = 1.4, 3.4
 """Widths of a line, and of what others lie over. [px]"""
 COLD, MILD, WARM = (191, 219, 242), (244, 240, 226), (250, 188, 128)
 """Pale blue, paper and pale orange, on all of which dark text stands. [RGB]"""

@@ -18,10 +18,10 @@ from thermid.physics.constants import ICE_POINT
 from thermid.prediction.bands import Prediction
 from thermid.reporting._blocks.content import NARROW, Graphic, LegendEntry, Plot
 from thermid.reporting._pictures.chart import (
-    BROAD,
     END_LABEL,
     SERIES,
     THIN,
+    WIDE_LINE,
     Area,
     Panel,
     Stroke,
@@ -372,8 +372,8 @@ def compared(
     if wide > 0:
         bands = [Area("sensor, 95 %", x, y - wide, y + wide, LOOKS["measured"])]
         low = [Area("sensor, 95 %", ends, np.full(2, -wide), np.full(2, wide), LOOKS["measured"])]
-    lines = [Stroke("measured", x, y, LOOKS["measured"], BROAD), Stroke("simulated", x, predicted - ICE_POINT, LOOKS["simulated"])]
-    entries = [LegendEntry("measured", "--f-measured", width=BROAD), LegendEntry("simulated", "--f-simulated")]
+    lines = [Stroke("measured", x, y, LOOKS["measured"], WIDE_LINE), Stroke("simulated", x, predicted - ICE_POINT, LOOKS["simulated"])]
+    entries = [LegendEntry("measured", "--f-measured", width=WIDE_LINE), LegendEntry("simulated", "--f-simulated")]
     differences = [Stroke("measured less simulated", x, residual, LOOKS["residual"], 1.0, less=("measured", "simulated"))]
     entries.append(LegendEntry("measured less simulated", "--f-residual"))
     ambient, power = driven(drive, float(times[0]), float(times[-1]))
@@ -530,11 +530,11 @@ def coverage(shares: Mapping[str, Mapping[float, float]], key: str, label: str) 
 
 
 STYLES: dict[str, tuple[tuple[str, str], float, str]] = {
-    "measured": (("--f-measured", MEASURED), BROAD, ""),
+    "measured": (("--f-measured", MEASURED), WIDE_LINE, ""),
     "simulated": (("--f-simulated", SIMULATED), THIN, "6 2.5"),
     "bound": (("--f-residual", RESIDUAL), THIN, "1.5 2.5"),
     "bound off": (("--f-residual", RESIDUAL), THIN, "6 2 1.5 2"),
-    "bound start": (("--f-residual", RESIDUAL), 2.0 * BROAD, ""),
+    "bound start": (("--f-residual", RESIDUAL), 2.0 * WIDE_LINE, ""),
     "other": (("--s2", SERIES[2]), THIN, "8 2.5 2 2.5"),
     "truth": (("--f-ink", INK), THIN, ""),
 }
