@@ -168,14 +168,14 @@ def _likeliest(t: _Tried) -> float:
 def _nearly_as_likely(attempts: Sequence[_Tried]) -> list[_Tried]:
     """Return the refits whose evidence is above `MIN_DEFECT_WEIGHT` of the best one's, under one noise."""
     noise = noise_of(t.weighing for t in attempts)
-    most = max(t.weighing.averaged[noise] for t in attempts)
-    return [t for t in attempts if t.weighing.averaged[noise] > most + np.log(MIN_DEFECT_WEIGHT)]
+    most = max(t.weighing.logs[noise] for t in attempts)
+    return [t for t in attempts if t.weighing.logs[noise] > most + np.log(MIN_DEFECT_WEIGHT)]
 
 
 def _over(one: CauseScore, other: CauseScore) -> float:
     """Return the logarithm of the Bayes factor of `one` over `other`, under the noise of `noise_of`. [-]"""
     noise = noise_of((one, other))
-    return float(one.averaged[noise] - other.averaged[noise])
+    return float(one.logs[noise] - other.logs[noise])
 
 
 def _values(fit: Calibration) -> dict[str, float]:
