@@ -91,3 +91,8 @@ def test_planted_places_are_seen() -> None:
         (12, "remark", "model.unused"),
         (13, "remark", "run.start-held"),
     ]
+
+
+def test_the_page_of_statistics_has_the_numbers_of_the_table() -> None:
+    script = runpy.run_path(str(ROOT / "scripts" / "write_numbers.py"))
+    assert script["PAGE"].read_text(encoding="utf-8") == script["page"](), "run: python scripts/write_numbers.py"

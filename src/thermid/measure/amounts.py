@@ -9,6 +9,11 @@ from thermid.base.errors import RecordError, ScenarioError
 from thermid.base.expression import amount
 from thermid.base.units import format_value
 
+MINUTE, HOUR, DAY = 60.0, 3600.0, 86400.0
+"""[s]"""
+DEVIATION_OF_MEDIAN = 1.4826
+"""Standard deviation of normal samples over the median of their absolute values (Hampel, J. Am. Stat. Assoc. 69 (1974) 383-393). [-]"""
+
 
 def positive_seconds(written: object, what: str) -> float:
     """Return a time above zero, such as a window, from a number or a text with a unit. [s]
@@ -29,8 +34,8 @@ def duration_text(value: float) -> str:
     >>> duration_text(18000.0)
     '5 h'
     """
-    for limit, size, name in ((7200.0, 3600.0, "h"), (120.0, 60.0, "min")):
-        if value >= limit:
+    for size, name in ((HOUR, "h"), (MINUTE, "min")):
+        if value >= 2.0 * size:
             return f"{value / size:.4g} {name}"
     return f"{value:.4g} s"
 

@@ -65,7 +65,7 @@ def test_coefficients_keep_their_line_from_component_to_submodel(campaign: Campa
     submodel = campaign["submodel"]["a.skin.effective_htc"]
     assert lines["a.skin.effective_htc"] == [f"{significant(v.value, v.error)} ± {number(v.error, 2)}" for v in (component, submodel)]
     # the second instance of the same part: the component's value, and what [set] holds above
-    assert lines["b.skin.effective_htc"][1] == "3.000"
+    assert lines["b.skin.effective_htc"][1] == "3.00"
     assert {line[0].text for line in htc.rows} == {"Box"}
     # a stage may be called 'unit'
     assert [c.title for c in htc.columns] == ["part", "parameter", "unit", "stage component", "stage submodel"]

@@ -111,7 +111,7 @@ def _estimated(request: Request, noise_table: Mapping[str, Any], start_sd: Mappi
             code="value.outside-range",
         )
     split = [min(FITTED_SHARE * s, s - ahead) for s in spans]
-    earlier = replace(request, records=tuple(_before(r, t) for r, t in zip(request.records, split, strict=True)))
+    earlier = replace(request, records=tuple(r.trim("start", float(r.times[0]) + t) for r, t in zip(request.records, split, strict=True)))
     train = build_problem(earlier)
     estimators = {}
     # without its noise a walk is a constant that nobody knows: output error is process noise with every size at zero
@@ -146,12 +146,6 @@ def _uncounted_noise(problem: Problem, noises: Sequence[ProcessNoise]) -> list[s
     boundaries = problem.experiments[0].network.boundaries
     named = ", ".join(f"'{p}' ({short(size)} {'K' if p in boundaries else 'W'})" for p, size in sizes.items())
     return [f"logged boundaries and powers are exact: the noise of {named} is not counted. `calibrate` counts it"]
-
-
-def _before(record: Record, seconds: float) -> Record:
-    """Return the first part of a record."""
-    begin = float(record.times[0])
-    return record.trim(begin, begin + seconds)
 
 
 def _foreseen(full: Likelihood, maximum: Maximum, split: Sequence[float], spans: Sequence[float], ahead: float) -> OpenLoopScore:

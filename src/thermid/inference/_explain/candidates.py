@@ -645,7 +645,7 @@ def _shell(request: Request, place: _Place) -> MissingElement:
     name = _free_name(request, f"{place.word}_shell")
     held, inner, outer = 1.0 * place.capacity, f"{name}_inner", f"{name}_outer"
     free = (f"{name}.capacitance", f"{inner}.conductance", f"{outer}.conductance")
-    g = place.loss or held / 600.0
+    g = held / place.pace
     grow = _adding(
         "a shell",
         free,
@@ -676,7 +676,7 @@ def _common_mass(request: Request, places: Sequence[_Place]) -> MissingElement:
     """Return a mass with a conductance to every place and to a boundary, such as a board."""
     name = _free_name(request, "common_mass")
     held, boundary = 3.0 * sum(p.capacity for p in places), next((p.boundary for p in places if p.boundary), "")
-    links = {f"{name}_{p.word}": (p.node, 0.3 * p.loss or p.capacity / 600.0) for p in places}
+    links = {f"{name}_{p.word}": (p.node, 0.3 * p.capacity / p.pace) for p in places}
     links |= {f"{name}_outside": (boundary, sum(g for _, g in links.values()))} if boundary else {}
     free = (f"{name}.capacitance", *(f"{link}.conductance" for link in links))
     grow = _adding(

@@ -96,12 +96,10 @@ class Cause:
     Parameters
     ----------
     words : str             What it is.
-    against : float         Logarithm of the odds against it before anything was read, and of what its free instants gain by chance. [-]
     lower, higher : str     What a value below, or above the stated one means to a user.
     """
 
     words: str
-    against: float = 0.0
     lower: str = ""
     higher: str = ""
 
@@ -110,37 +108,24 @@ _AIR: Final = ("less air flow: check the fan", "more air flow: check the fan and
 _JOINT: Final = ("conducts worse: check for a loose joint", "conducts better: check for an unintended contact")
 GROUPS: Final = {
     "boundary or reference": Cause("the temperature of chamber or ambient, or an error common to all sensors: reference junction, logger"),
-    "power": Cause("the dissipated power, or its measurement", 0.0, "heats less than logged or stated", "heats more than logged or stated"),
+    "power": Cause("the dissipated power, or its measurement", "heats less than logged or stated", "heats more than logged or stated"),
     "link": Cause("a heat path that is missing, stronger or weaker than modelled"),
     "capacitance": Cause("a mass or a specific heat"),
     "sensor": Cause("one sensor: wrong, or detached"),
 }
 """Group of values that a fault changes -> what it stands for."""
 WATCHED: Final = {
-    "air": Cause("a coefficient of a surface", 0.0, *_AIR),
-    "free air": Cause("a law of natural convection", 0.0, "less air flow", "more air flow"),
-    "joint": Cause("a contact or a conductance", 0.0, *_JOINT),
-    "heat path": Cause("a conductivity", 0.0, "conducts worse", "conducts better"),
+    "air": Cause("a coefficient of a surface", *_AIR),
+    "free air": Cause("a law of natural convection", "less air flow", "more air flow"),
+    "joint": Cause("a contact or a conductance", *_JOINT),
+    "heat path": Cause("a conductivity", "conducts worse", "conducts better"),
     "power": GROUPS["power"],
     "ambient": Cause(
         "a boundary that nobody logs",
-        0.0,
         "colder than stated: log it, or give its temperature",
         "warmer than stated: log it, or give its temperature",
     ),
 }
 """Kind of a value that a running test looks at -> what lower and higher mean."""
 DECK_VALUE: Final = "deck's value"
-MISTAKES: Final = {
-    DECK_VALUE: Cause("a value of the deck that the fit holds, and that is another"),
-    "per cent": Cause("a power logged in per cent but read in watts", 2.0),
-    "unit": Cause("a column in another unit than assumed", 3.0),
-    "exchanged": Cause("two exchanged columns", 2.0),
-    "node": Cause("a sensor on another part than stated in the campaign", 3.0),
-    "clock": Cause("a log with a shifted clock", 5.0),
-    "gas": Cause("a record in another gas than stated: in vacuum", 3.0),
-    "load": Cause("a power that is not logged, or was not applied", 6.5),
-    "sensor": Cause("a sensor that is detached, or wrong", 6.0),
-    "fan": Cause("a change of the air flow during the log", 6.0),
-}
-"""Kind of a mistake of the laboratory -> what it is, and how seldom."""
+"""Kind of a mistake: a value of the deck that a fit holds, and that is another."""

@@ -17,12 +17,11 @@ from thermid.inference._explain.candidates import missing_elements
 from thermid.inference._explain.heats import unlogged_powers
 from thermid.inference._explain.structures import EvaluationBudget, FittedStructure, Try, fitted_structure, fitted_structures
 from thermid.inference._explain.thresholds import (
+    MAX_CHANCE_DEVIATIONS,
     MAX_REFITTED_ELEMENTS,
     MIN_RECORDS_COMPARED,
-    MIN_SLOPE_DEVIATIONS,
     TIE,
     VERY_STRONG,
-    WORTH_A_WORD,
 )
 from thermid.inference._explain.weighing import noise_of
 from thermid.measure.amounts import duration_text, short
@@ -57,8 +56,8 @@ class TraceCriticism:
 
     @property
     def loud(self) -> bool:
-        """Whether the mean square exceeds the stated noise variance by more than 4 sqrt(2 / n) of it; a few bad readings suffice."""
-        return bool(self.statistics.rmse**2 > self.noise**2 * (1.0 + 4.0 * (2.0 / self.residuals.size) ** 0.5))
+        """Whether the mean square exceeds the stated noise variance by more than 3 sqrt(2 / n) of it; a few bad readings suffice."""
+        return bool(self.statistics.rmse**2 > self.noise**2 * (1.0 + MAX_CHANCE_DEVIATIONS * np.sqrt(2.0 / self.residuals.size)))
 
     @property
     def is_noise(self) -> bool:
@@ -82,7 +81,7 @@ class TraceCriticism:
         text = f"{head}, autocorrelated (lag-1 {s.lag_one:.2f}): for a mean, {s.samples} readings are worth {short(s.effective_samples, 3)}"
         units = {"temperature": ("K per K of temperature", 1.0), "power": ("K per W", 1.0), "time": ("K per hour", 3600.0)}
         for name, (slope, error) in self.slopes.items():
-            if abs(slope) > MIN_SLOPE_DEVIATIONS * error:
+            if abs(slope) > MAX_CHANCE_DEVIATIONS * error:
                 text += f"; they go with {name}: {slope * units[name][1]:+.2g} {units[name][0]} ({abs(slope) / error:.0f} standard errors)"
         return text
 
@@ -127,7 +126,7 @@ class Candidate:
         """The candidate in words."""
         if self.refused:
             return f"{self.name}: could not be tried with these readings: {self.refused}"
-        how = "very strong" if self.proved else "some" if self.evidence > WORTH_A_WORD else "no"
+        how = "very strong" if self.proved else "strong" if self.evidence > 2.0 * TIE else "weak"
         text = f"{self.name}: {how} evidence (twice the logarithm of the Bayes factor {self.evidence:+.3g})"
         word = "" if self.possible else ", which is not physically possible"
         rmse, weighted = (" -> ".join(short(x, 3) for x in pair) for pair in (self.rmse, self.weighted))
@@ -179,9 +178,9 @@ class Criticism(Result):
             about = duration_text(float(short(self.wander, 2)))
             wander = f" residuals autocorrelated over about {about} count as noise, so RMSE need not fall" if self.wander else ""
             lines.append(f"  candidates, each alone:{wander}")
-            lines += [f"    {c}" for c in self.candidates if c.refused or c.evidence > WORTH_A_WORD]
-            idle = [c.name for c in self.candidates if c.found and c.evidence <= WORTH_A_WORD]
-            lines += [f"    no evidence for {'; '.join(idle)}"] if idle else []
+            lines += [f"    {c}" for c in self.candidates if c.refused or c.evidence > 2.0 * TIE]
+            idle = [c.name for c in self.candidates if c.found and c.evidence <= 2.0 * TIE]
+            lines += [f"    no strong evidence for {'; '.join(idle)}"] if idle else []
             rest = [c.name for c in self.candidates if not (c.found or c.refused)]
             lines += [f"    not refitted, as one evaluation promises less of them: {'; '.join(rest)}"] if rest else []
             best = self.suggested

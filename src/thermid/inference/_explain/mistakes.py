@@ -10,7 +10,7 @@ from collections.abc import Callable, Container, Iterable, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import partial
-from itertools import chain, combinations, product
+from itertools import combinations, product
 from typing import Any
 
 import numpy as np
@@ -20,22 +20,19 @@ from thermid.base.linear_algebra import Array
 from thermid.base.units import unit
 from thermid.fit.calibration import Prior, Request, Unknown
 from thermid.inference._explain.candidates import Fitted, plain_lacks
-from thermid.inference._explain.causes import DECK_VALUE, MISTAKES, SIZES
+from thermid.inference._explain.causes import DECK_VALUE, SIZES
 from thermid.inference._explain.heats import Heat, heats_of, stores_of
 from thermid.inference._explain.rough_fit import MAX_DESCENT_STEPS, MAX_RANKING_STEPS, Extra, RoughEnd, RoughFit
 from thermid.inference._explain.thresholds import (
-    ANY_NEW_VALUE,
+    ANY_VALUE,
+    CHOSEN,
     CLOCK_SHIFTS,
-    CONTRADICTED_PRIOR,
     FULLY_FITTED_HYPOTHESES,
-    LOOSE_SENSOR_LAGS,
     MAX_HEATED_NODES,
-    MAX_MISFIT_LEFT,
     MAX_PER_CENT,
-    MAX_SQUARES_UNSEARCHED,
     MIN_NAMED_GAIN,
     MOST_RECORDS_SEARCHED,
-    OVER_STRUCTURE,
+    TIE,
     USUAL_AMBIENT,
 )
 from thermid.measure.amounts import duration_text, short
@@ -50,7 +47,7 @@ class Mistake:
 
     Parameters
     ----------
-    kind : str              A key of `MISTAKES`.
+    kind : str              "per cent", "unit", "exchanged", "node", "clock", "gas", "load", "sensor", "fan", or `DECK_VALUE`.
     name : str              The channel, channels, load, node or boundary that it is about.
     words : str             It in words, with its size.
     gain : float            Logarithm of how much likelier the readings and the deck are with it, its rarity taken off. [-]
@@ -113,7 +110,7 @@ class Mistakes:
         if self.first is None:
             return []
         out = [f"likely mistake: {self.first}. {self.first.remedy}"]
-        rivals = [m for m in self.named[1:] if self.first.gain - m.gain < 5.0]
+        rivals = [m for m in self.named[1:] if self.first.gain - m.gain < TIE]
         return out + [f"  or: {m}. {m.remedy}" for m in rivals[:2]]
 
     def to_dict(self) -> dict[str, Any]:
@@ -148,7 +145,7 @@ def _mistakes_of(request: Request, name: str) -> Mistakes:
     fit = RoughFit.of_request(request)
     base = fit.solve(fit.start())
     free = sum(u.kind == "parameter" for u in fit.problem.unknowns)
-    bad = base.square > MAX_SQUARES_UNSEARCHED * fit.size or base.prior > CONTRADICTED_PRIOR * max(free, 4)
+    bad = base.square > fit.size or base.prior > free
     if not bad:
         return Mistakes(name)
     stores = len(stores_of(fit.problem.experiments[0]))
@@ -170,20 +167,19 @@ def _mistakes_of(request: Request, name: str) -> Mistakes:
         *_of_requests(request, fit),
         *(of_reading(extra, fit) for extra in sensors),
         *(
-            # one load of the deck needs no search of nodes and instants
-            Hypothesis(heat.kind, heat.name, heat.words, heat.remedy, request, heat=heat, against=-3.0 if heat.load else 0.0)
+            Hypothesis(heat.kind, heat.name, heat.words, heat.remedy, request, heat=heat, against=0.0 if heat.load else 2.0 * CHOSEN)
             for heat in heats_of(request, fit, base, logged)
         ),
     ]
     quick = [(h, _end_of(h, fit, base)) for h in candidates]
     ranked = sorted((f for f in quick if f[1] is not None), key=lambda f: -_gain(f[0], f[1], base))
     placed = sorted((f for h, _ in ranked[:FULLY_FITTED_HYPOTHESES] for f in _placed(h, fit, base)), key=lambda f: -_gain(f[0], f[1], base))
-    placed = [f for f in placed if _gain(f[0], f[1], base) >= MIN_NAMED_GAIN and f[1].cost < MAX_MISFIT_LEFT * base.cost]
-    least = OVER_STRUCTURE + base.cost - _cost_with_element(request, fit, base) if placed else MIN_NAMED_GAIN
+    placed = [f for f in placed if _gain(f[0], f[1], base) >= MIN_NAMED_GAIN]
+    least = TIE + base.cost - _cost_with_element(request, fit, base) if placed else MIN_NAMED_GAIN
     of_deck = max((_gain(h, end, base) for h, end in placed if h.kind == DECK_VALUE), default=-np.inf)
     named: dict[tuple[str, str], Mistake] = {}
     for h, end in placed:
-        if _gain(h, end, base) >= max(least, -np.inf if h.kind == DECK_VALUE else OVER_STRUCTURE + of_deck):
+        if _gain(h, end, base) >= max(least, -np.inf if h.kind == DECK_VALUE else TIE + of_deck):
             amount = float(end.x[-1]) if h.heat is not None or h.extra is not None else 0.0
             mistake = Mistake(h.kind, h.name, h.words(amount), _gain(h, end, base), (base.rms, end.rms), h.remedy(amount))
             named.setdefault((h.kind, h.name), mistake)
@@ -213,7 +209,7 @@ def _with_open_values(fit: RoughFit, values_before: Container[str]) -> RoughFit:
     def opened(u: Unknown) -> Unknown:
         """Return an unknown whose new value may be anything."""
         new = u.kind == "parameter" and u.log and u.prior is not None and u.name not in values_before
-        return replace(u, prior=Prior(u.to_fitted(u.start), ANY_NEW_VALUE)) if new else u
+        return replace(u, prior=Prior(u.to_fitted(u.start), ANY_VALUE)) if new else u
 
     return replace(fit, problem=replace(fit.problem, unknowns=tuple(map(opened, fit.problem.unknowns))))
 
@@ -230,7 +226,7 @@ def _worst_records(request: Request, fit: RoughFit, base: RoughEnd) -> Request:
 
 def _gain(h: Hypothesis, end: RoughEnd | None, base: RoughEnd) -> float:
     """Return the gain of a hypothesis in the logarithm of the posterior's height, its rarity taken off. [-]"""
-    return -np.inf if end is None else base.cost - end.cost - MISTAKES[h.kind].against - h.against
+    return -np.inf if end is None else base.cost - end.cost - (0.0 if h.kind == DECK_VALUE else TIE) - h.against
 
 
 def _end_of(h: Hypothesis, fit: RoughFit, base: RoughEnd, rounds: int = MAX_RANKING_STEPS) -> RoughEnd | None:
@@ -256,8 +252,8 @@ def _placed(h: Hypothesis, fit: RoughFit, base: RoughEnd) -> list[tuple[Hypothes
     if best is None or h.extra is None:
         return [] if best is None else [(h, best)]
     extra = h.extra
-    for since, lag in chain(((d, -1.0) for d in (-2, -1, 1, 2)), ((0, s) for s in LOOSE_SENSOR_LAGS)):
-        moved = replace(extra, since=max(0, extra.since + since), lag=extra.lag if lag < 0.0 else lag)
+    for since in (-2, -1, 1, 2):
+        moved = replace(extra, since=max(0, extra.since + since))
         end_of = _end_of(of_reading(moved, fit), fit, base, MAX_DESCENT_STEPS)
         if end_of is not None and end_of.cost < best.cost:
             extra, best = moved, end_of
@@ -273,7 +269,7 @@ class Hypothesis:
     kind, name : str
     words, remedy : callable    From the amount that was found (0 where there is none), in words.
     request : Request           The request without the mistake; that of the fit where heat or an extra is what differs.
-    against : float             What it must gain beside its kind. [-]
+    against : float             What it must gain beside: `CHOSEN` for each instant that was chosen before its fit. [-]
     heat : Heat or None         Heat that acts, with an amount to be found.
     extra : Extra or None       What acts on one sensor, with an amount to be found.
     read : dict                 Sensor -> whose readings it has, and by what factor, where these are others; see `RoughFit.of_request`.
@@ -354,11 +350,6 @@ def _mapped(request: Request, names: Iterable[str], law: Callable[[Array], Array
     return _with_records(request, change)
 
 
-def _scaled(factor: float, values: Array) -> Array:
-    """Return values times a factor."""
-    return factor * values
-
-
 def _per_cents(request: Request, network: Network) -> Iterator[Hypothesis]:
     """Yield powers up to 100 W, well above the deck's, that may be duty cycles in per cent."""
     values = network.flat.parameters.evaluate({})
@@ -366,12 +357,12 @@ def _per_cents(request: Request, network: Network) -> Iterator[Hypothesis]:
     for name, c in _channels(request, "power").items():
         load = request.model.canonical(c.target or name)
         largest, watts = float(np.abs(c.values[c.valid]).max()), decks.get(load, 0.0)
-        if not (1.0 < largest <= MAX_PER_CENT and watts > 0.0 and largest > 1.5 * watts):
+        if not (1.0 < largest <= MAX_PER_CENT and watts > 0.0 and largest > watts):
             continue
         words = f"'{name}' is a duty cycle in per cent but was read in watts, up to {short(largest, 3)} W for a load of {short(watts, 3)} W"
         remedy = f'Give {name} full_scale = "{short(watts, 3)} [W]", its power at 100 %.'
-        other = _mapped(request, [name], partial(_scaled, watts / 100.0))
-        yield _hypothesis("per cent", name, words, remedy, other, 0.0 if c.assumed else 1.0)
+        other = _mapped(request, [name], partial(np.multiply, watts / 100.0))
+        yield _hypothesis("per cent", name, words, remedy, other)
 
 
 def _hypothesis(kind: str, name: str, words: str, remedy: str, request: Request, against: float = 0.0) -> Hypothesis:
@@ -413,7 +404,7 @@ def _unusual_starts(channels: list[Channel], text: str) -> float:
     """
     declared, other = ([c.values[c.valid][0] - ICE_POINT for c in of] for of in (channels, [c.in_unit(text) for c in channels]))
     usual = [sum(USUAL_AMBIENT[0] <= t <= USUAL_AMBIENT[1] for t in starts) for starts in (declared, other)]
-    return 4.0 if usual[0] >= usual[1] else -5.0
+    return TIE if usual[0] >= usual[1] else -TIE
 
 
 def _in_unit(names: Container[str], text: str, record: Record) -> Record:
@@ -535,7 +526,7 @@ def _shift(request: Request, fit: RoughFit, names: list[str]) -> Hypothesis:
         f"Change the offset of that log by {-shift:+.4g} s, or give offset as a range and let the fit find it. 'thermid look' shows the "
         "clocks."
     )
-    return _hypothesis("clock", ", ".join(names), words, remedy, _shifted(request, names, shift))
+    return _hypothesis("clock", ", ".join(names), words, remedy, _shifted(request, names, shift), CHOSEN)
 
 
 def _shifted(request: Request, names: list[str], shift: float) -> Request:
@@ -573,4 +564,4 @@ def of_reading(extra: Extra, fit: RoughFit) -> Hypothesis:
         loose = f"is detached: {100 * amount:.0f} % of its reading comes from its surroundings"
         return f"'{t.sensor}' {loose if extra.loose else f'reads {amount:+.2g} K off'}{when}"
 
-    return Hypothesis("sensor", t.sensor, words, lambda _: remedy, fit.request, extra=extra, against=0.0 if extra.loose else 2.0)
+    return Hypothesis("sensor", t.sensor, words, lambda _: remedy, fit.request, extra=extra, against=CHOSEN)

@@ -16,8 +16,6 @@ from thermid.base.units import unit
 from thermid.fit.calibration import Observation, Prior, Problem, Request, Unknown, build_problem, descend
 from thermid.model.tree import Model
 
-MAX_OFF_CENTRE = 0.25
-"""How far the mean time of a sensor's readings may be from the middle of the stretch in which it begins or ends, in its length. [-]"""
 STRETCHES_PER_RECORD, INSTANTS_PER_STRETCH = 40, 4
 """Stretches into which every record is thinned, and instants in each at which the model is looked at."""
 HONEST_MISFIT_SHARE = 0.015
@@ -33,17 +31,13 @@ HEAT_DIMENSIONS = tuple(unit(u).dimension for u in ("kg", "J/K", "J/(kg K)"))
 def weak_spread(model: Model, path: str, unit_text: str) -> float:
     """Return the standard deviation of the logarithm of a deck's value, by its source and its quantity. [-]
 
-    Values of data sheets and measurements are good to a third, heat capacities to a half, coefficients to a factor of two; what is
-    assumed to half as much again.
+    Values of data sheets and measurements are good to a third, heat capacities to a half, coefficients to a factor of two.
     """
     table = model.parameter_table()
     source = table[path].parameter.source if path in table else ""
-    heat = unit(unit_text).dimension in HEAT_DIMENSIONS
-    if source == "assumed":
-        return 0.8 if heat else 1.2
-    if source:
+    if source and source != "assumed":
         return 0.35
-    return 0.5 if heat else 0.8
+    return 0.5 if unit(unit_text).dimension in HEAT_DIMENSIONS else 0.8
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,20 +72,15 @@ class Extra:
     trace : int         Its place among the traces.
     since : int         The first stretch in which it acts.
     loose : bool        Whether the reading leans to its surroundings by that share; else a constant is added. [-] or [K]
-    lag : float         Time constant with which it comes to act. [s]
     """
 
     trace: int
     since: int
     loose: bool
-    lag: float = 0.0
 
     def acting(self, centres: Array) -> Array:
-        """Return how much of it acts in every stretch, from 0 to 1; `centres` are their middles. [s]"""
-        half = 0.5 * float(np.median(np.diff(centres)))
-        after = centres - (centres[self.since] - half)
-        grown = 1.0 - np.exp(-np.maximum(after, 0.0) / self.lag) if self.lag > 0 else np.ones(centres.size)
-        return np.asarray(np.where(np.arange(centres.size) >= self.since, grown if self.since else 1.0, 0.0))
+        """Return how much of it acts in every stretch, 0 or 1; `centres` are their middles. [s]"""
+        return (np.arange(centres.size) >= self.since).astype(float)
 
 
 @dataclass(frozen=True, eq=False)
@@ -179,7 +168,7 @@ class RoughFit:
             air = next(iter(e.scenario.boundaries.values()))
             airs.append(np.broadcast_to(np.asarray(air.at(centres), dtype=float), centres.shape))
             for k, o in enumerate(e.observations):
-                measured, counts = _means(e.times[o.index], o.measured, edges, centres)
+                measured, counts = _means(e.times[o.index], o.measured, edges)
                 name = (e.record.name, o.sensor)
                 source, factor = (read or {}).get(o.sensor, (o.sensor, 1.0))
                 error_of_trace = errors.get((e.record.name, source))
@@ -340,22 +329,13 @@ def _stretches(times: Array) -> tuple[Array, Array]:
     return np.array([p.mean() for p in parts]), np.array([times[0], *between, times[-1]])
 
 
-def _means(times: Array, values: Array, edges: Array, centres: Array) -> tuple[Array, NDArray[np.int64]]:
-    """Return the mean reading of every stretch and how many there are; between neighbours where there is none.
-
-    The stretch in which a sensor begins or ends counts as one without readings where these are far from its middle: the run is compared
-    with them by its mean over the whole stretch.
-    """
+def _means(times: Array, values: Array, edges: Array) -> tuple[Array, NDArray[np.int64]]:
+    """Return the mean reading of every stretch and how many there are; between neighbours where there is none."""
     count = edges.size - 1
     place = np.clip(np.searchsorted(edges, times, side="right") - 1, 0, count - 1)
     counts = np.bincount(place, minlength=count)
     sums = np.bincount(place, values, minlength=count)
     filled = np.flatnonzero(counts)
-    off_centre = np.abs(np.bincount(place, times, minlength=count)[filled] / counts[filled] - centres[filled])
-    partly = filled[off_centre > MAX_OFF_CENTRE * np.diff(edges)[filled]]
-    ends = np.intersect1d(partly, filled[[0, -1]])
-    if ends.size < filled.size:
-        counts[ends], filled = 0, np.setdiff1d(filled, ends)
     means = np.interp(np.arange(count), filled, sums[filled] / counts[filled])
     return means, counts
 
@@ -370,7 +350,7 @@ def _whitener(o: Observation, centres: Array, counts: NDArray[np.int64], edges: 
     steps = np.diff(values)
     noise = o.noise or max(1.4826 * float(np.median(np.abs(steps - np.median(steps)))) / math.sqrt(2.0), 0.02) if steps.size else 0.1
     spread = float(np.quantile(values, 0.98) - np.quantile(values, 0.02)) if values.size else 1.0
-    floor = max(HONEST_MISFIT_SHARE * spread, 0.5 * noise, 0.03)
+    floor = max(HONEST_MISFIT_SHARE * spread, noise)
     span = max(float(edges[-1] - edges[0]), 1e-9)
     wander = floor**2 * np.exp(-np.abs(centres[:, None] - centres[None, :]) / (0.2 * span))
     own_noise = np.where(counts > 0, noise / np.sqrt(np.maximum(counts, 1)), 10.0 * max(spread, 1.0))

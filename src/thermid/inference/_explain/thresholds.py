@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import Final
 
+import numpy as np
+
 # ---- candidates
 
 DEFAULT_COLD_TEMPERATURE: Final = 293.15
@@ -25,11 +27,11 @@ PACES: Final = (0.03, 0.2, 1.0, 5.0)
 
 # ---- criticism
 
-VERY_STRONG, WORTH_A_WORD = 10.0, 2.0
-"""Twice the logarithms of Bayes factors that prove a cause, and that are worth a word: Kass and Raftery, J. Am. Stat. Assoc. 90 (1995)
-773-795, DOI 10.1080/01621459.1995.10476572. [-]"""
-MIN_SLOPE_DEVIATIONS: Final = 3.0
-"""Standard errors from which residuals are said to go with temperature, power or time. [-]"""
+VERY_STRONG = 10.0
+"""Twice the logarithm of a Bayes factor that proves a cause: Kass and Raftery, J. Am. Stat. Assoc. 90 (1995) 773-795, DOI
+10.1080/01621459.1995.10476572. [-]"""
+MAX_CHANCE_DEVIATIONS: Final = 3.0
+"""Standard errors that chance explains: beyond, residuals go with temperature, power or time, or are larger than the stated noise. [-]"""
 MAX_REFITTED_ELEMENTS: Final = 5
 """Elements that are refitted: those that one evaluation promises most of."""
 MIN_RECORDS_COMPARED: Final = 6
@@ -65,7 +67,7 @@ MAX_REFIT_UNKNOWNS, MAX_REFIT_SAMPLES, MAX_REFIT_NODES, MAX_REFIT_RECORDS = 16, 
 HOUR, WRONG_HOURS = 3600.0, (0.0, -1.0, 1.0, -2.0, 2.0)
 """An hour [s], and by how many a clock of another time zone, or of summer time, is off."""
 MAX_CLOCK_ERROR, MAX_CLOCK_SHARE = 300.0, 0.25
-"""How far a clock that nobody set by the other may be off [s], and the part of the log that this is at most. [-]"""
+"""How far a clock that was not set by the other may be off [s], and the part of the log that this is at most. [-]"""
 
 # ---- diagnosis
 
@@ -74,7 +76,7 @@ DIAGNOSED_STRETCHES: Final = 24
 DIAGNOSED_ROUNDS, MAX_DIAGNOSED_FAULTS = 4, 6
 """Steps in which the size of a fault is found beside the equations, and how many of the likeliest faults are looked at so."""
 LEFT_BY_EVERY_MODEL: Final = 0.1
-"""Standard deviation of what every model leaves, wandering over a fifth of a log. [K]"""
+"""Standard deviation of what every model leaves, autocorrelated over a fifth of a log. [K]"""
 MIN_EXPLAINED_SHARE: Final = 0.7
 """Part of the weighted squares that a fault must take away to be called the explanation."""
 
@@ -97,28 +99,16 @@ TELLING_DIFFERENCE: Final = 0.2
 
 MAX_PER_CENT: Final = 101.0
 """Largest number that a duty cycle in per cent reaches, with what rounding adds."""
-CLOCK_SHIFTS: Final = (0.005, 0.01, 0.02, 0.03, 0.04, 0.05, 0.065, 0.08, 0.1, 0.125, 0.15, 0.2)
+CLOCK_SHIFTS: Final = (0.005, 0.01, *np.geomspace(0.02, 0.2, 10).tolist())
 """Shifts of a clock that are tried, as parts of a record."""
 USUAL_AMBIENT: Final = (14.0, 34.0)
 """Readings at the start of a log that a room may have. [degC]"""
 MIN_NAMED_GAIN: Final = 9.0
 """Least gain in the logarithm of the posterior's height from which a mistake is named; chance and the search among many are in it. [-]"""
-MAX_MISFIT_LEFT: Final = 0.4
-"""Part of the misfit, of readings and deck together, that a named mistake may leave. [-]"""
 MOST_RECORDS_SEARCHED: Final = 4
 """Records that are looked at: the worst ones, where there are more."""
-ANY_NEW_VALUE: Final = 3.0
-"""Standard deviation of the logarithm of a value of an element that the model may lack. [-]"""
-OVER_STRUCTURE: Final = 3.0
-"""What a mistake must gain over an element that the model may lack: what that explains as well is not blamed on a mistake. [-]"""
 FULLY_FITTED_HYPOTHESES: Final = 6
 """How many of the best hypotheses are fitted to the end, once all were fitted roughly."""
-MAX_SQUARES_UNSEARCHED: Final = 0.8
-"""Squares per thinned reading up to which nothing is looked for. [-]"""
-CONTRADICTED_PRIOR: Final = 1.2
-"""Squares of the weak priors per unknown from which the deck is thought contradicted. [-]"""
-LOOSE_SENSOR_LAGS: Final = (15.0, 40.0, 120.0)
-"""Time constants with which a sensor that came loose goes to the temperature of its surroundings. [s]"""
 
 # ---- plausibility
 

@@ -26,7 +26,9 @@ from thermid.base.units import require, unit as parsed_unit
 from thermid.measure._readers.confined import confined
 from thermid.measure._readers.headers import spelt
 from thermid.measure._readers.matlab_objects import objects_of, series_of
+from thermid.measure._readers.stamps import MATLAB_DAYS, SPREADSHEET_EPOCH
 from thermid.measure._readers.textfile import Cells, ChannelSeries, Layout, cells_of_text, merged, text_of
+from thermid.measure.amounts import DAY
 
 _TIMES: Final = ("time", "t", "time_s", "timestamp", "datetime", "tout", "zeit", "tempo", "date_time", "x_value", "tempos", "elapsed")
 _SINCE: Final = re.compile(r"(?P<unit>\w+) since (?P<stamp>.+)\Z")
@@ -331,10 +333,10 @@ def _clock_texts(times: Any, unit: str, name: str, kind: str) -> tuple[tuple[str
     if since := _SINCE.match(unit):
         return _since(values, since, name)
     first, last = float(values[0]), float(values[-1])
-    if kind.startswith("MATLAB") and not unit and 715000.0 < first <= last < 770000.0:
-        day = datetime(1899, 12, 30) + timedelta(days=first - 693960.0)
+    if kind.startswith("MATLAB") and not unit and MATLAB_DAYS[0] < first <= last < MATLAB_DAYS[1]:
+        day = SPREADSHEET_EPOCH + timedelta(days=first - MATLAB_DAYS[2])
         # a day since year 0 has room for 1e-5 s
-        return tuple(repr(round(v, 4)) for v in ((values - first) * 86400.0).tolist()), "s", day.isoformat(), name
+        return tuple(repr(round(v, 4)) for v in ((values - first) * DAY).tolist()), "s", day.isoformat(), name
     return tuple(repr(v) for v in values.tolist()), unit, None, name
 
 

@@ -10,13 +10,14 @@ of the N readings that both would share.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from thermid.measure._readers.questions import SWITCH
 from thermid.measure._record.channel import FloatArray
+from thermid.measure.amounts import DAY, DEVIATION_OF_MEDIAN, HOUR
 
 MAX_COMPARED_READINGS, TRIED_OFFSETS = 400, 300
 """Most readings that two courses are compared at, and offsets that are tried at first. [-]"""
@@ -49,7 +50,7 @@ FINER = 3
 
 ZONES = (*range(-12, 15), -9.5, -3.5, 3.5, 4.5, 5.5, 5.75, 6.5, 8.75, 9.5, 10.5, 12.75)
 """By how much local times are ahead of UTC, standard and summer (IANA time zone database). [h]"""
-CLOCKS_APART, HOUR, DAY = 300.0, 3600.0, 86400.0
+CLOCKS_APART = 300.0
 """By how much clocks that nobody set by each other may differ beside their zones. [s]"""
 
 MAX_POINTS = 20000
@@ -318,7 +319,7 @@ def _quarter_time(course: LogCourse) -> float:
 
 def _scatter(course: LogCourse) -> float:
     """Return the standard deviation of readings from the line between their neighbours, by their median. [the course's unit]"""
-    return float(1.4826 * np.median(np.abs(np.diff(course.values, 2))) / 6.0**0.5)
+    return float(DEVIATION_OF_MEDIAN * np.median(np.abs(np.diff(course.values, 2))) / np.sqrt(6.0))
 
 
 def _enough_switches(seen: LogCourse, cause: LogCourse, offset: float) -> bool:
@@ -424,16 +425,8 @@ def _error(effect: LogCourse, responses: Explanation, best: float, step: float) 
     changes = np.count_nonzero(np.diff(np.sign(residuals)))
     count = max(residuals.size * float(np.tan(0.5 * np.pi * min(changes / residuals.size, 0.5))) ** 2, MIN_INDEPENDENT)
     base = max(_part_unexplained(effect, responses, best), 1e-12)
-    for width in _widths(step, float(effect.times[-1])):
+    for width in np.geomspace(0.1 * step, max(effect.times[-1], step), 32).tolist():
         rise = min(_part_unexplained(effect, responses, best - width), _part_unexplained(effect, responses, best + width)) / base
         if np.log(rise) > 1.0 / count:
             return float(max(width, step / 12.0**0.5))
     return float(effect.times[-1])
-
-
-def _widths(step: float, length: float) -> Iterator[float]:
-    """Yield half-widths by factors of 1.3, from a tenth of a step to the whole length. [s]"""
-    width = 0.1 * step
-    while width < length:
-        yield width
-        width *= 1.3

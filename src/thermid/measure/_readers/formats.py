@@ -557,11 +557,6 @@ OLD_OFFICE: Final = b"\xd0\xcf\x11\xe0\xa1\xb1\x1a\xe1"
 """Signature of Microsoft's compound files, such as .xls."""
 
 
-def is_workbook(head: bytes) -> bool:
-    """Whether bytes begin as a zip archive that may be a workbook."""
-    return head[:4] == b"PK\x03\x04" and any(name in head for name in (b"xl/", b"[Content_Types].xml", b"opendocument.spreadsheet"))
-
-
 _workbook = binary.in_child(binary.workbook, "python_calamine")
 
 FORMATS: Final = (
@@ -573,7 +568,13 @@ FORMATS: Final = (
     ),
     Format("MATLAB", "MATLAB 5.0 in its first line", lambda d: d[:10] == b"MATLAB 5.0", binary.in_child(binary.matlab, "scipy.io")),
     Format("MATLAB 7.3", "MATLAB 7.3 in its first line", lambda d: d[:10] == b"MATLAB 7.3", binary.in_child(binary.hdf5, "h5py"), "h5py"),
-    Format("workbook", "a zip archive with xl/ or content.xml", is_workbook, _workbook, "python-calamine"),
+    Format(
+        "workbook",
+        "a zip archive with xl/ or content.xml",
+        lambda d: d[:4] == b"PK\x03\x04" and any(n in d for n in (b"xl/", b"[Content_Types].xml", b"opendocument.spreadsheet")),
+        _workbook,
+        "python-calamine",
+    ),
     Format("workbook of old Excel", "its signature", lambda d: d[:8] == OLD_OFFICE, _workbook, "python-calamine"),
     Format(
         "LabVIEW measurement", "LabVIEW Measurement in its first line", lambda d: _head(d).startswith("LabVIEW Measurement"), _text(labview)

@@ -22,11 +22,11 @@ from thermid.measure._readers.formats import log_cells
 from thermid.measure._readers.guess import Column, columns_of
 from thermid.measure._readers.headers import name_and_unit
 from thermid.measure._readers.questions import board_restarts, hidden_switches, lost_hour, repeated_stamps, unit_question
-from thermid.measure._readers.stamps import Clock, Times, clock_column, read_times, zone_offset
+from thermid.measure._readers.stamps import Clock, Times, clock_column, day_seconds, read_times, zone_offset
 from thermid.measure._readers.textfile import Cells
 from thermid.measure._record.channel import SENSOR_FAULT_CODES, Channel, even_step, gap_from, usual_step
 from thermid.measure._record.record import thinned_step
-from thermid.measure.amounts import duration_text, short
+from thermid.measure.amounts import DAY, HOUR, MINUTE, duration_text, short
 
 ACCURACY: Final = 'add accuracy = "0.5 [K]" to each thermometer, half of the +-1 K of its data sheet; no log shows it'
 SUPPLY: Final = "P_supply"
@@ -303,7 +303,6 @@ class Look(Result):
 
 WHICH_ZONE: Final = "Stamps alone leave whole hours open, and no power with a temperature decides: which zone is it?"
 _OF_DAY = re.compile(r"(\d{1,2}):(\d{2})(?::(\d{2}(?:[.,]\d+)?))?(?:\s*([AaPp])\.?[Mm])?")
-DAY = 86400.0
 
 
 def _time_of_day(look: Look) -> float | None:
@@ -312,9 +311,7 @@ def _time_of_day(look: Look) -> float | None:
     match = _OF_DAY.search(text or "")
     if match is None:
         return None
-    hours, half = int(match[1]), (match[4] or "").lower()
-    hours = hours % 12 + 12 * (half == "p") if half else hours
-    return 3600.0 * hours + 60.0 * int(match[2]) + float((match[3] or "0").replace(",", ".")) - zone_offset(_zone(look))
+    return day_seconds(*match.groups()) - zone_offset(_zone(look))
 
 
 def _zone(look: Look) -> str:
@@ -346,7 +343,7 @@ def _starts(looks: Sequence[Look], courses: Sequence[Sequence[LogCourse]]) -> tu
     sign = "ahead of" if ahead >= 0.0 else "behind"
     return (
         starts,
-        said + f"Powers and temperatures fit best if {names} is {abs(ahead) / 3600.0:g} h {sign} UTC, and the offsets below count that",
+        said + f"Powers and temperatures fit best if {names} is {abs(ahead) / HOUR:g} h {sign} UTC, and the offsets below count that",
     )
 
 
@@ -575,7 +572,7 @@ UNDECIDED = (
     "offset = ['-300 [s]', '300 [s]']"
 )
 ALIGNED = "give a range to have it fitted by the model"
-STAMPS_APART = 60.0
+STAMPS_APART = MINUTE
 """By how much stamps of two computers are usually apart: a step with a larger error that agrees with them tells less than they do. [s]"""
 MAX_OFFSET_ERRORS = 3.0
 """Standard errors of an offset that a fit may look for it in, and beyond which stamps disagree with it. [-]"""

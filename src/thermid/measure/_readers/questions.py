@@ -9,12 +9,10 @@ from typing import Final
 import numpy as np
 
 from thermid.measure._record.channel import BoolArray, FloatArray, gap_from, usual_step
-from thermid.measure.amounts import duration_text, short
+from thermid.measure.amounts import HOUR, duration_text, short
 
 ROOM_IN_FAHRENHEIT: Final = (59.0, 95.0)
 """First readings that a room has in degrees Fahrenheit (15 to 35 degC); in degC no room does."""
-HOUR: Final = 3600.0
-"""What clocks lose where summer time begins. [s]"""
 NIGHT: Final = 3 * HOUR
 """Time of day up to which summer time begins, by the clock before the change. [s]"""
 GOES_ON: Final = 3.0

@@ -17,14 +17,15 @@ from thermid.measure._readers.headers import COUNTED, DATED, MISSING, TIME_NAMES
 from thermid.measure._readers.questions import begins_again
 from thermid.measure._readers.textfile import Cells
 from thermid.measure._record.channel import FloatArray
-from thermid.measure.amounts import duration_text
+from thermid.measure.amounts import DAY, HOUR, MINUTE, duration_text
 
-_HALF_DAY: Final = 43200.0
-_DAY: Final = 86400.0
+SPREADSHEET_EPOCH: Final = datetime(1899, 12, 30)
+MATLAB_DAYS: Final = (715000.0, 770000.0, 693960.0)
+"""Days since year 0 of logs, from 1957 to 2108, and that of `SPREADSHEET_EPOCH`."""
 _SINCE_1970: Final = (9.4e8, 2.2e9)
 """Seconds since 1970 from October 1999 to September 2039; a thousand, a million or a milliard times as much are ms, us or ns."""
 _EPOCHS: Final = (("s", 1.0), ("ms", 1e3), ("us", 1e6), ("ns", 1e9))
-_LONGEST: Final = 20.0 * 365.25 * _DAY
+_LONGEST: Final = 20.0 * 365.25 * DAY
 """A log that is longer was not read in its own unit. [s]"""
 _SLOW: Final = 600.0
 """Time between samples above which a time column without a unit is remarked on. [s]"""
@@ -329,7 +330,7 @@ def _questioned(times: FloatArray, cells: Cells, name: str, unit_text: str | Non
     step = float(np.median(np.diff(times))) if times.size > 1 else 0.0
     length = float(times[-1] - times[0])
     shown = f"a step of {duration_text(step)} and a length of {duration_text(length)}"
-    if not unit_is_given and (length > _LONGEST or (unit_text is None and step >= _DAY)):
+    if not unit_is_given and (length > _LONGEST or (unit_text is None and step >= DAY)):
         reading = f"in {unit_text}" if unit_text else "in seconds, because it names no unit,"
         raise RecordError(
             f"read {reading} it has {shown}, which is implausible for a thermal test. Give its unit: units={{'{name}': 'ms'}}, or 's' if "
@@ -378,9 +379,9 @@ def _refuse_serial_days(times: FloatArray, cells: Cells, name: str) -> None:
     first, last = float(times[0]), float(times[-1])
     if not 0.0 < last - first < 0.04 * (times.size - 1):
         return
-    for kind, low, high, zero in (("a spreadsheet's day", 25000.0, 80000.0, 0.0), ("MATLAB's day", 715000.0, 770000.0, 693960.0)):
+    for kind, (low, high, zero) in (("a spreadsheet's day", (25000.0, 80000.0, 0.0)), ("MATLAB's day", MATLAB_DAYS)):
         if low < first < high:
-            day = datetime(1899, 12, 30) + timedelta(days=first - zero)
+            day = SPREADSHEET_EPOCH + timedelta(days=first - zero)
             raise RecordError(
                 f"{first:g} looks like {kind} ({day:%Y-%m-%d %H:%M}), but without a unit it is read in seconds. Give "
                 f"units={{'{name}': 'd'}} or 's', or write it into the header: '{name} [d]'.",
@@ -465,7 +466,7 @@ def _by_order(cells: Cells, clock: Clock, sort: bool = False) -> tuple[FloatArra
         read = [days[key] for key in fields]
         if None in read:
             continue
-        values = np.array(read, dtype=np.float64) * _DAY + seconds
+        values = np.array(read, dtype=np.float64) * DAY + seconds
         values = np.round(values - values[0], 9)
         if sort or not np.any(np.diff(values) < 0):
             times_by_order[order] = values
@@ -542,20 +543,20 @@ def _clock_times(cells: Cells, clock: Clock, form: re.Pattern[str], kind: str) -
                 cells.where(row, clock.name),
                 code="record.time-not-read",
             )
-        out[row] = _day_seconds(match[1], match[2], match[3], match[4] if form is HALF_DAY_CLOCK else None)
+        out[row] = day_seconds(match[1], match[2], match[3], match[4] if form is HALF_DAY_CLOCK else None)
     return _past_midnight(out)
 
 
-def _day_seconds(hour: str, minute: str, second: str | None, half: str | None) -> float:
+def day_seconds(hour: str, minute: str, second: str | None, half: str | None) -> float:
     """Return the seconds since midnight of a clock time of 24 hours, or of 12 with the letter of AM or PM (`half`)."""
     hours = int(hour) if half is None else int(hour) % 12 + (12 if half in "Pp" else 0)
-    return 3600.0 * hours + 60.0 * int(minute) + float((second or "0").replace(",", "."))
+    return HOUR * hours + MINUTE * int(minute) + float((second or "0").replace(",", "."))
 
 
 def _past_midnight(of_day: FloatArray) -> FloatArray:
     """Return times of day (samples,) as times from the first that go on past midnight; hours above 23 show a stopwatch. [s]"""
-    nights = np.cumsum(np.diff(of_day, prepend=of_day[0]) < -_HALF_DAY)
-    days = nights.astype(np.float64) * (2 * _HALF_DAY if of_day.max() < 2 * _HALF_DAY else 0.0)
+    nights = np.cumsum(np.diff(of_day, prepend=of_day[0]) < -DAY / 2.0)
+    days = nights.astype(np.float64) * (DAY if of_day.max() < DAY else 0.0)
     return np.asarray(np.round(of_day + days - of_day[0], 9))
 
 
@@ -592,7 +593,7 @@ def _by_form(cells: Cells, clock: Clock, form: str) -> FloatArray:
     )
     if not any(sign in form for sign in ("%d", "%j", "%c", "%x")):
         return _past_midnight(
-            np.array([stamp.hour * 3600.0 + stamp.minute * 60.0 + stamp.second + stamp.microsecond * 1e-6 for stamp in stamps])
+            np.array([stamp.hour * HOUR + stamp.minute * MINUTE + stamp.second + stamp.microsecond * 1e-6 for stamp in stamps])
         )
     return _since_first(stamps)
 
@@ -668,13 +669,13 @@ def of_day(match: re.Match[str]) -> float:
     if match["h"] is None:
         return 0.0
     fraction = float(f"0.{match['f']}") if match["f"] else 0.0
-    return _day_seconds(match["h"], match["m"], match["s"], match["half"]) + fraction - zone_offset(match["zone"] or "")
+    return day_seconds(match["h"], match["m"], match["s"], match["half"]) + fraction - zone_offset(match["zone"] or "")
 
 
 def zone_offset(zone: str) -> float:
     """Return by how much a time zone such as +01:00 or GMT-3 is ahead of UTC; zero for UTC or none. [s]"""
     match = re.search(r"([+-])(\d\d?):?(\d\d)?\Z", zone)
-    return float(f"{match[1]}1") * (3600.0 * int(match[2]) + 60.0 * int(match[3] or 0)) if match else 0.0
+    return float(f"{match[1]}1") * (HOUR * int(match[2]) + MINUTE * int(match[3] or 0)) if match else 0.0
 
 
 def _years(text: str) -> int:

@@ -19,7 +19,7 @@ from thermid.base.expression import Stamp, amount, instant, quantity, si_values,
 from thermid.base.results import Row, Shown
 from thermid.base.units import TEMPERATURE, format_value, from_si, in_si, require_unit, unit as read_unit
 from thermid.measure._record.sensor import KEYS, SensorCertificate, SensorPart
-from thermid.measure.amounts import duration_text, positive_seconds
+from thermid.measure.amounts import DEVIATION_OF_MEDIAN, duration_text, positive_seconds
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
@@ -227,7 +227,7 @@ class Channel(Shown):
         even = self.step * np.array([math.remainder(k * math.e, 1.0) for k in range(valid.size)])
         orders = [k for k in ORDERS if valid.size >= SWITCHED + k]
         sizes = [
-            1.4826 * float(np.median(np.abs(d + even[: d.size]))) if np.median(np.abs(d)) else 0.0
+            DEVIATION_OF_MEDIAN * float(np.median(np.abs(d + even[: d.size]))) if np.median(np.abs(d)) else 0.0
             for d in (np.diff(valid, k) for k in orders)
         ]
         squares = [max(size**2 - float(even.var()), 0.0) / math.comb(2 * k, k) for size, k in zip(sizes, orders, strict=True)]

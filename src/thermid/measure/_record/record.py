@@ -38,7 +38,7 @@ from thermid.measure._record.channel import (
 )
 from thermid.measure._record.sensor import ICE, KEYS, SensorCertificate, SensorPart
 from thermid.measure._record.steadiness import SETTLED, SteadyPoint, steady_point
-from thermid.measure.amounts import duration_text, positive_seconds
+from thermid.measure.amounts import DEVIATION_OF_MEDIAN, duration_text, positive_seconds
 
 if TYPE_CHECKING:
     from pandas import DataFrame
@@ -338,7 +338,7 @@ class Record(Samples, Result):
         for channel in self._temperatures(channels, "spikes"):
             centre, spread = windows.hampel(self.times, channel.values, channel.valid, width)
             # a median deviation of zero only says that half the window lies in one level of the sensor, half a step either side
-            allowed = limit if absolute else limit * np.maximum(spread, 1.4826 * 0.5 * channel.step)
+            allowed = limit if absolute else limit * np.maximum(spread, DEVIATION_OF_MEDIAN * channel.step / 2.0)
             masked.append(channel.masked(np.abs(channel.values - centre) > allowed, "spike"))
         unit = "K" if absolute else "robust standard deviations"
         return self._noted(

@@ -18,11 +18,10 @@ from thermid.base.expression import amount
 from thermid.base.units import format_value
 from thermid.measure._record.channel import Channel, FloatArray, Samples
 from thermid.measure._record.rounding import rounding_of_line
-from thermid.measure.amounts import duration_text, positive_seconds
+from thermid.measure.amounts import HOUR, MINUTE, duration_text, positive_seconds
 
 R = TypeVar("R", bound=Samples)
 
-HOUR: Final = 3600.0
 MIN_JUDGED_WINDOW: Final = 300.0
 """Shortest window over which a rule without one of its own is judged on readings. [s]"""
 MIN_READINGS_OF_STRETCH: Final = 8
@@ -110,10 +109,10 @@ def rule_of(rule: str | StabilityRule) -> StabilityRule:
             "stability",
             code="value.wrong-kind",
         )
-    span = float(rate["span"]) * (HOUR if rate["unit"] == "h" else 60.0) if rate["span"] else 0.0
+    span = float(rate["span"]) * (HOUR if rate["unit"] == "h" else MINUTE) if rate["span"] else 0.0
     if rate["span"] and span <= 0.0:
         raise RecordError(f"'{text}': the window has no length. Give one above zero.", "stability", code="value.outside-range")
-    per = span if not rate["per"] else HOUR if "h" in rate["per"] else 60.0
+    per = span if not rate["per"] else HOUR if "h" in rate["per"] else MINUTE
     same = next((r for r in RULES.values() if not r.stored and np.isclose(r.rate, float(rate["size"]) / per) and r.window == span), None)
     return same or StabilityRule(text, float(rate["size"]) / per, span, "the project's own", "project")
 
@@ -430,7 +429,7 @@ class SteadyValue:
         """Value, error, drift."""
         if self.quantity != "temperature":
             return f"{self.name} {self.value:.5g} +- {self.error:.2g}"
-        text = f"{self.name} {format_value(self.value, 'degC', 6)} +- {self.error:.2g} K   drift {3600 * self.rate:+.2g} K/h"
+        text = f"{self.name} {format_value(self.value, 'degC', 6)} +- {self.error:.2g} K   drift {HOUR * self.rate:+.2g} K/h"
         corrected = f", {self.correction:+.2g} K added for it" if self.correction else ""
         return f"{text}{corrected}   {self.samples} readings worth {self.independent:.3g}"
 

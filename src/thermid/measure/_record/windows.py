@@ -7,6 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from thermid.measure._record.channel import BoolArray, FloatArray, usual_step
+from thermid.measure.amounts import DEVIATION_OF_MEDIAN
 
 _CELLS = 1_000_000
 
@@ -66,7 +67,7 @@ def hampel(times: FloatArray, values: FloatArray, valid: BoolArray, window: floa
     centre, spread = np.empty_like(values), np.empty_like(values)
     for block, rows in _gathered(times, values, valid, window):
         centre[block] = _middle(rows)
-        spread[block] = 1.4826 * _middle(np.abs(rows - centre[block, None]))
+        spread[block] = DEVIATION_OF_MEDIAN * _middle(np.abs(rows - centre[block, None]))
     return centre, spread
 
 

@@ -71,14 +71,13 @@ class Mixture:
         return float(self.weights @ ndtr((value - self.means) / self.spreads))
 
     def quantile(self, share: float) -> float:
-        """Return the value with the probability `share` below it, by bisection. [K]"""
+        """Return the value with the probability `share` below it, by Brent's method. [K]"""
+        from scipy.optimize import brentq
+
         keep = self.weights > 1e-6 * self.weights.max()
         part = Mixture(self.weights[keep] / self.weights[keep].sum(), self.means[keep], self.spreads[keep])
         low, high = float((part.means - 9.0 * part.spreads).min()), float((part.means + 9.0 * part.spreads).max())
-        for _ in range(60):
-            middle = 0.5 * (low + high)
-            low, high = (middle, high) if part.below(middle) < share else (low, middle)
-        return 0.5 * (low + high)
+        return float(brentq(lambda value: part.below(value) - share, low, high))
 
 
 @dataclass(frozen=True, eq=False)

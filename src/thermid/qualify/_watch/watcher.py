@@ -619,7 +619,9 @@ class _Window:
         passing = Passing(dynamics, [values_of.at(dynamics)])
         passed = passing.run(keep=True, begin=None if start is None else (0, start))
         i = passed.innovations
-        off = {c.target or c.name for c in record.channels.values() if c.held and _is_off(c)}
+        off = {
+            c.target or c.name for c in record.channels.values() if c.held and not (np.abs(c.values[c.valid]) > OFF * c.white_noise).any()
+        }
         suspects = (*(s for s in suspect_values(experiment.network) if s.kind != "power" or s.whose not in off), *ambients)
         return cls(dynamics, suspects, values_of, passing, passed.beliefs, i.errors[:, 0], i.variances[:, 0], i.times, i.sensors)
 
@@ -704,9 +706,3 @@ def _noise_by_powers(experiment: Experiment, node: str) -> float:
     record = experiment.record
     noises = [c.white_noise for c in record.channels.values() if c.quantity == "power" and (c.target or c.name) in loads]
     return float(np.linalg.norm(noises)) * record.step**0.5 / value_of(capacity or 1.0) if noises else 0.0
-
-
-def _is_off(channel: Channel) -> bool:
-    """Whether a logged power never exceeds `OFF` times its noise, so that no part of it can be missing."""
-    readings = channel.values[channel.valid]
-    return not readings.size or float(np.abs(readings).max()) <= OFF * channel.white_noise

@@ -130,11 +130,11 @@ def _power(digits: str, exponent: int) -> str:
     return f"{digits}·10{power}"
 
 
-def number(value: float, digits: int = 4) -> str:
+def number(value: float, digits: int = 3) -> str:
     """Return a number with some significant digits, without an exponent from 1e-5 to 1e6.
 
-    >>> number(1535.04, 3), number(0.00012345)
-    ('1535', '0.0001234')
+    >>> number(1535.04), number(0.00012345)
+    ('1535', '0.000123')
     """
     if not math.isfinite(value):
         return DASH
@@ -144,6 +144,15 @@ def number(value: float, digits: int = 4) -> str:
     if not 1e-5 <= size < 1e6:
         return f"{value:.{digits}g}"
     return f"{value:.{max(0, digits - 1 - math.floor(math.log10(size)))}f}"
+
+
+def rounded(value: float) -> str:
+    """Return an error, a share or a chance: two significant digits.
+
+    >>> rounded(0.0512), rounded(15.3)
+    ('0.051', '15')
+    """
+    return number(value, 2)
 
 
 def plain(value: float, digits: int = 6) -> str:

@@ -17,6 +17,7 @@ from thermid.model.tree import Flat, FlatConductor, FlatNode, Model, Tree
 from thermid.physics.constants import ICE_POINT
 from thermid.reporting._blocks.content import oversized
 from thermid.reporting._diagrams.places import Card, MapPlaces, Point, docked, places
+from thermid.reporting._pictures.chart import blend
 from thermid.simulation.network import Network, Numbers, compile_network, conductance
 
 # class of the line, what the legend says
@@ -60,9 +61,7 @@ def tint(kelvin: float, temperatures: Mapping[str, float]) -> str:
     """Return the colour of a temperature among others: pale blue the lowest, pale orange the highest; dark text stands on all."""
     low, high = min(temperatures.values()), max(temperatures.values())
     share = (kelvin - low) / (high - low) if high > low else 0.5
-    cold, mild, warm = (191, 219, 242), (244, 240, 226), (250, 188, 128)
-    a, b, part = (cold, mild, 2 * share) if share < 0.5 else (mild, warm, 2 * share - 1)
-    return "#" + "".join(f"{round(p + part * (q - p)):02x}" for p, q in zip(a, b, strict=True))
+    return blend(share)
 
 
 NOMINAL = (308.15, 298.15)

@@ -43,6 +43,7 @@ from thermid.reporting._blocks.content import (
     oversized,
     plain,
     pretty,
+    rounded,
     significant,
 )
 from thermid.reporting._blocks.extras import Sheets, check_page, write_page
@@ -174,7 +175,7 @@ def _stage(key: str, c: Calibration, campaign: Campaign, sheets: Sheets) -> Part
         ("records", str(len(c.records))),
         ("samples", str(samples)),
         ("free parameters", str(len(c.values.parameters))),
-        ("reduced χ²", number(c.reduced_chi_square, 3)),
+        ("reduced χ²", number(c.reduced_chi_square)),
         ("loss", c.loss),
         ("evaluations", str(c.evaluations)),
         ("converged", "yes" if c.converged else "NO"),
@@ -262,7 +263,7 @@ def _limit(block: SensorTrace, verdict: Verdict | None) -> tuple[float | None, s
     """Return the limit of every single residual of a trace, and whether it is met; None and nothing where no such limit was judged."""
     for c in verdict.checks if verdict is not None else ():
         if c.sensor == block.sensor and metric(c.criterion).of_single_readings:
-            return c.limit, f"{VERDICTS[c.passed]}, limit ± {plain(c.limit, 4)} K"
+            return c.limit, f"{VERDICTS[c.passed]}, limit ± {plain(c.limit)} K"
     return None, ""
 
 
@@ -307,7 +308,7 @@ def _bands(campaign: Campaign) -> tuple[Table | None, list[str]]:
             first = [group_cell(model, k), Cell(record) if k == 0 else SAME_AS_ABOVE]
             w = b.worst
             worst = f"{w.begin / 60:.3g} to {w.end / 60:.3g} min: {100 * w.inside:.0f} % inside, centre off by {w.rmse:.2g} K"
-            rows.append([*first, sensor, f"{100 * b.inside():.0f}", number(float(b.half_width().mean()), 2), worst])
+            rows.append([*first, sensor, f"{100 * b.inside():.0f}", rounded(float(b.half_width().mean())), worst])
     remarks = list(dict.fromkeys(f"{model}: {words}" for (model, _), run in judged.items() for words in run.warnings))
     return Table.of_rows(columns, rows), remarks
 
@@ -426,8 +427,8 @@ def moved(calibration: Calibration) -> Table:
     ]
     rows: list[Line] = [_line(m) for m in calibration.moved.values]
     for g in calibration.moved.groups:
-        square = f"χ² {number(g.chi_square, 3)} of {g.directions}" if g.directions else DASH
-        rows.append([Cell(g.name, ", ".join(g.paths), "main"), *[""] * 5, square, number(g.chance, 2), "", _result(g.verdict)])
+        square = f"χ² {number(g.chi_square)} of {g.directions}" if g.directions else DASH
+        rows.append([Cell(g.name, ", ".join(g.paths), "main"), *[""] * 5, square, rounded(g.chance), "", _result(g.verdict)])
     how = (
         "A value that changed: the part behaves differently in the assembly than alone, or the stage below lacks physics. A value is "
         "called not rejected only if the logs would show a change of 10 %."
@@ -444,14 +445,14 @@ def _line(m: Move) -> Line:
     """Return the row of a value that a stage below found: before and here, their difference in standard errors, its chance."""
     below, alone = from_si(m.below, m.unit), from_si(m.alone, m.unit)
     is_known = m.is_determined and math.isfinite(alone)
-    share = number(100 * (alone / below - 1), 2) if below and is_known else DASH
+    share = rounded(100 * (alone / below - 1)) if below and is_known else DASH
     far = f"{m.deviations:+.1f}" if math.isfinite(m.deviations) else DASH
     error = m.below_error / float(unit(m.unit).factor)
-    there = f"{significant(below, error)} ± {number(error, 2)}" if math.isfinite(error) else plain(below, 5)
-    detectable = number(100 * m.detectable_share, 2) if m.is_determined else DASH
-    here = plain(alone, 4) if is_known else DASH
+    there = f"{significant(below, error)} ± {rounded(error)}" if math.isfinite(error) else plain(below)
+    detectable = rounded(100 * m.detectable_share) if m.is_determined else DASH
+    here = plain(alone) if is_known else DASH
     return [
-        Cell(m.path, "", "main"), m.stage, there, here, pretty(m.unit), share, far, number(m.chance, 2), detectable, _result(m.verdict),
+        Cell(m.path, "", "main"), m.stage, there, here, pretty(m.unit), share, far, rounded(m.chance), detectable, _result(m.verdict),
     ]  # fmt: skip
 
 

@@ -30,6 +30,7 @@ from thermid.reporting._blocks.content import (
     number,
     oversized,
     plain,
+    rounded,
 )
 from thermid.reporting._diagrams.map import fitting_map
 from thermid.reporting._pictures import figures
@@ -149,12 +150,12 @@ class Decisive:
         trace = f"{b.sensor} in {b.record}. After {at}: {read}, residual {b.residuals[k]:+.2f} K"
         if self.check is None:
             rmse = float(np.sqrt(np.mean(b.residuals**2)))
-            return f"Worst fitted sensor: {trace}. RMSE {number(rmse, 2)} K. No limit applies: there is no hold-out record."
+            return f"Worst fitted sensor: {trace}. RMSE {rounded(rmse)} K. No limit applies: there is no hold-out record."
         c = self.check
         word = VERDICTS[c.passed]
         return (
-            f"Worst held-out sensor: {trace}. {capitalised(c.title)} {number(c.found, 3)} K, "
-            f"limit {plain(c.limit, 4)} K ({100 * c.used:.0f} %): {word}."
+            f"Worst held-out sensor: {trace}. {capitalised(c.title)} {number(c.found)} K, "
+            f"limit {plain(c.limit)} K ({100 * c.used:.0f} %): {word}."
         )
 
 

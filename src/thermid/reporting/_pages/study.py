@@ -159,7 +159,7 @@ def _instruments(study: Study) -> Table:
                 Cell(name, ", ".join(s.channels), "main"),
                 f"± {plain(s.accuracy)}",
                 plain(s.resolution) if s.resolution else DASH,
-                " .. ".join(plain(t - ICE_POINT, 4) for t in s.range) or DASH,
+                " .. ".join(plain(t - ICE_POINT) for t in s.range) or DASH,
                 plain(s.conversion) if s.conversion else DASH,
                 s.certificate or DASH,
                 s.basis or DASH,
@@ -187,7 +187,7 @@ def parts(study: Study) -> Table:
     boxes, colours = study.boxes, study.part_boxes
     rows: list[Line] = []
     for name, c in study.components.items():
-        limits = [f"{sign} {plain(t - ICE_POINT, 4)} °C" for sign, t in (("≥", c.lowest), ("≤", c.highest)) if t is not None]
+        limits = [f"{sign} {plain(t - ICE_POINT)} °C" for sign, t in (("≥", c.lowest), ("≤", c.highest)) if t is not None]
         box = colours.get(c.at) or boxes[c.at]
         rows.append([Cell(name, "", "main"), c.what or DASH, c.at, box, Cell(", ".join(limits) or DASH, c.basis)])
     columns = [
@@ -222,8 +222,8 @@ def provenance(study: Study) -> Table:
     for title, name, p in _stated(study):
         literal = p.expression.literal
         of = literal.unit if literal else None
-        shown = plain(from_si(literal.value, of), 6) if literal and of else p.text
-        ends = [plain(b / float(of.factor), 4) if b is not None and of else "" for b in (p.minimum, p.maximum)]
+        shown = plain(from_si(literal.value, of)) if literal and of else p.text
+        ends = [plain(b / float(of.factor)) if b is not None and of else "" for b in (p.minimum, p.maximum)]
         line: Line = [Cell(title, "", "main"), name, Cell(shown, p.text), pretty(of.text) if of else DASH]
         ranges = [" .. ".join(ends)] * any(ends) + [f"± {pretty(p.spread)}"] * (p.spread != "" and not p.is_range)
         line += [", ".join(ranges) or DASH, Cell(p.source, "", look.get(p.source, "")), p.basis or p.note or DASH]

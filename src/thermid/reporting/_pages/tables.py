@@ -33,6 +33,7 @@ from thermid.reporting._blocks.content import (
     number,
     plain,
     pretty,
+    rounded,
     signed,
     significant,
     verdict_cell,
@@ -68,18 +69,18 @@ def parameters(calibration: Calibration) -> Table:
     for path, v in calibration.values.parameters.items():
         entry, random, best = table[path], v.shown(v.error_random), calibration.estimates[path]
         digits_of = random if best is v else v.shown(best.error)
-        fitted = DASH if best is v else f"{significant(v.in_unit, v.shown(v.error))} ± {number(v.shown(v.error), 2)}"
+        fitted = DASH if best is v else f"{significant(v.in_unit, v.shown(v.error))} ± {rounded(v.shown(v.error))}"
         source = entry.origin if entry.origin.startswith("stage ") else entry.parameter.source or "not stated"
         shift = (best.value - v.start) / best.error if best.error > 0 and math.isfinite(best.error) else math.nan
         rows.append(
             [
                 Cell(path, entry.parameter.note),
-                plain(v.converted(v.start), 6),
+                plain(v.converted(v.start)),
                 Cell(significant(best.in_unit, digits_of), repr(best.in_unit), "main"),
                 fitted,
-                number(random, 2),
-                number(v.shown(best.error), 2),
-                number(100 * best.relative, 2),
+                rounded(random),
+                rounded(v.shown(best.error)),
+                rounded(100 * best.relative),
                 pretty(v.unit),
                 bounds_text(v),
                 f"{shift:+.1f}" if math.isfinite(shift) else DASH,
@@ -92,7 +93,7 @@ def parameters(calibration: Calibration) -> Table:
 
 def bounds_text(v: FittedValue) -> str:
     """Return the bounds of a value in its unit as text; a dash where it has none."""
-    low, high = (plain(v.converted(b), 4) if math.isfinite(b) else "" for b in v.bounds)
+    low, high = (plain(v.converted(b)) if math.isfinite(b) else "" for b in v.bounds)
     return f"{low} .. {high}" if low and high else f"from {low}" if low else f"to {high}" if high else DASH
 
 
@@ -171,10 +172,10 @@ def _level_row(names: Names, values_by_stage: Mapping[str, tuple[float, FittedVa
         value, fitted = values_by_stage.get(stage, (math.nan, None))
         shown = from_si(value, text)
         if fitted is None:
-            row.append(Cell(number(shown, 4), "held" if stage in values_by_stage else "", "soft"))
+            row.append(Cell(number(shown), "held" if stage in values_by_stage else "", "soft"))
         else:
             error = fitted.error / float(unit(text).factor)
-            row.append(Cell(f"{significant(shown, error)} ± {number(error, 2)}", "fitted", "main"))
+            row.append(Cell(f"{significant(shown, error)} ± {rounded(error)}", "fitted", "main"))
     return row
 
 
@@ -199,20 +200,20 @@ def sensors(calibration: Calibration) -> Table:
     for name, s in calibration.sensors.items():
         blocks = [b for b in calibration.blocks if b.sensor == name]
         value, error = bias_of(calibration, name)
-        bias = f"{signed(value, 2)} ± {number(error, 2)}" if error is not None else f"{signed(value, 2)} held" if value else DASH
+        bias = f"{signed(value, 2)} ± {rounded(error)}" if error is not None else f"{signed(value, 2)} held" if value else DASH
         rows.append(
             [
                 Cell(name, "", "main"),
                 ", ".join(dict.fromkeys(b.node for b in blocks)),
                 str(len(blocks)),
                 str(s.samples),
-                number(s.rmse, 3),
-                number(calibration.median_rmse(name), 3),
+                number(s.rmse),
+                number(calibration.median_rmse(name)),
                 signed(s.mean, 3),
                 signed(s.largest, 3),
                 bias,
-                plain(accuracy.get(name) or math.nan, 3),
-                plain(blocks[0].noise, 3),
+                plain(accuracy.get(name) or math.nan),
+                plain(blocks[0].noise),
                 Cell("yes") if s.white else Cell(f"no ({s.lag_one:+.2f})", "", "warn"),
             ]
         )
@@ -229,7 +230,7 @@ def instruments(calibration: Calibration) -> Table:
             [
                 name.removesuffix(" error"),
                 significant(v.in_unit, v.shown(v.error)),
-                number(v.shown(v.error), 2),
+                rounded(v.shown(v.error)),
                 "of the reading" if v.unit == "1" else pretty(v.unit),
             ]
             for name, v in calibration.values.items()
@@ -246,7 +247,7 @@ def records(calibration: Calibration) -> Table:
         [Head("record"), Head("sensor"), *numeric, Head("white")],
         [
             [
-                *(record, sensor, str(s.samples), number(s.rmse, 3)),
+                *(record, sensor, str(s.samples), number(s.rmse)),
                 *(signed(s.mean, 3), signed(s.largest, 3), signed(s.lag_one, 2), "yes" if s.white else "no"),
             ]
             for record, sensors in calibration.statistics.items()
@@ -260,7 +261,7 @@ def locals_(calibration: Calibration) -> Table:
     rows: list[Line] = []
     for i in calibration.local:
         value = i.value - ICE_POINT if i.unit == "degC" else i.value
-        rows.append([i.record, i.name, significant(value, i.error), number(i.error, 2), pretty(i.unit)])
+        rows.append([i.record, i.name, significant(value, i.error), rounded(i.error), pretty(i.unit)])
     return Table.of_rows([Head("record"), Head("value"), Head("found", True), Head("± total", True), Head("unit")], rows)
 
 
@@ -285,8 +286,8 @@ def areas(model: Model) -> Table:
         [
             [
                 line.surface,
-                *(number(1e4 * a, 4) for a in (line.total, line.exposed, line.contact, line.gap)),
-                ", ".join(f"{joint} {number(1e4 * a, 4)} cm²" for joint, a in line.joints.items()) or DASH,
+                *(number(1e4 * a) for a in (line.total, line.exposed, line.contact, line.gap)),
+                ", ".join(f"{joint} {number(1e4 * a)} cm²" for joint, a in line.joints.items()) or DASH,
             ]
             for line in ledger(model)
         ],
@@ -315,7 +316,7 @@ def verdicts(campaign: Campaign, ranked: bool = False) -> Table:
             condition = Cell(", ".join(v.deciding), "fitted to this record, and decides", "warn") if v.conditional else Cell("nothing")
             if not v.unseen:
                 condition = Cell("no longer independent", "the model failed a verdict on it before it was refitted", "bad")
-            cells = [number(c.found, 3), plain(c.limit, 4), _outside(v, c)]
+            cells = [number(c.found), plain(c.limit), _outside(v, c)]
             rows.append([*first, c.sensor, c.title, *cells, verdict_cell(bool(c.passed)), condition])
     order = sorted(range(len(rows)), key=lambda k: -sizes[k]) if ranked else range(len(rows))
     return Table.of_rows(
@@ -454,7 +455,7 @@ def held(calibration: Calibration) -> Table:
     rows: list[Line] = []
     for path, entry in values.table.items():
         literal = entry.parameter.expression.literal
-        shown = plain(from_si(float(numbers[path]), literal.unit if literal else ""), 6)
+        shown = plain(from_si(float(numbers[path]), literal.unit if literal else ""))
         text = literal.unit.text if literal else si_unit(values.dimension(path))
         hides = "; ".join(f"{value} ({origin})" for origin, value in reversed(entry.shadowed))
         written = entry.parameter.text if not literal else DASH
@@ -613,7 +614,7 @@ def _unknown(campaign: Campaign) -> Iterator[tuple[str, str]]:
             widths.append(((high - low) / 2 / abs(value.value), value.path))
         vague = sorted((pair for pair in widths if MAX_KNOWN_HALF_WIDTH < pair[0] < math.inf), reverse=True)
         if vague:
-            yield f"Poorly determined (95 %): {_some([f'{path} ± {number(100 * half, 2)} %' for half, path in vague])}.", c.stage
+            yield f"Poorly determined (95 %): {_some([f'{path} ± {rounded(100 * half)} %' for half, path in vague])}.", c.stage
         twins = [f"{a} with {b}" for a, b, _ in _twins(c)]
         if twins:
             yield f"Better determined together than each alone: {_some(twins)}.", c.stage
@@ -637,7 +638,7 @@ def _todo(campaign: Campaign, named: Sequence[CampaignPrediction]) -> Iterator[t
         yield _envelope(campaign), ""
     for v in campaign.verdicts:
         if v.missed and (worst := v.worst) is not None:
-            missing = f"{worst.title} {number(worst.found, 2)} K of {number(worst.limit, 2)} K allowed"
+            missing = f"{worst.title} {rounded(worst.found)} K of {rounded(worst.limit)} K allowed"
             yield (
                 (
                     f"Do not use {v.model} yet: {worst.sensor} in {v.record} exceeds a criterion, {missing}. Check where its residuals "

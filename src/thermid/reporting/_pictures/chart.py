@@ -30,6 +30,10 @@ def series_look(k: int) -> tuple[tuple[str, str], str]:
     return (f"--s{n}", SERIES[n]), " ".join(f"{d:g}" for d in DASHES[(n + k // len(SERIES)) % len(DASHES)])
 
 
+THIN, WIDE_LINE = 1.4, 3.4
+"""Widths of a line, and of what others lie over. [px]"""
+COLD, MILD, WARM = (191, 219, 242), (244, 240, 226), (250, 188, 128)
+"""Pale blue, paper and pale orange, on all of which dark text stands. [RGB]"""
 PANEL_GRID_STEPS = 10_000
 """Steps of the grid of a panel, each way."""
 END_LABEL, END_LETTERS = 12.0, 24
@@ -50,7 +54,7 @@ class Stroke:
     x: Array
     y: Array
     colour: tuple[str, str]
-    width: float = 1.4
+    width: float = THIN
     dash: str = ""
     less: tuple[str, str] | None = None
 
@@ -163,7 +167,7 @@ def chart(panels: Sequence[Panel], *, key: str, label: str, x_name: tuple[str, s
     for k, panel in enumerate(panels):
         tall = whole * panel.share / sum(p.share for p in panels)
         box = (edge, top, width - edge - right, tall)
-        out.append(_panel(panel, box, _widened(*ends, 0.01), f"{key}-{k}", limit, k == len(panels) - 1, samples, named))
+        out.append(_panel(panel, box, widened(*ends, 0.01), f"{key}-{k}", limit, k == len(panels) - 1, samples, named))
         top += tall + gap
     words = escape(f"{label}. {in_words(panels, x_name, ends)}")
     end = f'<text x="{edge + (width - edge - right) / 2:.0f}" y="{height - 5:.0f}" text-anchor="middle">{escape(", ".join(x_name))}</text>'
@@ -201,7 +205,13 @@ def in_words(panels: Sequence[Panel], x_name: tuple[str, str], ends: tuple[float
     return f"{x_name[0].capitalize()} {ends[0]:.4g} to {ends[1]:.4g} {x_name[1]}; " + "; ".join(dict.fromkeys(readout)) + "."
 
 
-def _widened(low: float, high: float, share: float) -> tuple[float, float]:
+def blend(share: float) -> str:
+    """Return the colour from `COLD` over `MILD` to `WARM` at a share from 0 to 1."""
+    a, b, part = (COLD, MILD, 2 * share) if share < 0.5 else (MILD, WARM, 2 * share - 1)
+    return "#" + "".join(f"{round(p + part * (q - p)):02x}" for p, q in zip(a, b, strict=True))
+
+
+def widened(low: float, high: float, share: float = 0.05) -> tuple[float, float]:
     """Return an interval with some room, one of no length made to have some."""
     room = share * (high - low) or max(abs(high) * 1e-3, 0.5)
     return low - room, high + room
@@ -221,7 +231,7 @@ def _panel(
     x_left, top, width, height = box
     shown = [line.y[np.isfinite(line.y)] for line in p.lines] + [v for a in p.areas for v in (a.low, a.high)]
     low, high = min(float(v.min()) for v in shown if v.size), max(float(v.max()) for v in shown if v.size)
-    low, high = _widened(min([low, *p.levels, *([0.0] if p.zero else [])]), max([high, *p.levels]), 0.05)
+    low, high = widened(min([low, *p.levels, *([0.0] if p.zero else [])]), max([high, *p.levels]))
     high = p.top if p.top is not None and p.top < high else high
     about = max(3, round(height / 42))  # a scale that shows one value alone shows no size
     y_ticks = next(t for k in range(about, about + 20) if len(t := nice_ticks(low, high, k)) > 1)

@@ -17,7 +17,22 @@ from thermid.fit.calibration import SensorTrace
 from thermid.physics.constants import ICE_POINT
 from thermid.prediction.bands import Prediction
 from thermid.reporting._blocks.content import NARROW, Graphic, LegendEntry, Plot
-from thermid.reporting._pictures.chart import END_LABEL, SERIES, Area, Panel, Stroke, chart, nice_ticks, number_text, series_look, time_unit
+from thermid.reporting._pictures.chart import (
+    END_LABEL,
+    SERIES,
+    THIN,
+    WIDE_LINE,
+    Area,
+    Panel,
+    Stroke,
+    blend,
+    chart,
+    nice_ticks,
+    number_text,
+    series_look,
+    time_unit,
+    widened,
+)
 from thermid.simulation.runs import Solution
 
 CHART_WIDTH, CHART_HEIGHT = 300.0, 232.0
@@ -92,13 +107,8 @@ def _ordered(cells: Mapping[tuple[str, str], tuple[float, bool | None]], axis: i
 
 
 def shade(ratio: float) -> str:
-    """Return the colour of an error over its limit: blue far below it, white at it, orange beyond; dark text stands on all of them."""
-    cold, mild, warm = (160, 203, 236), (250, 248, 240), (245, 150, 80)
-    share = min(max(ratio, 0.0), 2.0)
-    a, b, part = (cold, mild, share) if share <= 1.0 else (mild, warm, share - 1.0)
-    if share > 1.0:
-        part = 0.45 + 0.55 * part
-    return "#" + "".join(f"{round(p + part * (q - p)):02x}" for p, q in zip(a, b, strict=True))
+    """Return the colour of an error over its limit: blue far below it, white at it, orange beyond."""
+    return blend(min(max(ratio / 2.0, 0.0), 1.0))
 
 
 def scatter(measured: Sequence[Array], predicted: Sequence[Array]) -> Graphic:
@@ -112,7 +122,7 @@ def scatter(measured: Sequence[Array], predicted: Sequence[Array]) -> Graphic:
     """
     x = np.concatenate(measured) - ICE_POINT
     y = x + ICE_POINT - np.concatenate(predicted)
-    (left, right), far = _ends(x, 6.0), max(1.05 * float(np.abs(y).max()), 5.5)
+    (left, right), far = widened(float(x.min()), float(x.max())), widened(0.0, max(float(np.abs(y).max()), BANDS[-1][0]))[1]
     box = BOX
 
     def at(v: float, w: float) -> tuple[float, float]:
@@ -140,10 +150,10 @@ def histogram(residuals: Sequence[Array]) -> Graphic:
     residuals : sequence of arrays (samples,)   Measured less predicted. [K]
     """
     r = np.concatenate(residuals)
-    far = float(np.abs(r).max()) * 1.05 or 1.0
+    far = widened(0.0, float(np.abs(r).max()))[1]
     counts, _ = np.histogram(r, bins=31, range=(-far, far))
     share = 100.0 * counts / r.size
-    top = float(share.max()) * 1.08
+    top = widened(0.0, float(share.max()))[1]
     box = BOX
     out = [_scatter_axes(box, (-far, far), (0.0, top), ("measured less predicted, K", "readings, %"))]
     foot, step = box[1] + box[3], box[2] / counts.size
@@ -186,13 +196,6 @@ def _shares_within(residuals: Array) -> str:
             share, text = min(share, 99.9), f" ({beyond:,} of {residuals.size:,} beyond)"
         out.append(f"{share:.{1 if text else 0}f} % within {k:g} K{text}")
     return ", ".join(out)
-
-
-def _ends(values: Array, least: float) -> tuple[float, float]:
-    """Return the ends of an axis: 6 % beyond the values, and at least so far apart."""
-    low, high = float(values.min()), float(values.max())
-    room = max(0.06 * (high - low), 0.5 * (least - (high - low)), 1e-3)
-    return low - room, high + room
 
 
 def _scatter_axes(box: tuple[float, float, float, float], x: tuple[float, float], y: tuple[float, float], names: tuple[str, str]) -> str:
@@ -317,10 +320,10 @@ def driven(drive: RecordDrive | None, begin: float, end: float) -> tuple[list[St
     inside = (drive.times >= begin - 1e-9) & (drive.times <= end + 1e-9)
     times, green = drive.times[inside], ("--s2", SERIES[2])
     ambient = [
-        Stroke(f"ambient {name}", times, kelvin[inside] - ICE_POINT, green, 1.3, dash)
+        Stroke(f"ambient {name}", times, kelvin[inside] - ICE_POINT, green, dash=dash)
         for (name, kelvin), dash in zip(drive.ambient.items(), ("1.5 2.5", "7 2 2 2"), strict=False)
     ]
-    return ambient, [] if drive.power is None else [Stroke("power", times, drive.power[inside], ("--s3", SERIES[3]), 1.4)]
+    return ambient, [] if drive.power is None else [Stroke("power", times, drive.power[inside], ("--s3", SERIES[3]))]
 
 
 LIMIT_IN_VIEW = 4.0
@@ -369,16 +372,16 @@ def compared(
     if wide > 0:
         bands = [Area("sensor, 95 %", x, y - wide, y + wide, LOOKS["measured"])]
         low = [Area("sensor, 95 %", ends, np.full(2, -wide), np.full(2, wide), LOOKS["measured"])]
-    lines = [Stroke("measured", x, y, LOOKS["measured"], 3.4), Stroke("simulated", x, predicted - ICE_POINT, LOOKS["simulated"], 1.4)]
-    entries = [LegendEntry("measured", "--f-measured", width=4), LegendEntry("simulated", "--f-simulated", width=2)]
+    lines = [Stroke("measured", x, y, LOOKS["measured"], WIDE_LINE), Stroke("simulated", x, predicted - ICE_POINT, LOOKS["simulated"])]
+    entries = [LegendEntry("measured", "--f-measured", width=WIDE_LINE), LegendEntry("simulated", "--f-simulated")]
     differences = [Stroke("measured less simulated", x, residual, LOOKS["residual"], 1.0, less=("measured", "simulated"))]
-    entries.append(LegendEntry("measured less simulated", "--f-residual", width=1.4))
+    entries.append(LegendEntry("measured less simulated", "--f-residual"))
     ambient, power = driven(drive, float(times[0]), float(times[-1]))
     lines += [replace(line, x=line.x / length) for line in ambient]
     entries += [LegendEntry(line.label, line.colour[0], line.dash, width=line.width) for line in (*ambient, *power)]
     if limit is not None and limit < LIMIT_IN_VIEW * float(np.abs(residual).max()):
-        differences += [Stroke("limit, residual", ends, np.full(2, s * limit), ("--f-ink", INK), 1.3, "6 2.5") for s in (1.0, -1.0)]
-        entries.append(LegendEntry("limit, residual", "--f-ink", "6 2.5", width=1.3))
+        differences += [Stroke("limit, residual", ends, np.full(2, s * limit), ("--f-ink", INK), dash="6 2.5") for s in (1.0, -1.0)]
+        entries.append(LegendEntry("limit, residual", "--f-ink", "6 2.5"))
     named = size[0] > NARROW  # in a narrow figure units alone find room beside the axes
     panels = [Panel("temperature" * named, "°C", lines, bands, share=2.4), Panel("residual" * named, "K", differences, low, (0.0,))]
     panels += [Panel("power" * named, "W", [replace(line, x=line.x / length) for line in power], share=0.7, zero=True)] if power else []
@@ -414,7 +417,7 @@ def trace(
 def overview(lines: Sequence[Dots]) -> Graphic:
     """Return the RMSE of every record as a dot, a line per stage, a colour and mark per sensor, with a stroke at each median."""
     sensors = list(dict.fromkeys(s for line in lines for s in line.values))
-    highest = 1.06 * max((v for line in lines for values in line.values.values() for v in values), default=1.0) or 1.0
+    highest = widened(0.0, max((v for line in lines for values in line.values.values() for v in values), default=1.0))[1]
     width, x_left, right, row = 760.0, 190.0, 14.0, 42.0
     bottom = 8.0 + row * len(lines)
     ticks = nice_ticks(0.0, highest, 7)
@@ -478,7 +481,7 @@ def prediction(solution: Solution, key: str, label: str) -> Graphic:
         colour, dash = series_look(k)
         celsius = solution.temperatures[:, k] - ICE_POINT
         name = f"{node} {celsius[-1]:.1f} °C"
-        lines.append(Stroke(name, solution.times / length, celsius, colour, 1.6, dash))
+        lines.append(Stroke(name, solution.times / length, celsius, colour, dash=dash))
         entries.append(LegendEntry(name, colour[0], dash))
     markup = chart([Panel("temperature", "°C", lines)], key=key, label=label, x_name=("time", unit), size=(760, 330), named=True)
     return Graphic(markup, tuple(entries))
@@ -492,7 +495,7 @@ def predicted_bands(prediction: Prediction, key: str, label: str, limits: Sequen
         colour, dash = series_look(k)
         low, high = band.interval()
         areas.append(Area(f"{node}, 95 %", band.times / length, low, high, colour))
-        lines.append(Stroke(node, band.times / length, band.celsius, colour, 1.6, dash))
+        lines.append(Stroke(node, band.times / length, band.celsius, colour, dash=dash))
         entries.append(LegendEntry(f"{node} {low[-1]:.1f} to {high[-1]:.1f} °C at the end", colour[0], dash))
     panel = Panel("temperature", "°C", lines, areas, sorted({t - ICE_POINT for t in limits}))
     tall = max(240.0, 60.0 + 1.1 * END_LABEL * len(lines))
@@ -513,13 +516,13 @@ def coverage(shares: Mapping[str, Mapping[float, float]], key: str, label: str) 
     levels = np.array(sorted(next(iter(shares.values()))))
     observed = 100.0 * np.array([[shares_of_record[level] for level in levels.tolist()] for shares_of_record in shares.values()])
     x = 100.0 * levels
-    lines, areas = [Stroke("as promised", x, x, ("--f-ink", INK), 1.1, "6 2.5")], []
+    lines, areas = [Stroke("as promised", x, x, ("--f-ink", INK), dash="6 2.5")], []
     if len(shares) <= len(SERIES):
         looks = map(series_look, range(len(shares)))
-        lines += [Stroke(n, x, y, look, 1.8, dash) for n, y, (look, dash) in zip(shares, observed, looks, strict=True)]
+        lines += [Stroke(n, x, y, look, dash=dash) for n, y, (look, dash) in zip(shares, observed, looks, strict=True)]
     else:
         areas = [Area("lowest to highest", x, observed.min(axis=0), observed.max(axis=0))]
-        lines.append(Stroke(f"mean of {len(shares)} records", x, observed.mean(axis=0), LOOKS["simulated"], 1.8))
+        lines.append(Stroke(f"mean of {len(shares)} records", x, observed.mean(axis=0), LOOKS["simulated"]))
     panel = Panel("readings inside", "%", lines, areas, (100.0,))
     markup = chart([panel], key=key, label=label, x_name=("nominal share of the band", "%"), size=(760, 300))
     entries = [LegendEntry(line.label, line.colour[0], line.dash, width=line.width) for line in lines]
@@ -527,13 +530,13 @@ def coverage(shares: Mapping[str, Mapping[float, float]], key: str, label: str) 
 
 
 STYLES: dict[str, tuple[tuple[str, str], float, str]] = {
-    "measured": (("--f-measured", MEASURED), 3.4, ""),
-    "simulated": (("--f-simulated", SIMULATED), 1.6, "6 2.5"),
-    "bound": (("--f-residual", RESIDUAL), 1.6, "1.5 2.5"),
-    "bound off": (("--f-residual", RESIDUAL), 1.6, "6 2 1.5 2"),
-    "bound start": (("--f-residual", RESIDUAL), 6.0, ""),
-    "other": (("--s2", SERIES[2]), 1.4, "8 2.5 2 2.5"),
-    "truth": (("--f-ink", INK), 1.1, ""),
+    "measured": (("--f-measured", MEASURED), WIDE_LINE, ""),
+    "simulated": (("--f-simulated", SIMULATED), THIN, "6 2.5"),
+    "bound": (("--f-residual", RESIDUAL), THIN, "1.5 2.5"),
+    "bound off": (("--f-residual", RESIDUAL), THIN, "6 2 1.5 2"),
+    "bound start": (("--f-residual", RESIDUAL), 2.0 * WIDE_LINE, ""),
+    "other": (("--s2", SERIES[2]), THIN, "8 2.5 2 2.5"),
+    "truth": (("--f-ink", INK), THIN, ""),
 }
 """Colour, width [px] and dashes of every look."""
 

@@ -221,7 +221,7 @@ def _criteria(q: Qualification) -> Table:
     rows: list[Line] = []
     for name in used:
         c = q.plan.criteria[name]
-        sizes = [number(c.limits[key], 3) if key in c.limits else DASH for key in shown]
+        sizes = [number(c.limits[key]) if key in c.limits else DASH for key in shown]
         rows.append([Cell(name, "", "main"), *sizes, ", ".join(c.kinds), mark(c.mark), c.source or DASH])
     return Table.of_rows(columns, rows)
 
@@ -303,9 +303,7 @@ def _heat(q: Qualification) -> list[PageBlock]:
     out: list[PageBlock] = []
     for t in q.trials:
         b = t.foresight.solution.heat_balance()
-        balance = (
-            f"loads {number(b.loads / 1e3, 4)} kJ, to boundaries {number(b.boundaries / 1e3, 4)} kJ, stored {number(b.stored / 1e3, 4)} kJ"
-        )
+        balance = f"loads {number(b.loads / 1e3)} kJ, to boundaries {number(b.boundaries / 1e3)} kJ, stored {number(b.stored / 1e3)} kJ"
         out.append(folded(t.test.name, [Words(f"{balance}; residual: {b.relative:.1e} of it."), tables.flows(t)]))
     return out
 

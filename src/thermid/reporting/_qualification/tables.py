@@ -25,6 +25,7 @@ from thermid.reporting._blocks.content import (
     number,
     plain,
     pretty,
+    rounded,
     signed,
     significant,
     verdict_cell,
@@ -146,7 +147,7 @@ def duties(q: Qualification) -> list[PageBlock]:
         [
             Cell(t.test.name, "", "main"),
             h.load,
-            number(h.full, 3),
+            number(h.full),
             f"{100 * h.duty:.0f}",
             f"{100 * h.max_duty:.0f}",
             mark(h.rule.mark),
@@ -164,7 +165,7 @@ def duties(q: Qualification) -> list[PageBlock]:
             w = np.broadcast_to(watts, times.shape)
             spread = stated_text(t.test.spread.get(f"scale.{load}", t.test.spread.get(f"{load}.power", DASH)))
             if w.any():
-                lines.append([load, number(float(np.trapezoid(w, times) / times[-1]), 3), number(float(w.max()), 3), spread])
+                lines.append([load, number(float(np.trapezoid(w, times) / times[-1])), number(float(w.max())), spread])
         if lines:
             heads = [Head("load"), Head("mean, W", True), Head("largest, W", True), Head("stated ±")]
             total = sum(float(np.max(w)) for w in t.foresight.solution.load_powers.values())
@@ -280,11 +281,11 @@ def changes(q: Qualification) -> Table:
     for several in q.knowledge.values:
         for path, v in several.parameters.items():
             why = next((text for pattern, text in reasons.items() if fnmatch.fnmatchcase(path, pattern)), "")
-            line: Line = [Cell(path, v.origin, "main"), plain(v.converted(v.start), 5), significant(v.in_unit, v.shown(v.error))]
+            line: Line = [Cell(path, v.origin, "main"), plain(v.converted(v.start)), significant(v.in_unit, v.shown(v.error))]
             rows.append(
                 [
                     *line,
-                    number(v.shown(v.error), 2),
+                    rounded(v.shown(v.error)),
                     pretty(v.unit),
                     bounds_text(v),
                     Cell(why) if why else Cell(DASH, "no reason given", "warn"),
@@ -330,8 +331,8 @@ def deviations(c: Correlation) -> Table:
                     f"{d['rmse']:.2f}",
                 ),
                 *(
-                    number(HALF_WIDTH_95 * d.accuracy, 2) if d.accuracy else DASH,
-                    plain(d.weight, 3),
+                    rounded(HALF_WIDTH_95 * d.accuracy) if d.accuracy else DASH,
+                    plain(d.weight),
                     Cell(d.excluded or DASH, "", "warn" if d.excluded else ""),
                 ),
             ]
@@ -359,7 +360,7 @@ def gates(c: Correlation, failed_only: bool = False) -> Table:
         [
             [
                 Cell(g.criteria, "", "main"),
-                *(g.case, g.kind, g.over_sensors, f"{g.found:.2f}", plain(g.limit, 3), mark(g.mark), g.sensor or DASH),
+                *(g.case, g.kind, g.over_sensors, f"{g.found:.2f}", plain(g.limit), mark(g.mark), g.sensor or DASH),
                 *(Cell(f"{len(g.outside)} of {g.counted}", ", ".join(g.outside)), verdict_cell(g.passed)),
             ]
             for g in c.gates
@@ -556,7 +557,7 @@ def assumed(q: Qualification) -> Table:
     for a in q.assumptions:
         spread = Cell(f"{100 * a.spread:.0f}", "its range over the root of 12" if a.ranged else "no range given: a tenth")
         around = Cell("yes: moves less", "the fitted values compensate most of a change", "soft") if a.fitted_around else Cell("no")
-        rows.append([Cell(a.path, "", "main"), pretty(a.text), spread, number(a.effect, 2), a.point, a.run, around, a.basis or DASH])
+        rows.append([Cell(a.path, "", "main"), pretty(a.text), spread, rounded(a.effect), a.point, a.run, around, a.basis or DASH])
     return Table.of_rows(columns, rows, "Effect of one standard deviation on the most sensitive reference point, with all else fixed.")
 
 

@@ -32,10 +32,10 @@ def trace(rmse: float = 0.05, lag_one: float = 0.0, **more: Any) -> TraceCritici
 
 
 class TestWhatATraceIsCalled:
-    def test_loud_is_four_deviations_of_a_mean_square_of_white_noise(self) -> None:
+    def test_loud_is_three_deviations_of_a_mean_square_of_white_noise(self) -> None:
         spread = np.sqrt(2.0 / 200)
-        assert not trace(rmse=0.05 * np.sqrt(1.0 + 3.8 * spread)).loud
-        assert trace(rmse=0.05 * np.sqrt(1.0 + 4.2 * spread)).loud
+        assert not trace(rmse=0.05 * np.sqrt(1.0 + 2.8 * spread)).loud
+        assert trace(rmse=0.05 * np.sqrt(1.0 + 3.2 * spread)).loud
 
     def test_a_slope_of_three_standard_errors_is_said_per_hour(self) -> None:
         assert "+1 K per hour (3 standard errors)" in str(trace(lag_one=0.9, slopes={"time": (1.0 / 3600.0, 1.0 / 3600.0 / 3.1)}))
@@ -43,12 +43,12 @@ class TestWhatATraceIsCalled:
 
 
 class TestEvidence:
-    """Twice logarithms of Bayes factors by Kass and Raftery: above 10 very strong, above 2 worth a word, within 6 no preference."""
+    """Twice logarithms of Bayes factors by Kass and Raftery: above 10 very strong, above 6 strong, within 6 no preference."""
 
     def candidate(self, evidence: float, name: str = "a lag") -> Candidate:
-        return Candidate(name, "x", True, evidence, (evidence, evidence), (1.0, 0.5))
+        return Candidate(name, "x", True, evidence, (1.0, 0.5))
 
-    @pytest.mark.parametrize(("evidence", "word"), [(10.5, "very strong"), (9.5, "some"), (2.1, "some"), (1.9, "no")])
+    @pytest.mark.parametrize(("evidence", "word"), [(10.5, "very strong"), (9.5, "strong"), (6.1, "strong"), (5.9, "weak")])
     def test_words(self, evidence: float, word: str) -> None:
         assert f": {word} evidence" in str(self.candidate(evidence))
 
@@ -250,29 +250,17 @@ def test_sensors_of_one_node_weigh_by_the_squares_of_their_errors() -> None:
 
 
 class TestMistakes:
-    @pytest.mark.parametrize(
-        ("kind", "one_in"),
-        [
-            ("per cent", 7.4),
-            ("exchanged", 7.4),
-            ("unit", 20),
-            ("node", 20),
-            ("clock", 148),
-            ("sensor", 403),
-            ("fan", 403),
-            ("load", 665),
-        ],
-    )
+    @pytest.mark.parametrize(("kind", "one_in"), [("per cent", 20), ("deck's value", 1)])
     def test_how_seldom_a_kind_is(self, kind: str, one_in: float) -> None:
-        """A mistake outweighs none from the point where its likelihood is so many times as large."""
+        """A mistake of a log or a bench outweighs none where readings are 20 times as likely with it; a deck's value at once."""
         from thermid.inference._explain.mistakes import Hypothesis, _gain
 
         mistake = Hypothesis(kind, "x", str, str, None)  # type: ignore[arg-type]
         base, end = SimpleNamespace(cost=100.0), lambda better: SimpleNamespace(cost=100.0 - np.log(better))
-        assert _gain(mistake, end(0.95 * one_in), base) < 0.0 < _gain(mistake, end(1.05 * one_in), base)  # type: ignore[arg-type]
+        assert _gain(mistake, end(0.95 * one_in), base) < 0.0 < _gain(mistake, end(1.06 * one_in), base)  # type: ignore[arg-type]
 
-    @pytest.mark.parametrize(("factor", "suspected"), [(1.45, False), (1.55, True)])
-    def test_a_duty_passes_the_deck_s_power_by_half(self, factor: float, suspected: bool) -> None:
+    @pytest.mark.parametrize(("factor", "suspected"), [(0.95, False), (1.05, True)])
+    def test_a_duty_passes_the_deck_s_power(self, factor: float, suspected: bool) -> None:
         from thermid.inference._explain.mistakes import _per_cents
         from unit.inference.explain.test_mistakes import PAIR, asked
 
@@ -292,15 +280,13 @@ class TestMistakes:
         list(_clocks(request, SimpleNamespace(traces=())))  # type: ignore[arg-type]
         assert shifted == ([["WALL"]] if moves else [])
 
-    def test_shifts_and_lags_of_a_search_lie_close_enough(self) -> None:
-        """The descent from a shift that is tried reaches a third of it; lags are those of sensors in air, 10 s to 3 min."""
-        from thermid.inference._explain.mistakes import CLOCK_SHIFTS, LOOSE_SENSOR_LAGS
+    def test_shifts_of_a_search_lie_close_enough(self) -> None:
+        """The descent from a shift that is tried reaches a third of it."""
+        from thermid.inference._explain.mistakes import CLOCK_SHIFTS
 
         asked = np.geomspace(0.03, 0.2, 500)
         assert (np.abs(np.array(CLOCK_SHIFTS)[:, None] - asked).min(axis=0) <= 0.15 * asked).all()
         assert min(CLOCK_SHIFTS) <= 0.005
-        assert min(LOOSE_SENSOR_LAGS) / 1.5 <= 10.0
-        assert max(LOOSE_SENSOR_LAGS) * 1.5 >= 180.0
 
 
 def test_a_rough_fit_sees_stretches_to_half_a_per_cent_in_160_instants() -> None:

@@ -14,7 +14,6 @@ import thermid as td
 from by_code import raises_code
 from thermid.fit.calibration import LocalSpec, Request
 from thermid.inference._explain.mistakes import Mistakes, _shifted, _units, find_mistakes
-from thermid.inference._explain.rough_fit import _means
 from thermid.model.elements import TableSignal
 
 PAIR = td.model_from_dict(
@@ -300,13 +299,3 @@ def test_a_large_network_says_that_no_mistake_is_looked_for() -> None:
     found = find_mistakes(replace(wrong, model=chain, records=(record,), free=("skin.conductance",)))
     assert (found.bad, found.named, found.tried) == (True, (), 0)
     assert found.failed == "31 nodes store heat, and it takes networks of up to 30"
-
-
-def test_the_stretch_in_which_a_sensor_begins_counts_only_where_it_is_read_about_its_middle() -> None:
-    """A reading falls by 1 K/s; the run is compared by its mean over the stretch, here 10 s, of which the sensor saw the last two."""
-    edges, centres = np.arange(0.0, 50.0, 10.0), np.arange(5.0, 45.0, 10.0)
-    for begin, counted in ((18.0, 0), (11.0, 18)):
-        times = np.arange(begin, 40.0, 0.5)
-        means, counts = _means(times, 100.0 - times, edges, centres)
-        assert counts.tolist() == [0, counted, 20, 20]
-        assert means[2:] == pytest.approx(100.0 - centres[2:], abs=0.5)

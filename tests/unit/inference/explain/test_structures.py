@@ -164,7 +164,7 @@ def test_commands_that_act_late_are_found() -> None:
 
 def test_the_noise_is_that_of_the_structure_that_leaves_least() -> None:
     """The likeliest structure took a misfit of 0.5 K for noise that wanders; structures with a fifth of it were then less likely."""
-    scores = [(np.array([[-100.0, -10.0]]), 1000.0), (np.array([[-12.0, -30.0]]), 100.0)]  # columns: white, and wandering
+    scores = [(np.array([-100.0, -10.0]), 1000.0), (np.array([-12.0, -30.0]), 100.0)]  # columns: white, and wandering
     first, better = (
         FittedStructure((), None, None, SimpleNamespace(chi_square=left), CauseScore(logs), 2)  # type: ignore[arg-type]
         for logs, left in scores
