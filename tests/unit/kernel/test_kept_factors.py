@@ -4,7 +4,6 @@ without that, and against scipy."""
 from __future__ import annotations
 
 from collections.abc import Iterable
-
 from dataclasses import replace
 
 import numpy as np
@@ -84,7 +83,7 @@ FAINT = 1072
 
 
 @pytest.mark.campaign
-@pytest.mark.xfail(strict=True, reason="1.6e-3 of the floor of derivatives where 1e-3 is asked: see docs/large.md")
+@pytest.mark.xfail(strict=True, reason="1.6e-3 of the floor of derivatives where 1e-3 is asked")
 def test_copies_with_a_faint_derivative() -> None:
     assert largest_differences(range(FAINT, FAINT + 1))[2] < 1e-3
 
