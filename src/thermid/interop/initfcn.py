@@ -135,7 +135,7 @@ class _Reader:
         try:
             expression = parse(s.text)
         except ThermidError as error:
-            raise ExpressionError(f"'{s.written}' cannot be read: {error.message}", where, code=error.code) from None
+            raise ExpressionError(error.message, where, code=error.code) from None
         unknown = [n for n in expression.names if n not in self.numbers]
         if self.failed & {*unknown}:  # its own fault is listed
             self.failed.add(s.name)

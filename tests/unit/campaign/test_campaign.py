@@ -334,12 +334,12 @@ BAD = [
     (
         *before(VERDICTS, 'bind = { T_A = { nod = "a.case" } }'),
         STAGES,
-        r"exactly one of node, boundary, load, command and prescribed.*given: nod",
+        r"exactly one of node, boundary, load, command, prescribed and schedule.*given: nod",
     ),
     (
         *before(VERDICTS, 'bind = { T_A = { node = "a.case", noise = "1 [K]" } }'),
         STAGES,
-        r"exactly one of node, boundary, load, command and prescribed.*given: node, noise",
+        r"exactly one of node, boundary, load, command, prescribed and schedule.*given: node, noise",
     ),
     (*before(VERDICTS, 'readings = { room = "T_C" }'), STAGES, r"no channel 'T_C'"),
     (*before(VERDICTS, 'local = { room = { sd = "1 [K]" } }'), None, r"local\.room\.start: is missing"),

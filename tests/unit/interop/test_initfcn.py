@@ -97,7 +97,7 @@ def test_a_script_is_shown_with_its_remarks() -> None:
 @pytest.mark.parametrize(
     ("script", "message"),
     [
-        ("a = 1;\nb = log(a);", "script:2: 'log(a)' cannot be read: 'log(a)': 'log(a)' is not allowed."),
+        ("a = 1;\nb = log(a);", "script:2: 'log(a)': 'log(a)' is not allowed."),
         ("a = [1:3];", "script:1: '1:3': ':3' cannot be read. Use single numbers, earlier"),
         ("a = 'steel';", "cannot be read. Use single"),
         ("a = 3';", "cannot be read. Use single"),
@@ -113,7 +113,7 @@ def test_a_script_is_shown_with_its_remarks() -> None:
         ("b = c;", "'b' needs 'c', and no earlier line sets it. Use only earlier names, numbers, pi and Inf."),
         ("pi = 3;", "'pi' is a reserved word of expressions in decks."),
         ("a = ;", "the value after the equals sign is missing."),
-        ("a = 1/0;", "script:1: '1/0' cannot be read: '1/0' has no finite value."),
+        ("a = 1/0;", "script:1: '1/0' has no finite value."),
         ("a = 0; b = 1/a;", "'1/a' has no finite value"),
         ("a = (1 + 2;", "'(1 + 2;': ';' cannot be read"),
         ("a = [1 2;\nb = 3;", "script:1: the script ends within a statement: a '[' is not closed"),

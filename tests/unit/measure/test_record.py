@@ -92,7 +92,7 @@ def test_with_channels_and_select():
         (lambda: Channel("a", np.array([1.0, np.nan]), np.ones(2, bool)), "channel 'a': a valid sample is not finite. Mask it."),
         (
             lambda: Channel.from_array("a", [1.0], unit="K", role="nod"),
-            "channel 'a': no role 'nod'; it is one of auto, node, boundary, load, command, prescribed. Did you mean 'node'?",
+            "channel 'a': no role 'nod'; it is one of auto, node, boundary, load, command, prescribed, schedule. Did you mean 'node'?",
         ),
         (
             lambda: Channel.from_array("a", [1.0], unit="K", resolution=0.0),

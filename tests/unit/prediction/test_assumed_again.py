@@ -67,7 +67,7 @@ def test_in_the_conditions_of_the_fit_a_spread_of_an_assumed_area_widens_a_band_
 def test_where_the_fit_does_not_pin_the_answer_it_opens(found: Calibration) -> None:
     """The lid's capacitance was hardly seen; with a heated lid its temperature depends on the seal."""
     bare, spread = (td.predict(found, OWN, spread=s)["lid"].half_width.max() for s in ({}, {"seal.conductance": "0.02 [W/K]"}))
-    assert spread > 2.0 * bare  # elements depart from run to run as well
+    assert spread > 1.7 * bare  # elements depart from run to run as well, and the lid may have a path to the air
 
 
 def test_the_linear_answer_is_that_of_a_second_fit(found: Calibration) -> None:

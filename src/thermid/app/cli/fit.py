@@ -567,7 +567,7 @@ def hold(
         return
     with MemberProgress() as progress:
         try:
-            _, answer = hold_question.run(n=members, executor=executor_of(workers, cluster, folder), progress=progress)
+            _, answer = hold_question.run(n=members, executor=KeptTasks(folder, executor_of(workers, cluster)), progress=progress)
         except KeyboardInterrupt:
             raise SolverError(
                 f"interrupted with {progress.finished} of {progress.members} runs done. The same command goes on from there.",

@@ -30,6 +30,8 @@ from thermid.measure.amounts import DAY, HOUR, MINUTE, duration_text, short
 
 ACCURACY: Final = 'add accuracy = "0.5 [K]" to each thermometer, half of the +-1 K of its data sheet; no log shows it'
 SUPPLY: Final = "P_supply"
+LEAST_POWER_FACTOR = 0.5
+"""Part of volts times amperes from which a column of watts may be of the same meter; a driver of lamps has 0.6 to 1. [-]"""
 _ELECTRIC: Final = re.compile(r"\A([vuia]|volts?|voltage|spannung|tens[aã]o|amp(ere)?s?|current|strom|corrente)(?=\d*\Z)", re.IGNORECASE)
 """A word that tells a voltage from a current, a number after it apart: `proc V` and `proc A`, `U1` and `I1` are of one supply each."""
 _BLOCKS: Final = "▁▂▃▄▅▆▇█"
@@ -253,11 +255,11 @@ class Look(Result):
         """
         volts, amperes = ([c for c in self.columns if c.unit and _is(c.unit, slot) and c.values.size] for slot in ("V", "A"))
         if len(volts) == len(amperes) == 1:
-            product = volts[0].values * amperes[0].values
-            powers = (np.stack([c.values, product]) for c in self.columns if c.guess == "power")
-            pairs = (pair[:, np.isfinite(pair).all(axis=0)] for pair in powers)
-            squares = (np.corrcoef(pair)[0, 1] ** 2 for pair in pairs if pair.size and np.ptp(pair, axis=1).all())
-            metered = any(share > MIN_EXPLAINED_SHARE[False] for share in squares)
+            product = in_si(volts[0].values, volts[0].unit) * in_si(amperes[0].values, amperes[0].unit)
+            powers = (np.stack([in_si(c.values, c.unit or "W"), product]) for c in self.columns if c.guess == "power")
+            pairs = [pair[:, np.isfinite(pair).all(axis=0)] for pair in powers]
+            pairs = [x for x in pairs if x.size and np.ptp(x, axis=1).all() and LEAST_POWER_FACTOR < x[0].sum() / x[1].sum() < 1.05]
+            metered = any(np.corrcoef(pair)[0, 1] ** 2 > MIN_EXPLAINED_SHARE[False] for pair in pairs)
             return {} if metered else {SUPPLY: (volts[0], amperes[0])}
         # what names of voltages and currents say beside that, in the characters of a bare key
         names = [[[_ELECTRIC.sub("", w) for w in re.split(r"[\W_]+", c.name)] for c in columns] for columns in (volts, amperes)]

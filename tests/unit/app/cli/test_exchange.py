@@ -70,7 +70,7 @@ def test_a_line_that_is_not_understood_is_named(call: Call, script: Path) -> Non
     script.write_text(SCRIPT + "x = magic(2);\n", encoding="utf-8")
     said = call("import", script)
     assert said.code == 2
-    assert said.err.startswith("error: Acc.m:9: 'magic(2)': 'magic(' calls a function")
+    assert said.err.startswith("error: Acc.m:9: 'magic(2)': 'magic(2)' is not allowed")
 
 
 def test_a_model_goes_to_octave(call: Call, accelerometer: Path, tmp_path: Path) -> None:
