@@ -381,7 +381,7 @@ def _staged(campaign: Campaign, level: Level, places: tuple[str, ...], part: str
         )
     inner = part.removeprefix(holds[0])
     model = request.model.replace(inner, new)
-    touches, starts = _touches(done, level, inner, new)
+    touches, starts = _touched_values(done, level, inner, new)
     free = tuple(t.path for t in touches if not t.held)
     identity = (request.model.identity(), model.identity())
     if not free:
@@ -391,8 +391,12 @@ def _staged(campaign: Campaign, level: Level, places: tuple[str, ...], part: str
     return [StagePlan(level.name, level.name, "run", why, free, records, identity, model, inner, starts=starts)], touches
 
 
-def _touches(done: Calibration, level: Level, inner: str, new: Model) -> tuple[list[Touch], tuple[PlaceStart, ...]]:
-    """Return the values of a stage that act at the part's interfaces, and those of the place that it decides and that start anew."""
+def _touched_values(done: Calibration, level: Level, inner: str, new: Model) -> tuple[list[Touch], tuple[PlaceStart, ...]]:
+    """Return a `Touch` of every value of a stage that acts at the part's interfaces, and the values of the place that start anew.
+
+    A touch has the largest change of a sensor's steady temperature [K] as the value changes by its spread, `CHANGE_WITHOUT_SPREAD` without
+    one, and says why it is held: it is shared with values that the swap does not affect, or moves no sensor by `MIN_EFFECT`.
+    """
     model = done.model
     values, touched = ParameterSet(model), touching(model, inner)
     bare, what = model.replaced(inner, new)
@@ -519,7 +523,7 @@ def retuned(
             request = request_of(source, changed_table, k, done, _model(source, table, k, stage, plan, before[stage.of] if again else None))
             request = request if stage.alone or again else _local(request, stage, before[stage.of], plan)
             if carried:
-                done[stage.name] = _carried(before[stage.of], request, _replaced_places(stage)) if stage.part else before[stage.of]
+                done[stage.name] = _carry_over(before[stage.of], request, _replaced_places(stage)) if stage.part else before[stage.of]
             else:
                 anew = () if stage.alone or again else (*_replaced_places(stage), *stage.free)
                 request, done[stage.name] = _fitted(request, before[stage.of], anew, progress_of(notice, stage.name), executor)
@@ -580,7 +584,7 @@ def _with_errors_before(refit: Calibration, before: Calibration, anew: Sequence[
     return replace(refit, own=own).judged(refit.rests, refit.verdict)
 
 
-def _carried(before: Calibration, request: Request, gone: Sequence[str]) -> Calibration:
+def _carry_over(before: Calibration, request: Request, gone: Sequence[str]) -> Calibration:
     """Return a fit with what is known after the swap: nothing of the old part, nor of a joint to it, by its model of error either."""
     store, stage = request.store, before.stage
     kept = dict(store.provenance.get(stage, {}))
@@ -684,7 +688,7 @@ def _told_by(
     for part, i in _of_new(table.inherit, stage, plan).items():
         at_part = stage.part and part == stage.part
         names = [renamed.get(n, n) if at_part else n for n in i.stages]
-        inherit[part] = _handed(i.model_copy(update={"stage": names}), plan, done)
+        inherit[part] = _inheritance(i.model_copy(update={"stage": names}), plan, done)
     if everything:
         more = [p for p in stage.free if p not in table.free]
         free = {*table.free, *more}
@@ -697,7 +701,7 @@ def _told_by(
     return table.model_copy(update=changes | {"priors": priors})
 
 
-def _handed(inherit: InheritTable, plan: RetunePlan, done: Mapping[str, Calibration]) -> InheritTable:
+def _inheritance(inherit: InheritTable, plan: RetunePlan, done: Mapping[str, Calibration]) -> InheritTable:
     """Return what is inherited of stages that a swap lets fit other values: what `only` kept back before still is, nothing else."""
     if not inherit.only:
         return inherit

@@ -619,7 +619,7 @@ def judge(campaign: Campaign, folder: Path | None = None, notice: Notice | None 
         (k, t) for k, t in enumerate(source.content.verdicts) if t.model in campaign and (t.values != "joint" or campaign.joint is not None)
     ]
     verdicts = tuple(v for k, table in tables for v in _judge(source, table, k, campaign, used, notice))
-    return _judged(replace(campaign, verdicts=tuple(_looked(folder, v, campaign) for v in verdicts)))
+    return _with_verdict_standing(replace(campaign, verdicts=tuple(_looked(folder, v, campaign) for v in verdicts)))
 
 
 @takes_objects
@@ -654,17 +654,17 @@ def joint(
     return run.joint or _joint(run, notice, Path(cache) if cache is not None else None)
 
 
-def _judged(campaign: Campaign) -> Campaign:
+def _with_verdict_standing(campaign: Campaign) -> Campaign:
     """Return a campaign in which failed verdicts are known to the stages that they are about, and to all that rests on these."""
     accepted = campaign.source.accepted if campaign.source is not None else ()
     stages: dict[str, Calibration] = {}
     for name, result in campaign.stages.items():
         failed = [v for v in campaign.verdicts if v.model == result.stage and v.passed is False]
-        stages[name] = result.judged(_as_now(result.rests, stages), _verdict_standing(failed, name in accepted))
+        stages[name] = result.judged(_with_current_standing(result.rests, stages), _verdict_standing(failed, name in accepted))
     if campaign.joint is None:
         return replace(campaign, stages=stages)
     failed = [v for v in campaign.verdicts if v.passed is False and v.model not in stages]
-    joint = campaign.joint.judged(_as_now(campaign.joint.rests, stages), _verdict_standing(failed, False))
+    joint = campaign.joint.judged(_with_current_standing(campaign.joint.rests, stages), _verdict_standing(failed, False))
     return replace(campaign, stages=stages, joint=joint)
 
 
@@ -763,7 +763,7 @@ def _judge(
             )
 
 
-def _as_now(rests: Mapping[str, Standing], stages: Mapping[str, Calibration]) -> dict[str, Standing]:
+def _with_current_standing(rests: Mapping[str, Standing], stages: Mapping[str, Calibration]) -> dict[str, Standing]:
     """Return what a fit rests on with the standing that stages have now."""
     now = {f"stage '{name}'": fit.standing for name, fit in stages.items()}
     return {who: now.get(who, standing) for who, standing in rests.items()}

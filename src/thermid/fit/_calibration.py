@@ -474,7 +474,7 @@ class Calibration(Named[FittedValue]):
 
     @property
     def covariance(self) -> dict[str, dict[str, float]]:
-        """Path -> path -> covariance of the values to quote, in the units of their errors. [SI]"""
+        """Path -> path -> covariance of the values (not logarithms) of parameters to quote; constant errors are left out. [SI]"""
         items = self.estimates.items_
         slopes = [v.value if v.log else 1.0 for v in items.values()]
         table = self.estimates.covariance * np.outer(slopes, slopes)

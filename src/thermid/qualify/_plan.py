@@ -409,7 +409,7 @@ def _read_lock(plan: Plan) -> dict[str, Any]:
 
 
 def _write_lock(plan: Plan, data: dict[str, Any]) -> None:
-    """Write the lock file."""
+    """Write locks and looks into the plan's lock file."""
     write_text(_lock_file(plan), json.dumps(data, indent=1, sort_keys=True), FileKinds.RESULTS_FILE)
 
 
@@ -471,7 +471,11 @@ def note_look(plan: Plan, test: str, sha256: str, date: str = "") -> str:
 
 
 def lock_status(plan: Plan) -> LockStatus:
-    """Return whether a plan is still the one that was locked before any log was read."""
+    """Return the state of a plan's lock: open, locked, changed, late or moved, with the keys that differ; see `LockStatus`.
+
+    What is planned now is compared with the last lock before the first log was read. It is late where there was none then, or another plan
+    of the folder had read a log of this one before the lock.
+    """
     data = _read_lock(plan)
     locks, looks = data["locks"], data["looks"]
     looked = looks[0]["date"] if looks else ""

@@ -214,7 +214,7 @@ class Weather(Result):
         )
 
     def _stamp(self, seconds: float) -> str:
-        """Return a time as date and clock, or as seconds where the beginning has no date. [s]"""
+        """Return the instant `seconds` after the beginning as date and clock, or as seconds where that has no date."""
         return _stamp(self.begin, seconds)
 
     def __str__(self) -> str:
@@ -222,7 +222,7 @@ class Weather(Result):
         lines = [f"{self.name}: {self._stamp(0.0)}, {self.duration / 3600:.4g} h"]
         for name, s in self.series.items():
             unit_text = RANGES[name][2]
-            shown = [_shown(v, unit_text) for v in (s.values.min(), s.values.mean(), s.values.max())]
+            shown = [_in_usual_unit(v, unit_text) for v in (s.values.min(), s.values.mean(), s.values.max())]
             lines.append(f"  {name:<14} {shown[0]:>7} .. {shown[2]:>7}   mean {shown[1]:>7} {unit_text}")
         lines += [f"  filled: {one}" for one in self.filled]
         lines += [f"  note: {one}" for one in self.notes]
@@ -278,8 +278,8 @@ def read_weather(
         if not np.isfinite(values).any():
             notes.append(f"{name} is missing throughout")
             continue
-        series_of_column = _bridged(table, name, values, longest, target.name, filled)
-        checked = _existing(table, name, series_of_column, target.name)
+        series_of_column = _bridge_gaps(table, name, values, longest, target.name, filled)
+        checked = _physical_values(table, name, series_of_column, target.name)
         shift = 0.5 * table.step if name in RADIATION and (averaged or table.averaged) else 0.0
         series[name] = WeatherSeries(series_of_column.times - shift, checked)
     if "dry_bulb" not in series and not (set(RADIATION) & set(series)):
@@ -291,7 +291,7 @@ def read_weather(
     return Weather(target.name, table.begin, series, table.place, tuple(filled), tuple(notes))
 
 
-def _bridged(columns: Columns, name: str, values: FloatArray, longest: float, file: str, filled: list[str]) -> WeatherSeries:
+def _bridge_gaps(columns: Columns, name: str, values: FloatArray, longest: float, file: str, filled: list[str]) -> WeatherSeries:
     """Return the finite samples of a column; each gap up to `longest` [s] adds a remark to `filled`.
 
     Raises
@@ -321,12 +321,12 @@ def _bridged(columns: Columns, name: str, values: FloatArray, longest: float, fi
     return WeatherSeries(times, values[valid])
 
 
-def _shown(value: float, unit_text: str) -> str:
+def _in_usual_unit(value: float, unit_text: str) -> str:
     """Return a value in the unit in which it is usual; directions are kept in degrees."""
     return f"{from_si(float(value), '' if unit_text == 'degrees' else unit_text):.4g}"
 
 
-def _existing(columns: Columns, name: str, series: WeatherSeries, file: str) -> FloatArray:
+def _physical_values(columns: Columns, name: str, series: WeatherSeries, file: str) -> FloatArray:
     """Return the values, radiation just below zero at night as zero; values that do not exist are refused."""
     low, high, unit_text = RANGES[name]
     values = (
@@ -336,7 +336,7 @@ def _existing(columns: Columns, name: str, series: WeatherSeries, file: str) -> 
     wrong = np.flatnonzero((values < low - slack) | (values > high + slack))
     if wrong.size:
         k = int(wrong[0])
-        shown = [_shown(v, unit_text) for v in (values[k], low, high)]
+        shown = [_in_usual_unit(v, unit_text) for v in (values[k], low, high)]
         raise RecordError(
             f"{name} is {shown[0]} {unit_text} at {_stamp(columns.begin, series.times[k])}, outside {shown[1]} .. {shown[2]} {unit_text}. "
             "Check the column's unit, or leave the value empty.",
@@ -347,7 +347,7 @@ def _existing(columns: Columns, name: str, series: WeatherSeries, file: str) -> 
 
 
 def _stamp(begin: datetime | None, seconds: float) -> str:
-    """Return a time as date and clock, or as seconds where the beginning has no date. [s]"""
+    """Return the instant `seconds` after the beginning as date and clock, or as seconds where that has no date."""
     return f"{seconds:g} s" if begin is None else (begin + timedelta(seconds=float(seconds))).strftime("%Y-%m-%d %H:%M")
 
 
@@ -375,7 +375,14 @@ class Columns:
 
 
 def read_columns(path: Path, columns: Mapping[str, str] | None, begin: str | None, year: int, time: str | None) -> Columns:
-    """Return the columns of a weather file; its form is told by its name and first lines."""
+    """Return the columns of a weather file, an EPW, a TMY3 or a plain table by its name and first lines.
+
+    `columns`, `begin` and `time` apply to a plain table, `year` to the other two; all are those of `read_weather`.
+
+    Raises
+    ------
+    RecordError   When `columns` is given for an EPW or TMY3 file.
+    """
     with path.open("rb") as file:
         head = file.read(400)
     was_read(path)
@@ -388,10 +395,10 @@ def read_columns(path: Path, columns: Mapping[str, str] | None, begin: str | Non
             path.name,
             code="value.without-effect",
         )
-    return _typical(path, year, epw)
+    return _read_typical_year(path, year, epw)
 
 
-def _typical(path: Path, year: int, epw: bool) -> Columns:
+def _read_typical_year(path: Path, year: int, epw: bool) -> Columns:
     """Return an EPW or TMY3 file as columns; pvlib reads it."""
     iotools = optional("pvlib.iotools", "an EPW or TMY3 file", path.name)
     try:
@@ -445,10 +452,10 @@ def _table(path: Path, columns: Mapping[str, str] | None, begin: str | None, tim
     refuse_unknown(columns or {}, QUANTITIES, table.file, "no quantity '{}'.", NameNotFoundError)
     wanted = dict(columns or {n: n for n in table.names if n in QUANTITIES})
     series = {q: table.column(column, QUANTITIES[q], USUAL.get(q, "")) for q, column in wanted.items()}
-    return Columns(table.times - table.times[0], series, _instant(table.stamp, begin, table.file), _step(table.times), False, {})
+    return Columns(table.times - table.times[0], series, _time_zero(table.stamp, begin, table.file), _step(table.times), False, {})
 
 
-def _instant(stamp: str | None, begin: str | None, file: str) -> datetime | None:
+def _time_zero(stamp: str | None, begin: str | None, file: str) -> datetime | None:
     """Return the instant of time zero: the first stamp, or what the caller says."""
     if stamp is not None and begin is not None:
         raise RecordError("its times are stamps with a date. Leave begin out.", file, code="value.excludes-another")

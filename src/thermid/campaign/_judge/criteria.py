@@ -235,7 +235,7 @@ def known_criteria() -> tuple[str, ...]:
 
 
 def heading(key: str) -> str:
-    """What a column of limits is called."""
+    """Heading of a column of the limits of one metric."""
     return "every sensor" if key == "each" else metric(key).short
 
 
@@ -362,12 +362,12 @@ class Check:
 
     @property
     def title(self) -> str:
-        """What people call the criterion at one sensor."""
+        """Name of the criterion at one sensor, as in a heading."""
         return "deviation" if self.criterion == "each" else metric(self.criterion).title
 
     @property
     def over_sensors(self) -> str:
-        """What people call it where it judges the sensors of a case together."""
+        """Name of the criterion where it judges the sensors of a case together, as in a heading."""
         if self.criterion == "each":
             return heading("each")
         row = metric(self.criterion)
@@ -431,7 +431,7 @@ def judge(criteria: Criteria, deviations: Sequence[Deviation], where: str) -> It
 
 
 def _at_sensors(c: Criteria, kind: str, case: str, key: str, limit: float, sensors: Sequence[Deviation]) -> Check:
-    """Judge a metric at each sensor; the worst is what is found."""
+    """Judge the size of a metric at each sensor by the limit; met if at least `c.share` of the sensors keep it. The worst one is quoted."""
     sizes = [abs(d[key]) for d in sensors]
     outside = tuple(d.sensor for d, size in zip(sensors, sizes, strict=True) if size > limit)
     met = len(outside) <= (1.0 - c.share) * len(sensors) + 1e-9

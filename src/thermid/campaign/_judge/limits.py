@@ -200,7 +200,7 @@ class LimitCheck:
 
     @property
     def undecided(self) -> str:
-        """Why it is not decided; empty where it is."""
+        """Why `passed` is None: limits quoted from memory, or operating limits passed while switched off; empty where it is decided."""
         if self.mark == "memory":
             return f"the limits of {self.point} are quoted from memory"
         if self.stand_in and self.crossings:
@@ -341,7 +341,7 @@ def check_readings(
 
 
 def _checks(one: Limits, times: Array, kelvin: Array, states: Mapping[str, Bools], by: str, trace: Trace | None = None) -> list[LimitCheck]:
-    """Return one point in every state that it was in; `trace` is the course behind the samples, where there is one."""
+    """Return a point held against its limits in every state that it was in; `trace` is the course between samples, if there is one."""
     out = []
     for name, inside in states.items():
         ends, stand_in = one.ends(name), False

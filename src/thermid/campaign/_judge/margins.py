@@ -143,7 +143,7 @@ class Margin(Result):
 
     @property
     def room(self) -> float:
-        """From the predicted temperature to the limit. [K]"""
+        """Distance from the predicted temperature to the limit, without uncertainty and margins. [K]"""
         return self.sign * (self.limit - self.predicted)
 
     @property
@@ -170,7 +170,7 @@ class Margin(Result):
 
     @property
     def with_assumed(self) -> float:
-        """What is left once assumed values that no spread names are counted too. [K]"""
+        """Margin left once assumed values that no spread names are counted too. [K]"""
         return self.margin + self.uncertainty - float(np.hypot(self.uncertainty, self.assumed))
 
     @property
@@ -243,7 +243,9 @@ def margins(
     for one in limits:
         for k, side in enumerate(("cold", "hot")):
             candidates = [
-                m for name, run in runs.items() for m in _sides(name, run, one, k, side, policy, tested, (states or {}).get(name, ""))
+                m
+                for name, run in runs.items()
+                for m in _tightest_instants(name, run, one, k, side, policy, tested, (states or {}).get(name, ""))
             ]
             if candidates:
                 out.append(min(candidates, key=lambda m: m.margin))
@@ -262,8 +264,11 @@ def _policy(policy: Policy | str) -> Policy:
     return look_up(policy, POLICIES, f"unknown margin policy '{{}}'. Use one of {'; '.join(POLICIES)}.", "margins")
 
 
-def _sides(name: str, run: Foresight, one: Limits, k: int, side: str, policy: Policy, tested: bool, state: str) -> list[Margin]:
-    """Return the tightest instant of a run in each state."""
+def _tightest_instants(name: str, run: Foresight, one: Limits, k: int, side: str, policy: Policy, tested: bool, state: str) -> list[Margin]:
+    """Return, of each state that a point has limits for, the margin at the instant nearest to its limit in one run.
+
+    `k` is 0 for the lower and 1 for the upper limit; nearest counts the 95 % half-width of the prediction. `name` is the run's.
+    """
     band = run.prediction[one.node]
     error, sign = band.half_width / NormalDist().inv_cdf(0.975), 1.0 if k else -1.0
     out = []

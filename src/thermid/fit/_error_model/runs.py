@@ -85,9 +85,10 @@ class Smooth:
     def of_conductor(
         cls, c: FlatConductor, at: OperatingPoint, kind: str, several: Sequence[tuple[ElementCourse, bool]], columns: int = COLUMNS
     ) -> Smooth:
-        """Return the smooth departure of a conductor over the runs of a fit, each with whether its gas is thinned.
+        """Return the smooth departure of a conductor from its law over the runs of a fit, given with whether their gas is thinned.
 
-        In either gas there are so many features at most.
+        Pivots are chosen where the conductor carries more than `HEATED` of its largest heat, at most `columns` in each gas; centre and
+        what lies outside are means over all runs, weighted by heat.
         """
         runs = [(r, thin) for r, thin in several if c.path in r.flows]
         most = max(float(np.abs(r.flows[c.path]).max()) for r, _ in runs)
@@ -104,7 +105,7 @@ class Smooth:
         bare = cls(at, kind, np.concatenate(pivots_of_gas), np.zeros(len(gases)), tuple(gases))
         heat = np.concatenate([np.abs(r.flows[c.path]) for r, _ in runs])
         phi = np.concatenate([bare._features(c, r, thin) for r, thin in runs])
-        outside = float(heat @ _outside(phi) / max(heat.sum(), 1e-300))
+        outside = float(heat @ _variance_outside(phi) / max(heat.sum(), 1e-300))
         return replace(bare, centre=heat @ phi / heat.sum(), outside=outside)
 
     def _features(self, c: FlatConductor, course: ElementCourse, thinned: bool) -> Array:
@@ -125,12 +126,12 @@ class Smooth:
         phi = self._features(c, course, thinned)
         flow = course.flows[c.path]
         carried = 1.0 - course.radiated.get(c.path, 0.0) / np.where(flow == 0.0, np.inf, flow) if thinned not in self.thinned else 1.0
-        rest = float(np.abs(flow) @ (_outside(phi) * carried**2) / max(np.abs(flow).sum(), 1e-300))
+        rest = float(np.abs(flow) @ (_variance_outside(phi) * carried**2) / max(np.abs(flow).sum(), 1e-300))
         return phi - self.centre, max(rest - self.outside, 0.0) / max(1.0 - self.outside, 1e-300)
 
 
-def _outside(phi: Array) -> Array:
-    """Return what of the variance (times,) lies outside of features (times, r). [-]"""
+def _variance_outside(phi: Array) -> Array:
+    """Return the share 1 - sum phi^2 (times,) of the variance that lies outside of features phi (times, r), 0 to 1. [-]"""
     return np.asarray(np.clip(1.0 - np.sum(phi**2, axis=1), 0.0, 1.0))
 
 
@@ -154,7 +155,7 @@ class Departures:
     def shared(
         self, network: Network, course: ElementCourse, way: Way, laws: Mapping[str, ElementLaw]
     ) -> list[tuple[UnknownColumn, DepartureHeat]]:
-        """Return what all runs share, with its heats along one."""
+        """Return the departures that all runs share, each with the heats that it adds in one run: of laws, conductors and hidden masses."""
         out: list[tuple[UnknownColumn, DepartureHeat]] = []
         for path, c in conductors_of(network, course).items():
             smooth_departure = self.smooth.get(path)
@@ -182,7 +183,7 @@ class Departures:
         return out
 
     def of_run(self, network: Network, course: ElementCourse) -> list[tuple[UnknownColumn, DepartureHeat]]:
-        """Return what each run has for itself, with its heats."""
+        """Return the departures that belong to one run alone, each with its heats: of conductors, heat stores, powers and boundaries."""
         out: list[tuple[UnknownColumn, DepartureHeat]] = []
         for path, c in ((p, c) for p, c in conductors_of(network, course).items() if p in self.smooth):
             name = f"{path} in this run"
@@ -233,7 +234,7 @@ def departures_of(
 
 
 def widened(problem: Problem, i: int, network: Network, scenario: Any, heats: Sequence[DepartureHeat]) -> Problem:
-    """Return a problem of one experiment, with heats as further unknowns."""
+    """Return the problem of experiment i alone, with the amount of each heat as one unknown more."""
     experiment = replace(problem.experiments[i], network=network, scenario=scenario)
     unknowns_of_run = [
         replace(u, targets=tuple(replace(t, experiment=0) for t in u.targets if t.experiment == i)) for u in problem.unknowns
@@ -272,16 +273,16 @@ class SensorRows:
         return SensorRows(mean(self.times), mean(self.residuals), np.sqrt(mean(self.noise**2) / count), mean(self.rows))
 
     def about(self, columns: Sequence[int], far: Array) -> SensorRows:
-        """Return the residuals that are left where some unknowns are so far from where the derivatives were taken."""
+        """Return residuals less what the unknowns in `columns`, moved by `far` (columns,), add to the readings."""
         return replace(self, residuals=self.residuals - self.rows[:, list(columns)] @ far)
 
     def taken(self, columns: Sequence[int]) -> SensorRows:
-        """Return some of the unknowns, in an order."""
+        """Return the derivatives of the unknowns in `columns` only, in that order."""
         return replace(self, rows=self.rows[:, list(columns)])
 
 
 def run_rows(traces: Sequence[SensorRows], wanders: Sequence[Wander], shared: int) -> list[RunRows]:
-    """Return what a run's sensors say of unknowns, the first of which other runs share, with each of several processes."""
+    """Return a run's whitened rows for each noise process of `wanders`; the first `shared` unknowns are those of all runs."""
     parts, logs = [], np.zeros(len(wanders))
     for size in dict.fromkeys(t.times.size for t in traces):
         alike = [t for t in traces if t.times.size == size]

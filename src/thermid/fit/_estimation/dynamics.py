@@ -105,7 +105,7 @@ class Dynamics:
         self._csr = _units(tuple(self._raised.values()), first.coefficients.size)
         self.grid = self._grid()
         self.lengths = tuple(f"{seconds:.12g}" for seconds in np.diff(self.grid))
-        self.due = self._due()
+        self.due = self._sensors_due()
         self.alike = self._alike()
 
     def _refuse(self) -> None:
@@ -174,7 +174,7 @@ class Dynamics:
         near = np.diff(grid, prepend=-np.inf) < 1e-9 * max(last, 1.0)
         return np.asarray(grid[~near])
 
-    def _due(self) -> tuple[tuple[tuple[int, int], ...], ...]:
+    def _sensors_due(self) -> tuple[tuple[tuple[int, int], ...], ...]:
         """Return, of every time of the grid, the sensors with a reading and its position among theirs."""
         out: list[list[tuple[int, int]]] = [[] for _ in self.grid]
         for k, o in enumerate(self.experiment.observations):
@@ -188,7 +188,7 @@ class Dynamics:
         return self.lengths[place - 1], tuple(k for k, _ in self.due[place])
 
     def _alike(self) -> tuple[int, ...]:
-        """Return, of every time of the grid, the first later one whose step is not as its own."""
+        """Return, of every time of the grid, the first later one whose step has another length or other sensors (times,)."""
         out = [self.grid.size] * self.grid.size
         for place in range(self.grid.size - 2, 0, -1):
             out[place] = out[place + 1] if self.step_to(place) == self.step_to(place + 1) else place + 1
@@ -218,7 +218,7 @@ class Dynamics:
 
     def local(self, at: At, state: Array, time: float) -> RatesAt:
         """Return rates and Jacobian at a state (states,) and a time [s]."""
-        count, coefficients = self.massive.size, self._raised_by(state, at)
+        count, coefficients = self.massive.size, self._coefficients_at(state, at)
         outer = np.zeros(len(self.nodes))
         into = np.zeros((len(self.nodes), self.size))
         for target, share in self._heated.items():
@@ -228,7 +228,7 @@ class Dynamics:
         temperatures[self.massive] = state[:count]
         if self.massless.size:
             temperatures[self.massless] = state[:count].mean()
-        heat, jacobian, slopes = self._balanced(coefficients, temperatures, outer, time)
+        heat, jacobian, slopes = self._balance_massless(coefficients, temperatures, outer, time)
         if slopes is not None:
             for k, target in enumerate(self._raised):
                 into[:, self._added[target]] += slopes[:, k]
@@ -256,7 +256,7 @@ class Dynamics:
         count = self.massive.size
         rates, whole = np.zeros(states.shape), np.zeros((*states.shape, self.size))
         for k, (at, state) in enumerate(zip(members, states, strict=True)):
-            heat, jacobian, slopes = self.problem.rhs(self._raised_by(state, at), state[:count], time, self._csr)
+            heat, jacobian, slopes = self.problem.rhs(self._coefficients_at(state, at), state[:count], time, self._csr)
             rates[k, :count], whole[k, :count, :count] = heat, jacobian
             if slopes is not None:
                 whole[k, :count, list(self._raised_rows)] = slopes.T
@@ -277,8 +277,8 @@ class Dynamics:
                         rates[m, row], whole[m, row, row] = -state[row] / at.times[k], -1.0 / at.times[k]
         return rates, whole
 
-    def _raised_by(self, state: Array, at: At) -> Array:
-        """Return the coefficients with the boundaries where a state puts them."""
+    def _coefficients_at(self, state: Array, at: At) -> Array:
+        """Return the coefficients with each boundary that the filter estimates raised by its offset in a state (states,)."""
         coefficients = at.assembled.coefficients
         if self._raised:
             coefficients = coefficients.copy()
@@ -291,7 +291,7 @@ class Dynamics:
         a, here = at.assembled, self.local(at, about, 0.0)
         by_one_kelvin = _units(self.wiring.structure.offset, a.coefficients.size)
         by_boundary = self.problem.rhs(a.coefficients, here.temperatures, 0.0, by_one_kelvin)[2]  # heat (nodes, boundaries) [W/K]
-        heat = self._boundary_moves(times, a) @ by_boundary.T + self._powered(times, a, here.temperatures)
+        heat = self._boundary_moves(times, a) @ by_boundary.T + self._load_heat_change(times, a, here.temperatures)
         inner = heat[:, self.massive]
         if self.massless.size:
             _, jacobian, _ = self.problem.rhs(a.coefficients, here.temperatures, 0.0, None)
@@ -305,20 +305,20 @@ class Dynamics:
         """Return how far boundaries are from where they begin (times, boundaries); the same for all values. [K]"""
 
         def make() -> Array:
-            """Compute what is then kept."""
+            """Return the distance (times, boundaries) of each boundary from its value at time zero. [K]"""
             first = np.zeros(1)
             names = self.wiring.network.boundaries
             return np.column_stack([self.wiring.boundary(b, times, a.offsets) - self.wiring.boundary(b, first, a.offsets) for b in names])
 
         return self.memo.value(("boundaries", times.tobytes()), make, MAX_CACHED_COURSES)
 
-    def _powered(self, times: Array, a: Assembled, temperatures: Array) -> Array:
-        """Return how far the heat of loads into every node is from where it begins (times, nodes). [W]"""
+    def _load_heat_change(self, times: Array, a: Assembled, temperatures: Array) -> Array:
+        """Return the heat of loads into every node less that at time zero (times, nodes), at fixed `temperatures`. [W]"""
         loads = self.wiring.structure.loads
         places = [p for placed in loads for p in placed.places]
 
         def make() -> Array:
-            """Compute what is then kept."""
+            """Return the heat (times, nodes) of all loads at fixed temperatures, less that at time zero. [W]"""
             row = np.resize(temperatures, len(self.nodes) + len(self.wiring.network.boundaries))
             powers = self.problem.load_powers(a.coefficients, np.tile(row, (times.size + 1, 1)), np.append(times, 0.0), None)
             heat = np.zeros((times.size, len(self.nodes)))
@@ -329,7 +329,7 @@ class Dynamics:
 
         return self.memo.value(("loads", times.tobytes(), a.coefficients[places].tobytes()), make, MAX_CACHED_COURSES)
 
-    def _balanced(self, coefficients: Array, temperatures: Array, outer: Array, time: float) -> tuple[Array, Array, Array | None]:
+    def _balance_massless(self, coefficients: Array, temperatures: Array, outer: Array, time: float) -> tuple[Array, Array, Array | None]:
         """Return heat, Jacobian and slopes with the balance of massless nodes solved; their temperatures are put in place."""
         loose = self.massless
         for _ in range(BALANCES if loose.size else 0):

@@ -365,7 +365,9 @@ def mean_of(prior: Any) -> str:
 
 
 def priors_of(model: Model, stated: Mapping[str, Any], where: str) -> dict[str, tuple[Any, Any]]:
-    """Return path -> (mean, standard deviation) with their units, globs read and ranges turned into numbers.
+    """Return path -> prior, globs spread over the paths that they match and 'range' turned into ("", the deck's `StatedRange`).
+
+    All other priors, pairs or tables, are returned as they are stated.
 
     A range min..max of a data sheet holds 95 % of parts about the value of the deck, as every stated range: see `StatedRange`.
 

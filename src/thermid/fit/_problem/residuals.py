@@ -231,7 +231,7 @@ class Sums:
 
 
 def pooled(parts: list[Sums]) -> Sums:
-    """Return the sums of several stretches, one after the other."""
+    """Return the sums over several stretches that follow one another."""
     return reduce(Sums.followed_by, parts)
 
 
@@ -377,7 +377,10 @@ class Bench:
         return [(k, place[f"reading.{o.sensor}"], o.part.gain_about) for k, o in numbered if o.part and f"reading.{o.sensor}" in place]
 
     def squares(self, x: Array, gradients: bool, options: Options, weighing: Weighing, mesh: Array | None) -> Squares:
-        """Return the least squares of all observations."""
+        """Run the model at the free names `x` and return the least squares of all its observations, with derivatives or without.
+
+        Readings of sensors whose scale is looked for are multiplied by 1 + x; `weighing` and `mesh` are those of `Engine.least_squares`.
+        """
         assembled = self.engine.started(self.wiring.assemble(x, gradients), gradients)
         obs, times = self.experiment.observations, self.experiment.times
         recover = dict(assembled.reduced.recover)
@@ -564,7 +567,7 @@ class Problem:
         return self._blocks(i, fitted, self.bench(i, fitted).temperatures(x, False, self.options)[0])
 
     def _blocks(self, i: int, fitted: Array, columns: Array) -> list[SensorTrace]:
-        """Return the same of temperatures (times, sensors) of the sensors' nodes. [K]"""
+        """Return the blocks of a record from the temperatures (times, sensors) of the sensors' nodes, constant errors added. [K]"""
         out, bench = [], self.bench(i, fitted)
         for k, o in enumerate(bench.experiment.observations):
             bias, _ = self._bias(o.sensor, fitted)
@@ -647,7 +650,7 @@ class Problem:
 
     @property
     def effective_samples(self) -> float:
-        """Independent samples that they are worth by what is said of their noise."""
+        """How many independent readings the readings are worth, by what is stated of the noise of each."""
         return sum(o.effective_samples for e in self.experiments for o in e.observations)
 
     @property
@@ -686,7 +689,7 @@ class Problem:
         x = np.append(x, np.zeros(len(instants)))
         columns, derivatives = bench.temperatures(x, bool(x.size), self.options, times)
         own = len(x) - len(instants)
-        out = _chained(derivatives[:, :, :own], -chain) if own else np.zeros((*columns.shape, len(self.unknowns)))
+        out = _chain_product(derivatives[:, :, :own], -chain) if own else np.zeros((*columns.shape, len(self.unknowns)))
         for n, k in enumerate(instants.values()):
             out[:, :, k] -= derivatives[:, :, own + n]
         for at, slope_of_clock in slopes_of_clock(self, i, fitted, times, instants.values()).items():
@@ -699,7 +702,7 @@ class Problem:
         return columns, np.asarray(out)
 
     def prior_rows(self, fitted: Array) -> tuple[Array, Array]:
-        """Return the residuals of the priors and their derivatives."""
+        """Return the residuals of the priors, in units of their errors [-], and their derivatives (residuals, unknowns)."""
         return prior_rows(self.unknowns, self.coupled, fitted)
 
     def observations(self) -> list[Observation]:
@@ -707,7 +710,7 @@ class Problem:
         return [o for e in self.experiments for o in e.observations]
 
 
-def _chained(derivatives: Array, chain: Array) -> Array:
+def _chain_product(derivatives: Array, chain: Array) -> Array:
     """Return the product of derivatives (times, sensors, names) and slopes (names, unknowns), most of which act on one name alone."""
     places, alone = np.abs(chain).argmax(axis=0), np.count_nonzero(chain, axis=0) <= 1
     scaled = derivatives[:, :, places] * chain[places, np.arange(places.size)]

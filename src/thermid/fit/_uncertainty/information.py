@@ -47,7 +47,10 @@ class Information:
 
     @classmethod
     def of_problem(cls, problem: Problem, fitted: Array, spread: float = 1.0, exact: bool = True) -> Information:
-        """Return what a problem holds at some values; readings scatter `spread` times as much as their noise says."""
+        """Return the information that a problem holds at `fitted` (unknowns,), by default from the integration of `EXACT`.
+
+        Readings scatter `spread` times as much as their noise says.
+        """
         tight = replace(problem, options=EXACT) if exact else problem
         rows = problem.prior_rows(fitted)[1]
         kinds = [u.kind for u in problem.unknowns if u.prior is not None]
@@ -120,7 +123,7 @@ class Information:
 def elsewhere(problem: Problem, info: Information, spread: float = 1.0) -> Information | None:
     """Return the information with every parameter shifted, by 0.1 to 0.3 of its size, each by another part, away from the nearer bound.
 
-    At most half the way to the bound; None where the model cannot be run there.
+    `spread` as of `Information.of_problem`; other unknowns stay. At most half the way to the bound; None where the model cannot be run.
 
     What binds parameters by law binds them there too; an accident of the first values does not.
     """
@@ -248,7 +251,10 @@ class Responses:
         return np.asarray(out)
 
     def between(self, unknowns: Sequence[Unknown], fitted: Array) -> Responses:
-        """Return them where every parameter lies between its bounds; what goes together with one that is held there follows it.
+        """Return the responses with the variance of every parameter cut to what its bounds leave, and `uncut` set to the variances before.
+
+        The responses and noise of an unknown j lose C_jk / C_kk (1 - sqrt(v / C_kk)) of those of the parameter k that is cut from C_kk to
+        v by `square_between`, so what goes together with it follows. C is the covariance at that time.
 
         The one of which most is cut off comes first, whatever the order of the unknowns.
         """
@@ -351,7 +357,7 @@ class _Table:
     columns: dict[str, Array] = field(default_factory=dict)
 
     def add(self, sources: Sequence[Source], rows: Array) -> None:
-        """Add responses (unknowns, sources)."""
+        """Add responses (unknowns, sources) to the columns of their sources."""
         for source, column in zip(sources, rows.T, strict=True):
             self.sources[source.name] = source
             self.columns[source.name] = self.columns.get(source.name, 0.0) + column
@@ -371,7 +377,7 @@ def covering(unknowns: tuple[Unknown, ...] | list[Unknown]) -> set[str]:
 
 
 def _fixed(request: Request, unknowns: tuple[Unknown, ...]) -> list[State]:
-    """Return what is known with an error and was not looked for."""
+    """Return the states of values that are known with an error and are no unknowns of the fit."""
     here, store = covering(unknowns), request.store
     return [
         s

@@ -526,20 +526,21 @@ def moves_above(request: Request, problem: Problem, minimum: Fit, level: float =
         return Moves()
     opened = opened_at(request, problem, minimum.fitted, list(fixed))
     inherited = _inherited(request, opened, fixed)
-    first, ahead = _tested(request, opened, inherited, opened.fitted, level)
+    first, ahead = _test_moves(request, opened, inherited, opened.fitted, level)
     if MOVED not in [m.verdict for m in first.values]:
         return first
     try:
-        return _tested(request, opened, inherited, ahead, level)[0]
+        return _test_moves(request, opened, inherited, ahead, level)[0]
     except (ScenarioError, SolverError):
         return first
 
 
-def _tested(request: Request, opened: Opened, inherited: _Inherited, at: Array, level: float) -> tuple[Moves, Array]:
-    """Return the moves, with derivatives at `at` (unknowns,), and the unknowns after one Gauss-Newton step with the moved values free.
+def _test_moves(request: Request, opened: Opened, inherited: _Inherited, at: Array, level: float) -> tuple[Moves, Array]:
+    """Return the moves of inherited values, and the unknowns after one Gauss-Newton step that frees those that moved.
 
-    Residuals are measured less what the model says, in units of the noise; the step begins where the stages below expect values. `level`
-    is that of `moves_above`.
+    Residuals are measured less what the model says, in units of the noise; derivatives are those at `at` (unknowns,). The step starts from
+    the fitted values, for those that are inherited from where the stages below expect them, and is kept within the bounds, logarithms
+    within `MAX_LOG_CHANGE`. `level` is that of `moves_above`.
     """
     unknowns = opened.problem.unknowns
     start = opened.fitted.copy()

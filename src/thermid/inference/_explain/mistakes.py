@@ -141,7 +141,10 @@ def find_mistakes(request: Request, stage: str = "") -> Mistakes:
 
 
 def _mistakes_of(request: Request, name: str) -> Mistakes:
-    """Return the mistakes of a request; see `find_mistakes`."""
+    """Return the mistakes of a request, by a rough fit per hypothesis, those that gain most named; none if the fit is not bad.
+
+    A request with more nodes than `MAX_HEATED_NODES` is not searched. Of many records only the worst are searched.
+    """
     fit = RoughFit.of_request(request)
     base = fit.solve(fit.start())
     free = sum(u.kind == "parameter" for u in fit.problem.unknowns)
@@ -173,7 +176,9 @@ def _mistakes_of(request: Request, name: str) -> Mistakes:
     ]
     quick = [(h, _end_of(h, fit, base)) for h in candidates]
     ranked = sorted((f for f in quick if f[1] is not None), key=lambda f: -_gain(f[0], f[1], base))
-    placed = sorted((f for h, _ in ranked[:FULLY_FITTED_HYPOTHESES] for f in _placed(h, fit, base)), key=lambda f: -_gain(f[0], f[1], base))
+    placed = sorted(
+        (f for h, _ in ranked[:FULLY_FITTED_HYPOTHESES] for f in _place_in_time(h, fit, base)), key=lambda f: -_gain(f[0], f[1], base)
+    )
     placed = [f for f in placed if _gain(f[0], f[1], base) >= MIN_NAMED_GAIN]
     least = TIE + base.cost - _cost_with_element(request, fit, base) if placed else MIN_NAMED_GAIN
     of_deck = max((_gain(h, end, base) for h, end in placed if h.kind == DECK_VALUE), default=-np.inf)
@@ -215,7 +220,7 @@ def _with_open_values(fit: RoughFit, values_before: Container[str]) -> RoughFit:
 
 
 def _worst_records(request: Request, fit: RoughFit, base: RoughEnd) -> Request:
-    """Return a request of the records that are missed most."""
+    """Return a request of the `MOST_RECORDS_SEARCHED` records with the largest whitened mean square residual of any sensor."""
     missed: dict[str, float] = {}
     for t, residuals in zip(fit.traces, base.left, strict=True):
         missed[t.record] = max(missed.get(t.record, 0.0), float(np.mean((t.whiten @ residuals) ** 2)))
@@ -240,7 +245,7 @@ def _end_of(h: Hypothesis, fit: RoughFit, base: RoughEnd, rounds: int = MAX_RANK
         return None
 
 
-def _placed(h: Hypothesis, fit: RoughFit, base: RoughEnd) -> list[tuple[Hypothesis, RoughEnd]]:
+def _place_in_time(h: Hypothesis, fit: RoughFit, base: RoughEnd) -> list[tuple[Hypothesis, RoughEnd]]:
     """Return a hypothesis with its instants where they fit best, and its end; nothing where it cannot be fitted."""
     if h.heat is not None:
         try:
@@ -338,8 +343,8 @@ def _with_records(request: Request, change: Callable[[Record], Record]) -> Reque
     return replace(request, records=tuple(change(r) for r in request.records))
 
 
-def _mapped(request: Request, names: Iterable[str], law: Callable[[Array], Array]) -> Request:
-    """Return a request in which the values of some channels are others."""
+def _map_channels(request: Request, names: Iterable[str], law: Callable[[Array], Array]) -> Request:
+    """Return a request in which `law` maps the values (samples,) of some channels, by name, to new ones."""
     wanted = set(names)
 
     def change(r: Record) -> Record:
@@ -361,7 +366,7 @@ def _per_cents(request: Request, network: Network) -> Iterator[Hypothesis]:
             continue
         words = f"'{name}' is a duty cycle in per cent but was read in watts, up to {short(largest, 3)} W for a load of {short(watts, 3)} W"
         remedy = f'Give {name} full_scale = "{short(watts, 3)} [W]", its power at 100 %.'
-        other = _mapped(request, [name], partial(np.multiply, watts / 100.0))
+        other = _map_channels(request, [name], partial(np.multiply, watts / 100.0))
         yield _hypothesis("per cent", name, words, remedy, other)
 
 
@@ -408,7 +413,7 @@ def _unusual_starts(channels: list[Channel], text: str) -> float:
 
 
 def _in_unit(names: Container[str], text: str, record: Record) -> Record:
-    """Return a record in which some channels are read in another unit."""
+    """Return a record whose channels `names` are read as if their numbers were in the unit `text`."""
     return record.with_channels(*(c.in_unit(text) for n, c in record.channels.items() if n in names))
 
 

@@ -196,7 +196,7 @@ class RoughFit:
         for n, t in enumerate(self.traces):
             predicted, slope = simulated[t.experiment][0][:, t.place], simulated[t.experiment][1][:, t.place, :]
             if self.extra is not None:
-                predicted, slope = self._acted(n, predicted, slope, float(x[-1]))
+                predicted, slope = self._add_extra(n, predicted, slope, float(x[-1]))
             residuals_of_trace.append(t.measured - predicted)
             rows.append(t.whiten @ residuals_of_trace[-1])
             slopes.append(-(t.whiten @ slope))
@@ -227,10 +227,11 @@ class RoughFit:
                 slopes[:, k, at] += 1.0
         return columns, slopes
 
-    def _acted(self, n: int, predicted: Array, slope: Array, amount: float) -> tuple[Array, Array]:
+    def _add_extra(self, n: int, predicted: Array, slope: Array, amount: float) -> tuple[Array, Array]:
         """Return readings (bins,) [K] and slopes (bins, unknowns + 1) of the n-th trace, with `amount` of the extra where it acts.
 
-        The extra adds amount a(t), or amount a(t) (T_air - T) where it is loose, a(t) from `Extra.acting`.
+        The extra adds amount a(t), or amount a(t) (T_air - T) where it is loose, a(t) from `Extra.acting`; then slopes to other unknowns
+        are multiplied by 1 - amount a(t). The last column is the derivative to `amount`, zero on every other trace.
         """
         assert self.extra is not None
         if n != self.extra.trace:
@@ -263,7 +264,7 @@ class RoughFit:
         return min(ends, key=lambda e: e.cost)
 
     def named(self, end: RoughEnd) -> dict[str, float]:
-        """Return unknown -> its fitted form at an end."""
+        """Return name of an unknown -> its fitted form at the end of a descent."""
         return {u.name: float(v) for u, v in zip(self.problem.unknowns, end.x, strict=False)}
 
     def best_since(self, end: RoughEnd, trace: int, loose: bool, sd: float) -> int:

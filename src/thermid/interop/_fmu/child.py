@@ -297,7 +297,7 @@ class _Exchange(_FmuRun):
             self._whole(pointer)[self.n :] = self._derived(self.file.rates, self._time).T.ravel()
 
     def _nominals(self, pointer: Any, size: int) -> None:
-        """Fill CVODE's vector with what is a usual size of each state and each derivative, for its tolerance."""
+        """Fill CVODE's vector with the FMU's nominal size of each state, then of its sensitivity per direction, for the tolerance."""
         self.fmu.getNominalsOfContinuousStates(pointer, self.n)
         whole = self._whole(pointer)
         for k, way in enumerate(self.ways):

@@ -240,8 +240,10 @@ TRIED_MEANS, TRIED_CORRELATION_TIMES, TRIED_VARIANCE_RATIOS = 60, 8, 10
 """Means of readings, correlation times and variances over that of white noise by which the noise of a stretch is looked for."""
 
 
-def _wandering(t: FloatArray, y: FloatArray, line: _Line, at: float) -> _Line:
-    """Return a line with errors averaged over models of its autocorrelated noise, by their likelihood; never smaller than before.
+def _with_autocorrelation(t: FloatArray, y: FloatArray, line: _Line, at: float) -> _Line:
+    """Return a line with errors averaged over models of its autocorrelated noise; never smaller than before.
+
+    The mean is of ln(variance), weighted by likelihood.
 
     A stretch of a few correlation times does not show its own autocorrelation, so each of a grid of models (white noise plus exponential
     correlations) counts by its restricted likelihood (Patterson and Thompson, Biometrika 58 (1971) 545). Parameters as of `_line`.
@@ -343,9 +345,9 @@ def channel_stability(record: Samples, name: str, rule: StabilityRule, at: float
                 where,
                 code="record.too-short",
             )
-        return _judged(record, name, rule, end - rule.window, end)
+        return _stability(record, name, rule, end - rule.window, end)
     for span, last in spans(record, first, end):
-        judged = _judged(record, name, rule, end - span, end)
+        judged = _stability(record, name, rule, end - span, end)
         if last or judged.verdict != "cannot tell":
             break
     return judged
@@ -365,7 +367,7 @@ def channel_drift(record: Samples, name: str, start: float, end: float) -> Chann
     return ChannelStability(channel.name, line.rate, line.rate_error, float(t[0]), float(t[-1]), int(y.size), "")
 
 
-def _judged(record: Samples, name: str, rule: StabilityRule, start: float, end: float) -> ChannelStability:
+def _stability(record: Samples, name: str, rule: StabilityRule, start: float, end: float) -> ChannelStability:
     """Return the stability of one channel over one window by a rule on the rate."""
     drift = channel_drift(record, name, start, end)
     return replace(drift, verdict=verdict_of(drift.rate, drift.error, rule.rate))
@@ -426,7 +428,7 @@ class SteadyValue:
     quantity: str
 
     def __str__(self) -> str:
-        """Value, error, drift."""
+        """Value and error of a channel; of a temperature also drift, correction, and readings with the independent ones they are worth."""
         if self.quantity != "temperature":
             return f"{self.name} {self.value:.5g} +- {self.error:.2g}"
         text = f"{self.name} {format_value(self.value, 'degC', 6)} +- {self.error:.2g} K   drift {HOUR * self.rate:+.2g} K/h"
@@ -560,7 +562,7 @@ def _value(where: str, channel: Channel, times: FloatArray, inside: np.ndarray, 
     step = channel.step if thermal and not was_set else channel.resolution or 0.0
     line = _line(t, y, 0.5 * (times[0] + times[-1]), step, channel.noise, place, "mean")
     if line.worth < min(MIN_INDEPENDENT_SHARE * y.size, MIN_INDEPENDENT_READINGS) and line.scatter > 0.5 * step and line.scatter > 0.0:
-        line = _wandering(t, y, line, 0.5 * (times[0] + times[-1]))
+        line = _with_autocorrelation(t, y, line, 0.5 * (times[0] + times[-1]))
     if thermal and abs(line.rate) - DOUBT_IN_ERRORS * line.rate_error > most:
         raise RecordError(
             f"it drifts by {HOUR * line.rate:+.3g} +- {HOUR * line.rate_error:.2g} K/h, more than the {HOUR * most:.3g} K/h allowed "

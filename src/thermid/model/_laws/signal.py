@@ -250,7 +250,10 @@ class TableSignal:
         return self.values
 
     def at(self, times: Array) -> Array:
-        """Return values (times,) at times [s]: on the line between two rows, or held; at the ends the first and last row. [SI]"""
+        """Return values (times,) at times [s]: on the line between two rows, or held. [SI]
+
+        Outside the rows the first and last one hold; a table that repeats does so before its first row too.
+        """
         if self.after == "repeat":
             times = self.times[0] + np.mod(times - self.times[0], self.times[-1] - self.times[0])
         if self.hold:

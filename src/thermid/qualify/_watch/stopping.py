@@ -136,6 +136,7 @@ class LiveFit:
     """
 
     def __init__(self, model: Model, scenario: Scenario | None) -> None:
+        """Keep what a fit needs; nothing is fitted before `fit` is called."""
         self.model, self.scenario = model, scenario
         self.values: dict[str, float] = {}
         self.wander: dict[str, float] = {}

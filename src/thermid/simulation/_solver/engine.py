@@ -241,15 +241,16 @@ class Modal:
         stops = sum(s.times.size for s in tables if ends_steps(s))
         waves = sum(isinstance(s, Sine) for s in signals)
         if self._pace is None:
-            self._pace = self._paces()
+            self._pace = self._rates_of_steps()
         fastest, rough = self._pace
         steps = max(20.0 * np.log1p(fastest * end), rough * end)
         return Effort(self.problem.nodes, *self._grids[key], times.size, len(tables), waves, stops, float(steps))
 
-    def _paces(self) -> tuple[float, float]:
-        """Return the rate of the fastest node, and how many steps a second the noise of inputs asks of the integrator. [1/s]
+    def _rates_of_steps(self) -> tuple[float, float]:
+        """Return the largest rate -J_ii / C_i of a node, and how many steps a second the noise of inputs asks of the integrator. [1/s]
 
-        Taken at nominal values, so that the choice of method does not hang on which run came first.
+        Both are 0 in a network of more than `MAX_NODES_FOR_MODES` nodes, which is not solved by modes. Taken at nominal values, so that the
+        choice of method does not hang on which run came first.
         """
         if self.problem.nodes > MAX_NODES_FOR_MODES:
             return 0.0, 0.0
@@ -332,7 +333,7 @@ class Engine(KernelProblem):
         """The program that runs the model in place of the kernel; None for the kernel itself."""
         return self.wiring.network.flat.names.model.runner  # type: ignore[no-any-return]
 
-    def _as_large(self, options: Options, gradients: bool, times: Array, end: float) -> bool:
+    def _runs_as_large(self, options: Options, gradients: bool, times: Array, end: float) -> bool:
         """Return whether a model is run as a large network: asked for by name, or of a form that can be and cheaper so.
 
         Raises
@@ -383,7 +384,7 @@ class Engine(KernelProblem):
         """
         if (runner := self.runner) is not None:
             return runner.run(self, a, times, nodes, end, gradients)
-        if self._as_large(options, gradients, times, end):
+        if self._runs_as_large(options, gradients, times, end):
             return integrate_model(self, a, times, nodes, end, options, self._sums(a) if extremes else None)
         index = self._index()
         why = self.modal.refusal(options.method, times, end, gradients)
@@ -420,7 +421,7 @@ class Engine(KernelProblem):
         return Answer(raw.traces, slopes, a.initial, raw.final_temperatures, *energies, end, statistics, raw.on, switched, turnings)
 
     def _by_modes(self, a: Assembled, times: Array, nodes: Sequence[str], end: float, options: Options, extremes: bool) -> Answer:
-        """Return what `integrate` does, by the modal solution."""
+        """Return temperatures and derivatives as `integrate` does, calculated by the modal solution."""
         index = self._index()
         gone, sums = self._sums(a) if extremes else ((), None)
         raw = self.modal.run(a, times, ints([index[n] for n in nodes]), end, extremes, sums)
@@ -615,7 +616,7 @@ def at_rest(problem: KernelProblem, a: Assembled, time: float, gradients: bool =
     first = len(problem.control_names) - len(machines)
     on[first:] = [row.starts for row in machines]
     while True:
-        temperatures, slopes = _settled(problem, a, time, gradients, on)
+        temperatures, slopes = _settle_in_modes(problem, a, time, gradients, on)
         changed = _next_mode(problem, a, temperatures, time, on[first:]) if machines else None
         if changed is None:
             return temperatures, slopes, on
@@ -644,8 +645,8 @@ def _next_mode(problem: KernelProblem, a: Assembled, temperatures: Array, time: 
     return None
 
 
-def _settled(problem: KernelProblem, a: Assembled, time: float, gradients: bool, on: NDArray[np.int32]) -> tuple[Array, Array]:
-    """Return the steady temperatures and their derivatives with every control in a given mode.
+def _settle_in_modes(problem: KernelProblem, a: Assembled, time: float, gradients: bool, on: NDArray[np.int32]) -> tuple[Array, Array]:
+    """Return the steady temperatures (nodes,) [K] and their derivatives (nodes, free), every control kept in its mode `on` (controls,).
 
     Newton's method with steps of at most 100 K, shortened where they would leave more heat over.
     """
@@ -662,12 +663,12 @@ def _settled(problem: KernelProblem, a: Assembled, time: float, gradients: bool,
     for k in range(MOST_ITERATIONS):
         heat, jacobian, slopes = balance(temperatures, gradients)
         leaving = balance.leaving(temperatures, jacobian, outside)
-        step = _solved(jacobian, leaving, heat)
+        step = _solve_balance(jacobian, leaving, heat)
         if step is None:
             raise SolverError(_no_steady(problem, a), where)
         close = float(np.abs(step).max()) < MAX_NEWTON_STEP * max(1.0, float(np.abs(temperatures).max()))
         if k < DIRECT or close:
-            temperatures = _moved(balance, temperatures, step, float(np.linalg.norm(heat)), reach)
+            temperatures = _damped_step(balance, temperatures, step, float(np.linalg.norm(heat)), reach)
             # a state far away lies in one direction: steps towards it get longer
             reach = 2.0 * reach if float(np.abs(step).max()) > reach else LARGEST_MOVE
             if float(temperatures.max()) > MAX_TEMPERATURE:
@@ -679,7 +680,7 @@ def _settled(problem: KernelProblem, a: Assembled, time: float, gradients: bool,
                     code="run.no-steady-state",
                 )
         else:
-            temperatures = _drifted(temperatures, heat, jacobian, k - DIRECT)
+            temperatures = _pseudo_time_step(temperatures, heat, jacobian, k - DIRECT)
         if close:
             # what only loses heat is stable; rounding of large entries would say otherwise
             if leaving is None and np.linalg.eigvals(jacobian).real.max() > 0:
@@ -692,7 +693,7 @@ def _settled(problem: KernelProblem, a: Assembled, time: float, gradients: bool,
             _, jacobian, slopes = balance(temperatures, gradients)
             if beyond := problem.tables_left(a, time, balance.states(temperatures)):
                 raise SolverError(f"in the steady state {beyond}", where, code="run.no-steady-state")
-            moves = _solved(jacobian, leaving, slopes) if slopes is not None else np.zeros((temperatures.size, 0))
+            moves = _solve_balance(jacobian, leaving, slopes) if slopes is not None else np.zeros((temperatures.size, 0))
             if moves is None:
                 raise SolverError(_no_steady(problem, a), where)
             return balance.states(temperatures), balance.moves(temperatures, moves)
@@ -780,7 +781,7 @@ class _Balance:
         return changes
 
 
-def _solved(jacobian: Array, leaving: Array | None, heat: Array) -> Array | None:
+def _solve_balance(jacobian: Array, leaving: Array | None, heat: Array) -> Array | None:
     """Return x (nodes,) [K] with J x = -Q for the Jacobian J [W/K] and heat Q (nodes,) [W]; None where it is singular.
 
     With `leaving`, the heat per kelvin that each node loses to boundaries [W/K], by elimination without cancellation.
@@ -794,7 +795,7 @@ def _solved(jacobian: Array, leaving: Array | None, heat: Array) -> Array | None
     return step if np.isfinite(step).all() and np.linalg.cond(jacobian) <= 1e15 else None
 
 
-def _moved(balance: _Balance, temperatures: Array, step: Array, imbalance: float, reach: float) -> Array:
+def _damped_step(balance: _Balance, temperatures: Array, step: Array, imbalance: float, reach: float) -> Array:
     """Return the temperatures after a step cut to `reach` [K], halved until the norm of the net heat falls below `imbalance` [W].
 
     Without success after 20 halvings, those after the whole step: at a knee whole steps would cycle.
@@ -807,7 +808,7 @@ def _moved(balance: _Balance, temperatures: Array, step: Array, imbalance: float
     return np.maximum(temperatures + whole, 0.1)
 
 
-def _drifted(temperatures: Array, heat: Array, jacobian: Array, k: int) -> Array:
+def _pseudo_time_step(temperatures: Array, heat: Array, jacobian: Array, k: int) -> Array:
     """Return the temperatures after step k in time of a network whose nodes all have a time constant of one, steps getting longer.
 
     Each step is one of Newton's method for the implicit Euler method, which passes knees where the way of less heat left over ends before
