@@ -364,9 +364,7 @@ def left_prior() -> dict[tuple[float, float], float]:
     return {(s, t): float(np.log(m)) for s, t, m in [(0.0, LEFT_TIMES[0], mass[0]), *others]}
 
 
-def points_of(
-    problem: Problem, courses: Sequence[ElementCourse]
-) -> tuple[dict[str, OperatingPoint], dict[str, tuple[PathLaw, float]]]:
+def points_of(problem: Problem, courses: Sequence[ElementCourse]) -> tuple[dict[str, OperatingPoint], dict[str, tuple[PathLaw, float]]]:
     """Return conductor -> where it was found over the runs of a fit, by its courses, and what `paths_of` says of them."""
     every: dict[str, Any] = {}
     for e, course in zip(problem.experiments, courses, strict=True):
