@@ -26,7 +26,7 @@ def _zones(v: dict[str, Array], power: Array, room: Array, vacuum: bool = False,
         lost = b.AREA * v["natural"] * np.sign(d) * np.abs(d) ** v["exponent"]
         lost += b.AREA * b.SIGMA * v["emissivity"] * (shell**4 - around**4)
         passed = [heat, y[0] - y[1], y[1] - y[2], v["contact"] * (y[2] - shell), lost]
-        return -np.diff(passed, axis=0) / np.stack([*[v["core"] / 3] * 3, v["shell"]])
+        return np.asarray(-np.diff(passed, axis=0) / np.stack([*[v["core"] / 3] * 3, v["shell"]]))
 
     y, out = np.repeat(room[:1], 4, axis=0), []
     for heat, around in zip(power, room, strict=True):
