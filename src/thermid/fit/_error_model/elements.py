@@ -429,7 +429,7 @@ def gradient(name: str, network: Network, course: ElementCourse, node: str) -> D
             apart, flow = course.kelvin[node] - course.kelvin[other], sign * course.flows[c.path]
             leaving += flow
             slopes[other] = slopes.get(other, 0.0) + float(flow @ apart / max(float(apart @ apart), FLOWLESS))
-    whole, (share, lag) = sum(slopes.values()), ROW_OF_ZONES
+    whole, (share, lag) = max(sum(slopes.values()), FLOWLESS), ROW_OF_ZONES
     entering[0] = leaving[0]  # a run begins in balance
     above, below = (lagged(x / whole, t, lag * capacitance / whole) for x in (entering, share * entering + (1.0 - share) * leaving))
     into = {node: whole * above + capacitance * np.gradient(below, t)} | {n: -g * above for n, g in slopes.items()}
