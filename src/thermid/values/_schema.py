@@ -193,6 +193,7 @@ class ErrorsTable(StrictTable):
     seen: dict[str, tuple[str, bool, list[tuple[str, float, float]], float, float, float, float]]
     ways: list[WayTable]
     misfit: Real
+    spot: str = ""
     why: str
     without: list[str] = []
 

@@ -567,7 +567,9 @@ def hold(
         return
     with MemberProgress() as progress:
         try:
-            _, answer = hold_question.run(n=members, executor=KeptTasks(folder, executor_of(workers, cluster)), progress=progress)
+            _, answer = hold_question.run(
+                n=members, executor=KeptTasks(folder, KeptTasks.of_workers(executor_of(workers, cluster)).workers), progress=progress
+            )
         except KeyboardInterrupt:
             raise SolverError(
                 f"interrupted with {progress.finished} of {progress.members} runs done. The same command goes on from there.",

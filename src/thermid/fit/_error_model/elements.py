@@ -39,8 +39,9 @@ from thermid.fit._error_model.sizes import (
     PATH_ODDS,
     PATH_SHARE,
     ROOM_KNOTS,
+    ROW_OF_ZONES,
 )
-from thermid.model.elements import CARRIED_BY, Curve, Law, TableSignal
+from thermid.model.elements import CARRIED_BY, Curve, Law, TableSignal, in_run
 from thermid.model.tree import FlatConductor, FlatLoad
 from thermid.physics.constants import STEFAN_BOLTZMANN
 from thermid.simulation.network import Network
@@ -213,12 +214,14 @@ class Way:
     laws : dict     Conductor -> its law with the means of its prior.
     sizes : dict    (conductor, what) -> group of sizes, and the multiple of it that is the standard deviation about the mean.
     before : float  Its probability before any reading, beside those of the others. [-]
+    spots : tuple   Nodes whose sensors sit where their heat enters, or far from there.
     """
 
     name: str
     laws: Mapping[str, ElementLaw] = field(default_factory=dict)
     sizes: Mapping[tuple[str, str], tuple[str, float]] = field(default_factory=dict)
     before: float = 1.0
+    spots: tuple[str, ...] = ()
 
 
 def ways_of(
@@ -392,17 +395,45 @@ def places(course: ElementCourse, c: FlatConductor, at: OperatingPoint) -> Array
     return np.column_stack([np.log(apart), 0.5 * (a + b) - at.level])
 
 
+def lagged(x: Array, t: Array, time: float) -> Array:
+    """Return a course (times,) that follows another with a time constant. [s]"""
+    out, steps = np.empty_like(x), np.exp(-np.diff(t) / time)
+    out[0] = x[0]
+    for k, decay in enumerate(steps.tolist()):
+        out[k + 1] = decay * out[k] + (1.0 - decay) * 0.5 * (x[k] + x[k + 1])
+    return out
+
+
 def hidden_mass(name: str, course: ElementCourse, node: str, time: float) -> DepartureHeat:
     """Return what a mass of the size of a node's own takes up behind it, with a time constant: ``C (T - T_h) / tau``."""
     kelvin, t = course.kelvin[node], course.times
-    capacitance = course.stores[node][1]
-    behind, steps = np.empty_like(kelvin), np.exp(-np.diff(t) / time)
-    behind[0] = kelvin[0]
-    for k, decay in enumerate(steps.tolist()):
-        behind[k + 1] = decay * behind[k] + (1.0 - decay) * 0.5 * (kelvin[k] + kelvin[k + 1])
-    watts = -capacitance * (kelvin - behind) / time
+    watts = -course.stores[node][1] * (kelvin - lagged(kelvin, t, time)) / time
     watts[-1] *= not course.settled
     return DepartureHeat(name, ((node, TableSignal(t, watts, False)),))
+
+
+def gradient(name: str, network: Network, course: ElementCourse, node: str) -> DepartureHeat:
+    """Return what moves a node to the end of its part where its heat q enters, with the resistance R of all that ends at it inside.
+
+    A row of zones in steady flow: the mean of the part is ``R (a q + (1 - a) out)`` below that end, late by ``b R C``, and what leaves at
+    the other end is carried by ``R q`` less; a and b are `ROW_OF_ZONES`. Temperatures of a node that moves so are those of its sensor.
+    """
+    t, capacitance, loads = course.times, course.stores[node][1], {load.path for load in network.flat.loads}
+    signals = [in_run(power, float(t[-1])) for load, (at, power) in course.powers.items() if at == node and load in loads]
+    entering = sum((0.5 * (s.at(np.maximum(t - 1.0, 0.0)) + s.at(np.minimum(t + 1.0, t[-1]))) for s in signals), np.zeros(t.size))
+    slopes: dict[str, float] = {}
+    leaving = np.zeros(t.size)
+    for c in conductors_of(network, course).values():
+        if node in c.ends:
+            other, sign = (c.ends[1], 1.0) if c.ends[0] == node else (c.ends[0], -1.0)
+            apart, flow = course.kelvin[node] - course.kelvin[other], sign * course.flows[c.path]
+            leaving += flow
+            slopes[other] = slopes.get(other, 0.0) + float(flow @ apart / max(float(apart @ apart), FLOWLESS))
+    whole, (share, lag) = max(sum(slopes.values()), FLOWLESS), ROW_OF_ZONES
+    entering[0] = leaving[0]  # a run begins in balance
+    above, below = (lagged(x / whole, t, lag * capacitance / whole) for x in (entering, share * entering + (1.0 - share) * leaving))
+    into = {node: whole * above + capacitance * np.gradient(below, t)} | {n: -g * above for n, g in slopes.items()}
+    return DepartureHeat(name, tuple((n, TableSignal(t, w, False)) for n, w in into.items() if n not in network.boundaries))
 
 
 def room_heats(network: Network, course: ElementCourse, boundary: str, time: float) -> list[DepartureHeat]:

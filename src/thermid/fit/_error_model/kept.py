@@ -304,6 +304,7 @@ class ErrorModel(Result):
     misfit : float              Root mean square of the readings over what is allowed of them, one is expected; with what the network,
                                 run with the expected departures, misses of their straight lines, see `FittedWay.nonlinearity`. [-]
     why : str                   Why elements are not followed; empty where they are.
+    spot : str                  A heated node whose sensor reads as at one end of its part, by 20 to 1; empty where there is none.
     gain : float                By how much ln of the evidence of the readings grows with what departs; not kept in files.
     """
 
@@ -313,6 +314,7 @@ class ErrorModel(Result):
     misfit: float = 1.0
     why: str = ""
     gain: float = 0.0
+    spot: str = ""
 
     @classmethod
     def of_fit(cls, fit: Calibration) -> ErrorModel:
@@ -348,7 +350,15 @@ class ErrorModel(Result):
         whole = sum(w.weight for w in ways)
         ways = [replace(w, weight=w.weight / whole) for w in ways]
         fitted_values = {n: SeenValue.of_unknown(named[n]) for n in ways[0].values}
-        return cls(fit.stage, fitted_values, tuple(ways), misfit, gain=log_sum(logs) - evidence_of_structure(problem, fitted, courses))
+        gain, spot = log_sum(logs) - evidence_of_structure(problem, fitted, courses), ""
+        heated = {node for course in courses for node, _ in course.powers.values() if node in course.stores}
+        spots = tuple(sorted(heated & {o.seat for e in problem.experiments for o in e.observations}))
+        if gain > MIN_LOG_BAYES_FACTOR and spots:
+            moved = fitted_way(problem, fitted, replace(likeliest.way, spots=spots), points).members
+            if log_sum(moved.log_evidence) - log_sum(likeliest.members.log_evidence) > MIN_LOG_BAYES_FACTOR:
+                sizes = np.abs(weights_of(moved.log_evidence) @ moved.mean)[-len(spots) :]
+                spot = spots[int(np.argmax(sizes))]
+        return cls(fit.stage, fitted_values, tuple(ways), misfit, gain=gain, spot=spot)
 
     @property
     def carriers(self) -> dict[str, float]:
@@ -368,6 +378,11 @@ class ErrorModel(Result):
         if times > FAR_SIZE:
             asked = f"{sizes[name]:.2g} {SIZES[name].unit} beside {SIZES[name].value:g}".replace(" 1 ", " ")
             return f"the readings ask for {times:.2g} times a usual departure: {SIZES[name].effect} ({asked})"
+        if self.spot:
+            return (
+                f"the thermometer of '{self.spot}' reads as one at the end of its part where the heat enters, or at the other end. "
+                "Give the part two nodes or more"
+            )
         far = f"with all departures the readings still lie {self.misfit:.2g} times further from the network than is allowed"
         return far if self.misfit > OUTSIDE else ""
 
@@ -451,7 +466,15 @@ class ErrorModel(Result):
         """Return plain numbers and texts for a file."""
         fitted_values = {n: [v.kind, v.log, [list(a) for a in v.acts], v.mean, v.sd, v.low, v.high] for n, v in self.seen.items()}
         ways = [w.to_dict() for w in self.ways]
-        return {"at": "", "stage": self.stage, "seen": fitted_values, "ways": ways, "misfit": self.misfit, "why": self.why}
+        return {
+            "at": "",
+            "stage": self.stage,
+            "seen": fitted_values,
+            "ways": ways,
+            "misfit": self.misfit,
+            "why": self.why,
+            "spot": self.spot,
+        }
 
     @classmethod
     def from_dict(cls, data: Mapping[str, Any]) -> ErrorModel:
@@ -467,7 +490,8 @@ class ErrorModel(Result):
                 placed(n, at): SeenValue(kind, log, tuple((placed(a, at), float(f), float(o)) for a, f, o in acts), *map(float, rest))
                 for n, (kind, log, acts, *rest) in data["seen"].items()
             }
-            return cls(stage, fitted_values, tuple(KeptWay.from_dict(w, at) for w in data["ways"]), float(data["misfit"]), data["why"])
+            ways, spot = tuple(KeptWay.from_dict(w, at) for w in data["ways"]), placed(data.get("spot", ""), at)
+            return cls(stage, fitted_values, ways, float(data["misfit"]), data["why"], spot=spot)
         except (LookupError, TypeError, ValueError, AttributeError, OverflowError) as error:
             lacks = f"has no {error}" if isinstance(error, KeyError) else f"cannot be read ({error})"
             raise IdentificationError(

@@ -17,6 +17,7 @@ from thermid.fit._error_model.elements import (
     Way,
     class_of,
     conductors_of,
+    gradient,
     hidden_mass,
     moved_heat,
     places,
@@ -29,6 +30,7 @@ from thermid.fit._error_model.sizes import (
     COLUMNS,
     CONDUCTORS,
     EVERY,
+    GRADIENT,
     HEATED,
     LEFT_OVER,
     LENGTHS,
@@ -180,6 +182,9 @@ class Departures:
             for time in self.hidden:
                 name = f"mass ({time:.3g} s) of {node}"
                 out.append((UnknownColumn(name, "hidden", 1.0, node), hidden_mass(name, course, node, time)))
+        for node in way.spots:
+            name = f"gradient of {node}"
+            out.append((UnknownColumn(name, "", GRADIENT, node), gradient(name, network, course, node)))
         return out
 
     def of_run(self, network: Network, course: ElementCourse) -> list[tuple[UnknownColumn, DepartureHeat]]:

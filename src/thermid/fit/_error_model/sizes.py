@@ -103,6 +103,9 @@ OTHER_FINISH: Final = 0.2
 PATH_ODDS, PATH_SHARE = 0.5, 0.2
 """Odds before any reading that a path to a boundary is there which the deck lacks, and scale of the part of its node's heat that it then
 carries; priors. [-]"""
+GRADIENT, ROW_OF_ZONES = 0.3, (0.55, 0.075)
+"""Standard deviation of the drop inside a part, in parts of that to its neighbours (a Biot number; lumped parts are below 0.1), and what a
+row of three zones has: share of the heat that enters in the drop to its mean, and its lag in parts of R C. [-]"""
 FLOWLESS: Final = 1e-3
 """Part of the difference of a fit below which no heat flows, and of the conductance of a path that a step leaves it at least. [-]"""
 LEVELS, LEVEL_POINTS = (150.0, 600.0), 181

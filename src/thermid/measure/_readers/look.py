@@ -14,6 +14,7 @@ import numpy as np
 
 from thermid.base.arguments import takes_objects
 from thermid.base.errors import ThermidError
+from thermid.base.linear_algebra import Array
 from thermid.base.results import Result
 from thermid.base.units import counted, in_si, unit
 from thermid.measure._readers.columns import decimal_sign
@@ -256,10 +257,8 @@ class Look(Result):
         volts, amperes = ([c for c in self.columns if c.unit and _is(c.unit, slot) and c.values.size] for slot in ("V", "A"))
         if len(volts) == len(amperes) == 1:
             product = in_si(volts[0].values, volts[0].unit) * in_si(amperes[0].values, amperes[0].unit)
-            powers = (np.stack([in_si(c.values, c.unit or "W"), product]) for c in self.columns if c.guess == "power")
-            pairs = [pair[:, np.isfinite(pair).all(axis=0)] for pair in powers]
-            pairs = [x for x in pairs if x.size and np.ptp(x, axis=1).all() and LEAST_POWER_FACTOR < x[0].sum() / x[1].sum() < 1.05]
-            metered = any(np.corrcoef(pair)[0, 1] ** 2 > MIN_EXPLAINED_SHARE[False] for pair in pairs)
+            powers = [in_si(c.values, c.unit or "W") for c in self.columns if c.guess == "power"]
+            metered = any(_metered(watts, product) for watts in powers)
             return {} if metered else {SUPPLY: (volts[0], amperes[0])}
         # what names of voltages and currents say beside that, in the characters of a bare key
         names = [[[_ELECTRIC.sub("", w) for w in re.split(r"[\W_]+", c.name)] for c in columns] for columns in (volts, amperes)]
@@ -305,6 +304,15 @@ class Look(Result):
 
 WHICH_ZONE: Final = "Stamps alone leave whole hours open, and no power with a temperature decides: which zone is it?"
 _OF_DAY = re.compile(r"(\d{1,2}):(\d{2})(?::(\d{2}(?:[.,]\d+)?))?(?:\s*([AaPp])\.?[Mm])?")
+
+
+def _metered(watts: Array, volt_amperes: Array) -> bool:
+    """Return whether a power is that of a meter's volts and amperes, by its size and its course."""
+    good = np.isfinite(watts) & np.isfinite(volt_amperes)
+    pair = np.stack([watts[good], volt_amperes[good]])
+    if not pair.size or not np.ptp(pair, axis=1).all() or not LEAST_POWER_FACTOR < pair[0].sum() / pair[1].sum() < 1.05:
+        return False
+    return bool(np.corrcoef(pair)[0, 1] ** 2 > MIN_EXPLAINED_SHARE[False])
 
 
 def _time_of_day(look: Look) -> float | None:
