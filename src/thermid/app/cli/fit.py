@@ -567,9 +567,8 @@ def hold(
         return
     with MemberProgress() as progress:
         try:
-            _, answer = hold_question.run(
-                n=members, executor=KeptTasks(folder, KeptTasks.of_workers(executor_of(workers, cluster)).workers), progress=progress
-            )
+            by = KeptTasks(folder, KeptTasks.of_workers(executor_of(workers, cluster)).workers)
+            _, answer = hold_question.run(n=members, executor=by, progress=progress)
         except KeyboardInterrupt:
             raise SolverError(
                 f"interrupted with {progress.finished} of {progress.members} runs done. The same command goes on from there.",

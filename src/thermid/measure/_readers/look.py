@@ -309,10 +309,10 @@ _OF_DAY = re.compile(r"(\d{1,2}):(\d{2})(?::(\d{2}(?:[.,]\d+)?))?(?:\s*([AaPp])\
 def _metered(watts: Array, volt_amperes: Array) -> bool:
     """Return whether a power is that of a meter's volts and amperes, by its size and its course."""
     good = np.isfinite(watts) & np.isfinite(volt_amperes)
-    pair = np.stack([watts[good], volt_amperes[good]])
-    if not pair.size or not np.ptp(pair, axis=1).all() or not LEAST_POWER_FACTOR < pair[0].sum() / pair[1].sum() < 1.05:
+    own, product = watts[good], volt_amperes[good]
+    if not own.size or not (np.ptp(own) and np.ptp(product)) or not LEAST_POWER_FACTOR < own.sum() / product.sum() < 1.05:
         return False
-    return bool(np.corrcoef(pair)[0, 1] ** 2 > MIN_EXPLAINED_SHARE[False])
+    return bool(np.corrcoef(own, product)[0, 1] ** 2 > MIN_EXPLAINED_SHARE[False])
 
 
 def _time_of_day(look: Look) -> float | None:
