@@ -147,9 +147,9 @@ def test_arguments(log, arguments, message):
         ({"T1": 3}, "bench.csv, channels.T1: 3 is neither the name of a column nor a table. Write 'column' or { column = 'column' }."),
         (
             {"T1": {"nod": "a"}},
-            "bench.csv, channels.T1: no key 'nod'; there are column, node, boundary, load, command, prescribed, schedule, gain, "
-            "full_scale, noise, accuracy, resolution, unit, prompt, samples, interpolation, power, gain_accuracy, gain_about, correlation_time, lag, "
-            "lag_accuracy, capacitance, mass, specific_heat, lead, certificate, range. "
+            "bench.csv, channels.T1: no key 'nod'; there are column, node, boundary, load, command, prescribed, schedule, "
+            "gain, full_scale, noise, accuracy, resolution, unit, prompt, samples, interpolation, power, gain_accuracy, "
+            "gain_about, correlation_time, lag, lag_accuracy, capacitance, mass, specific_heat, lead, certificate, range. "
             "Did you mean 'node'?",
         ),
         ({"T1": {"node": "a", "boundary": "b"}}, "bench.csv, channels.T1: it has the roles node and boundary. Give a channel one role."),
