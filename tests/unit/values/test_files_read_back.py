@@ -68,7 +68,7 @@ WAY = KeptWay(
     (UnknownColumn("exponent of a.skin", "", 0.1, "a.skin"),), np.array([0.1]), np.array([[0.2, 0.0], [0.1, 0.3]]), {"run": 0.02},
     ((1.0, 0.1, 0.3),),
 )  # fmt: skip
-ERRORS = ErrorModel("s", {"a.x": SeenValue("parameter", True, (("air", 1.0, 0.5),), 0.1, 0.2, -1.0, 1.0)}, (WAY,), 1.1, "why")
+ERRORS = ErrorModel("s", {"a.x": SeenValue("parameter", True, (("air", 1.0, 0.5),), 0.1, 0.2, -1.0, 1.0)}, (WAY,), 1.1, "why", spot="a.x")
 
 
 def laws() -> Iterator[Distribution]:

@@ -51,6 +51,7 @@ from thermid.fit._problem.residuals import Problem, Unknown
 from thermid.fit._uncertainty.information import square_between
 from thermid.model.elements import CARRIED_BY, Standing
 from thermid.model.identity import identity_of, outside
+from thermid.physics.htc import BIOT_LIMIT
 from thermid.simulation.network import Network
 from thermid.values.store import AS_FITTED, EXPECTED, INPUT, LaterTable, Normal, Source
 
@@ -357,7 +358,7 @@ class ErrorModel(Result):
             moved = fitted_way(problem, fitted, replace(likeliest.way, spots=spots), points).members
             if log_sum(moved.log_evidence) - log_sum(likeliest.members.log_evidence) > MIN_LOG_BAYES_FACTOR:
                 sizes = np.abs(weights_of(moved.log_evidence) @ moved.mean)[-len(spots) :]
-                spot = spots[int(np.argmax(sizes))]
+                spot = spots[int(np.argmax(sizes))] if sizes.max() > BIOT_LIMIT else ""  # below, a lag or leads of the sensor do as much
         return cls(fit.stage, fitted_values, tuple(ways), misfit, gain=gain, spot=spot)
 
     @property
