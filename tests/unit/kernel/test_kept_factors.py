@@ -44,7 +44,7 @@ FINE = {"atol": 2e-8, "rtol": 2e-9, "input_atol": 1e-5}
 def differs(case: Case, count: int = 5, nodes: int = KEPT_FROM) -> tuple[float, float] | None:
     """Return by how much copies, at least so many nodes, differ from the single network at tight tolerances; None where it fails.
 
-    Temperatures, of runs with and without derivatives [K]; derivatives by their largest, or by the error where that is more.
+    Temperatures, of runs with and without derivatives [K]; derivatives by their largest, or by 1e-6 K where that is more.
     """
     asked, n = slopes_of(case.net, count), len(case.net.capacity)
     one, wide = case.net.run(case.times, **asked, **case.options | TIGHT | {"max_steps": 1_000_000}), repeated(case.net, -(-nodes // n))
@@ -54,7 +54,7 @@ def differs(case: Case, count: int = 5, nodes: int = KEPT_FROM) -> tuple[float, 
         return None
     copies = np.concatenate([x.traces.reshape(len(case.times), -1, n) for x in (many, plain)], axis=1)
     slopes = many.sensitivities.reshape(len(case.times), -1, n, one.sensitivities.shape[2])
-    size = np.maximum(np.abs(one.sensitivities).max(axis=(0, 1)), 1e-4)
+    size = np.maximum(np.abs(one.sensitivities).max(axis=(0, 1)), 1e-6)
     return float(np.abs(copies - one.traces[:, None]).max()), float((np.abs(slopes - one.sensitivities[:, None]) / size).max())
 
 
@@ -78,19 +78,20 @@ def test_copies_of_random_networks_are_like_the_single_one() -> None:
     assert slope < 1e-3
 
 
-FAINT = 1072
-"""Seed of a network one of whose derivatives is 3.5e-6 K and off by 1.6e-7 K."""
+FAINT = (1072, 1138, 1281, 1314, 1655)
+"""Seeds of networks one of whose derivatives is below 1e-4 K and off by at most 1.6e-7 K."""
 
 
 @pytest.mark.campaign
-@pytest.mark.xfail(strict=True, reason="1.6e-3 of the floor of derivatives where 1e-3 is asked")
-def test_copies_with_a_faint_derivative() -> None:
-    assert largest_differences(range(FAINT, FAINT + 1))[2] < 1e-3
+@pytest.mark.parametrize("seed", FAINT)
+@pytest.mark.xfail(strict=True, reason="a derivative too faint to be good to a thousandth of its largest")
+def test_copies_with_a_faint_derivative(seed: int) -> None:
+    assert largest_differences([seed])[2] < 1e-3
 
 
 @pytest.mark.campaign
 def test_copies_of_many_random_networks() -> None:
-    count, kelvin, slope = largest_differences([s for s in range(1000, 1900) if s != FAINT])
+    count, kelvin, slope = largest_differences([s for s in range(1000, 1900) if s not in FAINT])
     assert count >= 200
     assert kelvin < 1e-5
     assert slope < 1e-3

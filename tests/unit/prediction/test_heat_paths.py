@@ -185,7 +185,7 @@ def test_a_statement_after_the_fit_holds() -> None:
     told = predict(fit, at(12.8), model=td.model_from_dict(deck("fan")))
     assert "what carries the heat" in silent["case"].parts
     # what is left of it is a path that the deck lacks
-    assert told["case"].parts["what carries the heat"][-1] < 0.5 * silent["case"].parts["what carries the heat"][-1]
+    assert told["case"].parts["what carries the heat"][-1] < 0.1 * silent["case"].parts["what carries the heat"][-1]
     assert np.abs(told["case"].shift[-1]) < np.abs(silent["case"].shift[-1])
     assert told["case"].error[-1] < silent["case"].error[-1]
 
