@@ -71,6 +71,14 @@ WAY = KeptWay(
 ERRORS = ErrorModel("s", {"a.x": SeenValue("parameter", True, (("air", 1.0, 0.5),), 0.1, 0.2, -1.0, 1.0)}, (WAY,), 1.1, "why", spot="a.x")
 
 
+def test_laws_of_a_model_of_error_keep_their_form_in_files() -> None:
+    """Files that users keep were refused once for a key that nobody read any more."""
+    skin = {"at": [10.0, 300.0], "surface": True, "exponent": 0.25, "share": 0.2, "fitted": 1.5}
+    joint = {"at": [10.0, 300.0], "surface": False, "trend": 0.01}
+    assert WAY.to_dict()["laws"] == {"a.skin": skin, "a.joint": joint}
+    assert ErrorModel.from_dict(ERRORS.to_dict()).to_dict() == ERRORS.to_dict()
+
+
 def laws() -> Iterator[Distribution]:
     """One distribution of each kind that a file may hold."""
     for kind in DISTRIBUTIONS.values():

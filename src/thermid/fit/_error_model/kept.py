@@ -234,7 +234,8 @@ class KeptWay:
             for p, s in self.departures.smooth.items()
         }
         laws = {
-            p: {k: x for k, x in vars(w).items() if k != "linear"} | ({} if isinstance(w, PathLaw) else {"at": [*vars(w.at).values()]})
+            p: {k: x for k, x in vars(w).items() if k != "linear"}
+            | ({} if isinstance(w, PathLaw) else {"at": [*vars(w.at).values()], "surface": isinstance(w, SurfaceLaw)})
             for p, w in self.laws.items()
         }
         return {
@@ -261,8 +262,8 @@ class KeptWay:
             if "node" in w:
                 laws[at + p] = PathLaw(at + w["node"], at + w["beside"], w["end"], w["conductance"])
             else:
-                kind = SurfaceLaw if "share" in w else JointLaw
-                laws[at + p] = kind(**{**w, "at": OperatingPoint(*map(float, w["at"])), "linear": None})
+                fields = {k: x for k, x in w.items() if k != "surface"} | {"at": OperatingPoint(*map(float, w["at"])), "linear": None}
+                laws[at + p] = SurfaceLaw(**fields) if w["surface"] else JointLaw(**fields)
         smooth = {
             at + p: Smooth(
                 OperatingPoint(*map(float, s["at"])),
@@ -381,8 +382,8 @@ class ErrorModel(Result):
             return f"the readings ask for {times:.2g} times a usual departure: {SIZES[name].effect} ({asked})"
         if self.spot:
             return (
-                f"the thermometer of '{self.spot}' reads as one at the end of its part where the heat enters, or at the other end. "
-                "Give the part two nodes or more"
+                f"the thermometer of '{self.spot}' does not read the mean of its part but one end of it, where the heat enters or "
+                "opposite. Give the part two nodes or more"
             )
         far = f"with all departures the readings still lie {self.misfit:.2g} times further from the network than is allowed"
         return far if self.misfit > OUTSIDE else ""
@@ -467,15 +468,8 @@ class ErrorModel(Result):
         """Return plain numbers and texts for a file."""
         fitted_values = {n: [v.kind, v.log, [list(a) for a in v.acts], v.mean, v.sd, v.low, v.high] for n, v in self.seen.items()}
         ways = [w.to_dict() for w in self.ways]
-        return {
-            "at": "",
-            "stage": self.stage,
-            "seen": fitted_values,
-            "ways": ways,
-            "misfit": self.misfit,
-            "why": self.why,
-            "spot": self.spot,
-        }
+        head = {"at": "", "stage": self.stage, "seen": fitted_values, "ways": ways}
+        return head | {"misfit": self.misfit, "why": self.why, "spot": self.spot}
 
     @classmethod
     def from_dict(cls, data: Mapping[str, Any]) -> ErrorModel:
