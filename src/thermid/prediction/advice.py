@@ -373,7 +373,7 @@ def before_fit(fit: Calibration, scenario: Scenario | None = None) -> Before:
         predicted.setdefault(b.sensor, []).append((b.times - b.times[0], b.predicted))
     observations = [(e, o) for e in fit.experiments for o in e.observations]
     shares = [(o.sensor, o.weight**2 * o.effective_share, e.times[o.index]) for e, o in observations]
-    worth = {sensor: share * times.size / np.ptp(times) for sensor, share, times in shares if share < 1.0}
+    worth = {sensor: share * times.size / np.ptp(times) for sensor, share, times in shares if share < 1.0 and times.size > 1}
     return Before(
         budget,
         instruments,

@@ -415,7 +415,7 @@ def _warnings(wiring: Wiring, scenario: Scenario, empty: tuple[str, ...]) -> tup
         signal = wiring.signals[f"load {load.path}"]
         first = next(r for r in numbers.loads if r.name == load.path)
         mean = float(np.mean(signal.at(np.linspace(0.0, scenario.seconds, 101))))
-        powers[load.path] = mean * (1.0 if load.path in wiring.scenario.loads else value_of(first.coefficients[0]))
+        powers[load.path] = mean * value_of(wiring.load_factor(load.path, first.coefficients[0], numbers, {}))
     flat, media, start = wiring.network.flat, wiring.network.media, wiring.start
     held = held_inputs(wiring.changing, start.time) if start is not None and start.kind == STEADY else ""
     followed = set(wiring.schedule.signals) if wiring.schedule is not None else set()

@@ -221,7 +221,9 @@ def example(
         show(chosen.data.words, err=True)
     with working("making the synthetic logs" if chosen.makes else ""):
         copied = copy_example(
-            *(name, to, copies(originals)),
+            name,
+            to,
+            copies(originals),
             (lambda n, whole: typer.echo(f"\r\x1b[2K{n} of {whole} logs", nl=n == whole, err=True))
             if chosen.data is not None and sys.stderr.isatty()
             else None,

@@ -13,7 +13,7 @@ from thermid.base.linear_algebra import Array
 from thermid.fit._error_model.sizes import DEPARTURE_SAMPLES
 from thermid.model.elements import Law
 from thermid.model.tree import FlatConductor, FlatLoad
-from thermid.simulation.network import Network
+from thermid.simulation.network import Network, Numbers
 from thermid.simulation.solver import Engine, Options, Traces, Wiring
 
 FREE_AIR, STREAM = "free air", "fan"
@@ -104,9 +104,7 @@ def course_of(wiring: Wiring, engine: Engine, x: Array | None, options: Options,
     stored = {n: c * np.gradient(run[n], times) for n, c in sizes.items()}
     stores = {n: (stored[n] if rest is None else np.append(stored[n], 0.0), c) for n, c in sizes.items()}
     powers = {
-        load.path: (load.node, power)
-        for load in wiring.network.flat.loads
-        if (power := _power_of(load, wiring, a.numbers.values)) is not None
+        load.path: (load.node, power) for load in wiring.network.flat.loads if (power := _power_of(load, wiring, a.numbers)) is not None
     }
     shining = replace(a.numbers, conductors=tuple(row for row in a.numbers.conductors if row.form == "radiation"))
     radiated = wiring.conductor_flows(shining, temperatures, held, shares)
@@ -118,15 +116,13 @@ BEFORE_REST = 1e-3
 """How long before the end a course that ends where it settles leaves its run: with the inputs of the end it rests. [s]"""
 
 
-def _power_of(load: FlatLoad, wiring: Wiring, values: Mapping[str, Any]) -> Any:
+def _power_of(load: FlatLoad, wiring: Wiring, numbers: Numbers) -> Any:
     """Return the power of a load as its scenario gives it, else as its deck does; None where a temperature has a say in it."""
-    course, factor = wiring.scenario.loads.get(load.path), wiring.scenario.gains.get(load.path)
-    if course is None:
-        if factor is None and (load.follows_temperature or "power" not in load.fields):
-            return None
-        course = wiring.signals[f"load {load.path}"]
-    factor = factor or (load.fields["power"] if load.path not in wiring.scenario.loads else None)
-    return course if factor is None else course.scaled(float(value_of(values[factor])))
+    is_driven = load.path in wiring.scenario.loads or load.path in wiring.scenario.gains
+    if not is_driven and (load.follows_temperature or "power" not in load.fields):
+        return None
+    watts = next(row.coefficients[0] for row in numbers.loads if row.name == load.path)
+    return wiring.signals[f"load {load.path}"].scaled(float(value_of(wiring.load_factor(load.path, watts, numbers, {}))))
 
 
 def laws_of(network: Network, c: FlatConductor) -> tuple[Law, ...]:

@@ -11,24 +11,7 @@ from thermid.base.errors import RecordError
 
 MISSING: Final = frozenset(
     (
-        *(
-            "",
-            "nan",
-            "na",
-            "n/a",
-            "null",
-            "none",
-            "ol",
-            "o.l.",
-            "ovld",
-            "overload",
-            "open",
-            "burnout",
-            "#n/a",
-            "1.#qnan",
-            "1.#ind",
-            "-1.#ind",
-        ),
+        *("", *"nan na n/a null none ol o.l. ovld overload open burnout #n/a 1.#qnan 1.#ind -1.#ind".split()),
         *("--", "---", "----", "-----", "-.-", "-.--", "--.-", "--.--", "---.-", "---.--"),
     )
 )

@@ -663,7 +663,7 @@ class Wiring:
         for load in numbers.loads:
             if load.node not in self.network.boundaries:
                 powered = load.signal.startswith("load ")
-                out += (self._power(load.name, load.of_law[0], numbers, values), *load.of_law[1:]) if powered else load.of_law
+                out += (self.load_factor(load.name, load.of_law[0], numbers, values), *load.of_law[1:]) if powered else load.of_law
         for load in self._controlled(numbers):
             out += load.settings
         for control in numbers.controls:
@@ -819,12 +819,20 @@ class Wiring:
                     code="value.excludes-another",
                 )
             if c == 0 and signal.startswith("load "):
-                number = self._power(row.name, coefficient, numbers, values)
+                number = self.load_factor(row.name, coefficient, numbers, values)
             out.append((number, follow or signal))
         return out
 
-    def _power(self, load: str, watts: Number, numbers: Numbers, values: Mapping[str, Number]) -> Number:
-        """Return the factor on a load's input: the deck's power, a gain in its place, or 1 where the input is in watts; times its scale."""
+    def load_factor(self, load: str, watts: Number, numbers: Numbers, values: Mapping[str, Number]) -> Number:
+        """Return the factor on a load's input: the deck's power, a gain in its place, or 1 where the input is in watts; times its scale.
+
+        Parameters
+        ----------
+        load : str          Its path.
+        watts : Number      The deck's power of it. [W]
+        numbers : Numbers   Of the network; gains are among its values.
+        values : dict       Name of a scale -> its value, of those that are free. [-]
+        """
         scale = self._scales[load]
         if load in self.scenario.gains:
             gain: Number = numbers.values[self.scenario.gains[load]]
