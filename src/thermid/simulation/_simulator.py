@@ -410,12 +410,8 @@ AS_PRINTED: Final = "vacuum as printed: every coefficient is zero, including its
 def _warnings(wiring: Wiring, scenario: Scenario, empty: tuple[str, ...]) -> tuple[str, ...]:
     """Return the warnings of all runs: missing parts, nodes without a path to a boundary, assumed samples, gas and wind."""
     numbers = wiring.assemble().numbers
-    powers = {}
-    for load in wiring.network.flat.loads:
-        signal = wiring.signals[f"load {load.path}"]
-        first = next(r for r in numbers.loads if r.name == load.path)
-        mean = float(np.mean(signal.at(np.linspace(0.0, scenario.seconds, 101))))
-        powers[load.path] = mean * value_of(wiring.load_factor(load.path, first.coefficients[0], numbers, {}))
+    times = np.linspace(0.0, scenario.seconds, 101)
+    powers = {load.path: float(np.mean(wiring.power(load.path, numbers).at(times))) for load in wiring.network.flat.loads}
     flat, media, start = wiring.network.flat, wiring.network.media, wiring.start
     held = held_inputs(wiring.changing, start.time) if start is not None and start.kind == STEADY else ""
     followed = set(wiring.schedule.signals) if wiring.schedule is not None else set()

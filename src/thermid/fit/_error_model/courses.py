@@ -12,8 +12,8 @@ from thermid.base.dual import value_of
 from thermid.base.linear_algebra import Array
 from thermid.fit._error_model.sizes import DEPARTURE_SAMPLES
 from thermid.model.elements import Law
-from thermid.model.tree import FlatConductor, FlatLoad
-from thermid.simulation.network import Network, Numbers
+from thermid.model.tree import FlatConductor
+from thermid.simulation.network import Network
 from thermid.simulation.solver import Engine, Options, Traces, Wiring
 
 FREE_AIR, STREAM = "free air", "fan"
@@ -103,8 +103,11 @@ def course_of(wiring: Wiring, engine: Engine, x: Array | None, options: Options,
     sizes = {n: float(value_of(c)) for n, c in a.numbers.capacitances.items() if c is not None and n in temperatures}
     stored = {n: c * np.gradient(run[n], times) for n, c in sizes.items()}
     stores = {n: (stored[n] if rest is None else np.append(stored[n], 0.0), c) for n, c in sizes.items()}
+    driven = {*wiring.scenario.loads, *wiring.scenario.gains}
     powers = {
-        load.path: (load.node, power) for load in wiring.network.flat.loads if (power := _power_of(load, wiring, a.numbers)) is not None
+        load.path: (load.node, wiring.power(load.path, a.numbers))
+        for load in wiring.network.flat.loads
+        if load.path in driven or ("power" in load.fields and not load.follows_temperature)
     }
     shining = replace(a.numbers, conductors=tuple(row for row in a.numbers.conductors if row.form == "radiation"))
     radiated = wiring.conductor_flows(shining, temperatures, held, shares)
@@ -114,15 +117,6 @@ def course_of(wiring: Wiring, engine: Engine, x: Array | None, options: Options,
 
 BEFORE_REST = 1e-3
 """How long before the end a course that ends where it settles leaves its run: with the inputs of the end it rests. [s]"""
-
-
-def _power_of(load: FlatLoad, wiring: Wiring, numbers: Numbers) -> Any:
-    """Return the power of a load as its scenario gives it, else as its deck does; None where a temperature has a say in it."""
-    is_driven = load.path in wiring.scenario.loads or load.path in wiring.scenario.gains
-    if not is_driven and (load.follows_temperature or "power" not in load.fields):
-        return None
-    watts = next(row.coefficients[0] for row in numbers.loads if row.name == load.path)
-    return wiring.signals[f"load {load.path}"].scaled(float(value_of(wiring.load_factor(load.path, watts, numbers, {}))))
 
 
 def laws_of(network: Network, c: FlatConductor) -> tuple[Law, ...]:

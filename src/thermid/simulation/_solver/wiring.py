@@ -663,7 +663,7 @@ class Wiring:
         for load in numbers.loads:
             if load.node not in self.network.boundaries:
                 powered = load.signal.startswith("load ")
-                out += (self.load_factor(load.name, load.of_law[0], numbers, values), *load.of_law[1:]) if powered else load.of_law
+                out += (self._load_factor(load.name, load.of_law[0], numbers, values), *load.of_law[1:]) if powered else load.of_law
         for load in self._controlled(numbers):
             out += load.settings
         for control in numbers.controls:
@@ -819,20 +819,18 @@ class Wiring:
                     code="value.excludes-another",
                 )
             if c == 0 and signal.startswith("load "):
-                number = self.load_factor(row.name, coefficient, numbers, values)
+                number = self._load_factor(row.name, coefficient, numbers, values)
             out.append((number, follow or signal))
         return out
 
-    def load_factor(self, load: str, watts: Number, numbers: Numbers, values: Mapping[str, Number]) -> Number:
-        """Return the factor on a load's input: the deck's power, a gain in its place, or 1 where the input is in watts; times its scale.
+    def power(self, load: str, numbers: Numbers) -> Signal:
+        """Return the power of a load along the run, by its path: as the scenario or the deck gives it, with its gain. [W]"""
+        watts = next(row.coefficients[0] for row in numbers.loads if row.name == load)
+        signal, factor = self.signals[f"load {load}"], float(value_of(self._load_factor(load, watts, numbers, {})))
+        return signal if factor == 1.0 else signal.scaled(factor)  # a log in watts is not copied
 
-        Parameters
-        ----------
-        load : str          Its path.
-        watts : Number      The deck's power of it. [W]
-        numbers : Numbers   Of the network; gains are among its values.
-        values : dict       Name of a scale -> its value, of those that are free. [-]
-        """
+    def _load_factor(self, load: str, watts: Number, numbers: Numbers, values: Mapping[str, Number]) -> Number:
+        """Return the factor on a load's input: the deck's power, a gain in its place, or 1 where the input is in watts; times its scale."""
         scale = self._scales[load]
         if load in self.scenario.gains:
             gain: Number = numbers.values[self.scenario.gains[load]]
