@@ -9,7 +9,7 @@ from __future__ import annotations
 import sys
 from difflib import get_close_matches
 from importlib import import_module
-from types import ModuleType
+from types import FunctionType, ModuleType
 
 _TOP = {
     "celsius": "base.expression",
@@ -224,6 +224,8 @@ __all__ = [*_TOP, "errors", *_NAMESPACES]
 class _Namespace(ModuleType):
     """A package that serves public names when they are first asked for, so that ``import thermid`` stays quick.
 
+    Public functions refuse arguments of a wrong kind here, at the door: what the package calls itself passes no check.
+
     The import system binds a module to its package when it is loaded. Where a public function has the name of its module, the function
     stays: `td.site.moisture` is callable whatever was imported before.
     """
@@ -238,6 +240,9 @@ class _Namespace(ModuleType):
         top = self.__name__ == "thermid"
         if name in (names := _names_of(self)):
             value = getattr(import_module(f"thermid.{names[name]}"), name)
+            if isinstance(value, FunctionType):
+                value = import_module("thermid.base.arguments").takes_objects(value)
+                setattr(import_module(value.__module__), value.__name__, value)  # so that it is pickled by its name
             self.__dict__[name] = value
             return value
         if top and name == "__version__":

@@ -26,7 +26,6 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from thermid.base.arguments import takes_objects
 from thermid.base.dual import Dual, real_power
 from thermid.base.errors import ExpressionError, ThermidError, UnitError, cap, errors_at, raising
 from thermid.base.units import (
@@ -530,7 +529,6 @@ class Quantity:
         return Quantity(np.atleast_1d(self.si)[index], self.unit, None if self.times is None else self.times[index], self.stamp)
 
 
-@takes_objects
 def quantity(values: Any, *, unit: str) -> Quantity:
     """Return numbers with their unit, to be given wherever a value is taken.
 

@@ -9,7 +9,6 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from thermid.base.arguments import takes_objects
 from thermid.base.errors import DeckError, NameNotFoundError, nearest, refuse_unknown
 from thermid.base.expression import Kelvin
 from thermid.base.extensions import by_grammar
@@ -262,7 +261,6 @@ def _entry(action: str, stage: str, block: SensorTrace, held_out: bool = False) 
     return LogEntry(action, stage, block.record, block.sensor, Residuals.equally_weighted(block.times, block.residuals), held_out)
 
 
-@takes_objects
 def load_study(path: str | os.PathLike[str]) -> Study:
     """Return the study that a file describes, with the model it names; its campaign is checked, not run.
 

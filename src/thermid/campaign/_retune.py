@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from thermid.base.arguments import takes_objects
 from thermid.base.dual import value_of
 from thermid.base.errors import DeckError, IdentificationError, MissingDataError, SolverError, errors_at
 from thermid.base.results import Result
@@ -248,7 +247,6 @@ class RetunePlan(Result):
         return "\n".join(lines)
 
 
-@takes_objects
 def plan_retune(
     campaign: Campaign, part: str, new: Model | str | os.PathLike[str], *, sensors: Mapping[str, str] | None = None
 ) -> RetunePlan:

@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from thermid.base.arguments import takes_objects
 from thermid.base.errors import (
     DeckError,
     IdentificationError,
@@ -512,7 +511,6 @@ class Campaign(Named[Calibration]):
         return out
 
 
-@takes_objects
 def run_stages(
     campaign: str | os.PathLike[str] | CampaignSource,
     *,
@@ -622,7 +620,6 @@ def judge(campaign: Campaign, folder: Path | None = None, notice: Notice | None 
     return _with_verdict_standing(replace(campaign, verdicts=tuple(_looked(folder, v, campaign) for v in verdicts)))
 
 
-@takes_objects
 def joint(
     campaign: str | os.PathLike[str] | CampaignSource | Campaign,
     *,

@@ -13,7 +13,6 @@ from typing import Any
 
 import numpy as np
 
-from thermid.base.arguments import takes_objects
 from thermid.base.errors import IdentificationError, SolverError, quoted
 from thermid.base.linear_algebra import HALF_WIDTH_95, Array, null_space, one_thread, symmetric_inverse
 from thermid.base.units import NAMES, counted, unit
@@ -703,7 +702,6 @@ def _far_from_prior(problem: Problem, minimum: Fit) -> dict[str, float]:
     return {name: size for name, size in sorted(apart.items(), key=lambda item: -item[1]) if size > ASIDE}
 
 
-@takes_objects
 def calibrate(
     model: Model,
     records: Record | Sequence[Record],

@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 
-from thermid.base.arguments import takes_objects
 from thermid.base.errors import IdentificationError, SolverError, quoted
 from thermid.base.linear_algebra import Array
 from thermid.base.results import Named
@@ -322,7 +321,6 @@ class Identifiability(Named[KnownParameter]):
         return [str(row["name"]) for row in self._as_rows() if "name" in row]
 
 
-@takes_objects
 def identifiability(
     model: Model | Calibration,
     records: Record | Sequence[Record] = (),

@@ -11,7 +11,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from thermid.base.arguments import takes_objects
 from thermid.base.errors import IdentificationError, NameNotFoundError, SolverError, refuse_unknown
 from thermid.base.extensions import optional
 from thermid.base.linear_algebra import HALF_WIDTH_95, Array, covariance
@@ -89,7 +88,6 @@ class Posterior(Result):
         ]
 
 
-@takes_objects
 def posterior(
     fit: Calibration,
     *,

@@ -8,7 +8,6 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from thermid.base.arguments import takes_objects
 from thermid.base.errors import IdentificationError, NameNotFoundError, SolverError, refuse_unknown
 from thermid.base.linear_algebra import Array, covariance
 from thermid.base.results import PlottedTrace, Result
@@ -161,7 +160,6 @@ def spread_of(problem: Problem, at: Array, k: int, error: float) -> float:
     return float(np.exp(brentq(excess, low, high, xtol=1e-4))) if excess(low) < 0 < excess(high) else 1.0
 
 
-@takes_objects
 def profile(fit: Calibration, path: str, level: float = 0.95, *, executor: Workers = None) -> Profile:
     """Return the interval of a parameter from its profile: it is moved step by step, and everything else is fitted anew each time.
 

@@ -15,7 +15,6 @@ from pathlib import Path
 
 import numpy as np
 
-from thermid.base.arguments import takes_objects
 from thermid.base.errors import DeckError, SolverError
 from thermid.base.linear_algebra import Array
 from thermid.interop._wired import Text, Wired, Writer, distinct, exported, file_and_name, identifiers, one_line, resting, wired
@@ -172,7 +171,6 @@ static inline void @_scenario(double t, int before, @_inputs *u) {{
 """
 
 
-@takes_objects
 def to_c(
     model: Model,
     scenario: Scenario,

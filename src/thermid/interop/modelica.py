@@ -7,7 +7,6 @@ import os
 from collections.abc import Iterator
 from importlib.metadata import version
 
-from thermid.base.arguments import takes_objects
 from thermid.base.errors import DeckError, ScenarioError, refuse_unknown
 from thermid.interop._wired import (
     Formula,
@@ -145,7 +144,6 @@ RUN = """\
   end Run;"""
 
 
-@takes_objects
 def to_modelica(
     model: Model, scenario: Scenario, path: str | os.PathLike[str] | None = None, *, name: str = "", library: str = "modelica"
 ) -> str:

@@ -7,7 +7,6 @@ import re
 from collections.abc import Iterator, Sequence
 from importlib.metadata import version
 
-from thermid.base.arguments import takes_objects
 from thermid.interop._wired import (
     Text,
     Wired,
@@ -38,7 +37,6 @@ DEFAULT_INSTANTS = 301
 _WORDS_A_LINE = 8
 
 
-@takes_objects
 def to_octave(model: Model, scenario: Scenario, path: str | os.PathLike[str] | None = None, *, name: str = "") -> str:
     """Return a model in a scenario as the text of one function file for Octave or MATLAB.
 

@@ -6,7 +6,6 @@ import math
 import os
 from collections.abc import Iterator
 
-from thermid.base.arguments import takes_objects
 from thermid.base.dual import value_of
 from thermid.base.errors import DeckError
 from thermid.interop._wired import (
@@ -35,7 +34,6 @@ WRITTEN = ("power", "radiation", "table")
 _PAIRS = 4
 
 
-@takes_objects
 def to_spice(model: Model, scenario: Scenario, path: str | os.PathLike[str] | None = None) -> str:
     """Return a model in a scenario as a SPICE netlist (Fig. 4 of the source document).
 

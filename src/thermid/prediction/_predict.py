@@ -15,7 +15,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from thermid.base.arguments import takes_objects
 from thermid.base.errors import NameNotFoundError, SolverError, nearest, quoted
 from thermid.base.expression import seconds
 from thermid.base.files import FileKinds, replacing
@@ -408,7 +407,6 @@ def _why(e: Estimate) -> str:
     return f"   from {', '.join(parts)}" if parts else ""
 
 
-@takes_objects
 def predict(
     fit: Calibration | Knowledge,
     scenario: Scenario,
@@ -946,7 +944,6 @@ class Foresight(Result):
         return replace(self, prediction=wider_prediction)
 
 
-@takes_objects
 def foresee(
     knowledge: Knowledge,
     scenario: Scenario,

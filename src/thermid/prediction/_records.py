@@ -15,7 +15,6 @@ from typing import Any
 
 import numpy as np
 
-from thermid.base.arguments import takes_objects
 from thermid.base.linear_algebra import Array
 from thermid.base.units import TEMPERATURE
 from thermid.fit.calibration import (
@@ -285,7 +284,6 @@ def record_request(
     )
 
 
-@takes_objects
 def predict_record(
     calibration: Calibration,
     record: Record,

@@ -14,7 +14,6 @@ from typing import Any
 
 import numpy as np
 
-from thermid.base.arguments import takes_objects
 from thermid.base.dual import value_of
 from thermid.base.errors import IdentificationError, nearest, quoted
 from thermid.base.linear_algebra import Array
@@ -324,7 +323,6 @@ def _prior(network: Network, c: FlatConductor, priors: Mapping[str, Any]) -> Emi
     return EmissivityPrior(value, 0.0, f"an emissivity of {value:.3g}, taken as exact")
 
 
-@takes_objects
 def split(
     of: Model | Calibration,
     paths: str | Sequence[str] = (),

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from thermid.base.arguments import guard_methods, takes_objects
+from thermid.base.arguments import guard_methods
 from thermid.base.dual import value_of
 from thermid.base.errors import IdentificationError, NameNotFoundError, ThermidError, nearest, quoted
 from thermid.base.expression import amount
@@ -494,7 +494,6 @@ def doubted(problem: Problem, doubts: Mapping[str, float]) -> Problem:
     return replace(problem, unknowns=tuple(with_prior(u, doubts[u.name]) if u.name in doubts else u for u in problem.unknowns))
 
 
-@takes_objects
 def next_test(
     source: Calibration | Model,
     target: str | Aim,

@@ -10,7 +10,6 @@ from typing import Any
 
 import numpy as np
 
-from thermid.base.arguments import takes_objects
 from thermid.base.errors import errors_at
 from thermid.base.linear_algebra import HALF_WIDTH_95
 from thermid.base.results import Named
@@ -234,7 +233,6 @@ def _margin_as_dict(m: Margin) -> dict[str, Any]:
     return where | celsius | sizes | {"margin_K": m.margin, "mark": m.mark, "passed": m.passed, "undecided": m.undecided} | fixed | counted
 
 
-@takes_objects
 def run_plan(
     plan: Plan | str | os.PathLike[str],
     *,

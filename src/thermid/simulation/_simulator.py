@@ -10,7 +10,6 @@ from typing import Any, Final
 
 import numpy as np
 
-from thermid.base.arguments import takes_objects
 from thermid.base.codes import CodedText
 from thermid.base.dual import value_of
 from thermid.base.errors import NameNotFoundError, ScenarioError, cap, errors_at, quoted, raising, refuse_unknown
@@ -85,7 +84,6 @@ def output_times(scenario: Scenario, every: str | float | None, times: Any) -> A
     return np.append(grid, scenario.seconds)
 
 
-@takes_objects
 def prepare(
     model: Model,
     scenario: Scenario,
@@ -353,7 +351,6 @@ class Simulator(Shown):
         return values_given if value is None else value
 
 
-@takes_objects
 def ensemble(
     model: Model,
     scenario: Scenario,
@@ -428,7 +425,6 @@ def _warnings(wiring: Wiring, scenario: Scenario, empty: tuple[str, ...]) -> tup
     )
 
 
-@takes_objects
 def draw(model: Model, scenario: Scenario, spreads: Mapping[str, Any], members: int, *, seed: int) -> dict[str, Any]:
     """Draw random values of every member of an ensemble: name -> values (members,), independent of each other, as `ensemble` takes them.
 

@@ -9,7 +9,6 @@ from typing import overload
 import numpy as np
 from numpy.typing import NDArray
 
-from thermid.base.arguments import takes_objects
 from thermid.base.errors import NameNotFoundError, nearest
 from thermid.base.expression import Kelvin, amount
 from thermid.base.linear_algebra import Array
@@ -99,7 +98,6 @@ def steady(model: Model, scenario: Scenario, time: float | str = 0.0) -> Steady:
 def steady(model: Block, scenario: Scenario, time: float | str = 0.0) -> BlockSolution: ...
 
 
-@takes_objects
 def steady(model: Model | Block, scenario: Scenario, time: float | str = 0.0) -> Steady | BlockSolution:
     """Return node -> steady temperature with the inputs of one time held, boundaries and massless nodes included. [K]
 
@@ -190,7 +188,6 @@ def steady_levels(model: Model, scenario: Scenario) -> tuple[Steady, ...]: ...
 def steady_levels(model: Block, scenario: Scenario) -> tuple[BlockSolution, ...]: ...
 
 
-@takes_objects
 def steady_levels(model: Model | Block, scenario: Scenario) -> tuple[Steady, ...] | tuple[BlockSolution, ...]:
     """Return the steady state under each combination of levels that the inputs take, in the order in which they come up. [K]
 

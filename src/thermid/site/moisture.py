@@ -8,7 +8,6 @@ from typing import Any, Final
 
 import numpy as np
 
-from thermid.base.arguments import takes_objects
 from thermid.base.errors import ScenarioError, SolverError, refuse_unknown
 from thermid.base.linear_algebra import Array, anderson_step
 from thermid.base.results import Named, PlottedTrace
@@ -140,7 +139,6 @@ class Moisture(Named[SurfaceMoisture]):
         return list(self.surfaces)
 
 
-@takes_objects
 def moisture(
     model: Model,
     scenario: Scenario,

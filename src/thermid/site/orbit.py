@@ -9,7 +9,6 @@ from typing import Final
 
 import numpy as np
 
-from thermid.base.arguments import takes_objects
 from thermid.base.errors import ScenarioError, nearest
 from thermid.base.expression import amount
 from thermid.base.linear_algebra import Array
@@ -201,7 +200,6 @@ class OrbitFluxes:
         return "\n".join(lines)
 
 
-@takes_objects
 def orbit_fluxes(
     perigee: str | float,
     *,

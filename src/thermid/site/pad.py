@@ -10,7 +10,6 @@ from typing import Any
 
 import numpy as np
 
-from thermid.base.arguments import takes_objects
 from thermid.base.errors import ScenarioError
 from thermid.base.expression import amount
 from thermid.base.linear_algebra import Array
@@ -32,7 +31,6 @@ WATER = 1000.0 * 4186.0
 """Heat that a cubic metre of rain takes up per kelvin. [J/(m^3 K)]"""
 
 
-@takes_objects
 def pad_scenario(
     site: Site | None = None,
     weather: Weather | None = None,

@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 import numpy as np
 
-from thermid.base.arguments import takes_objects
 from thermid.base.errors import MissingDataError, NameNotFoundError, RecordError, look_up, refuse_unknown
 from thermid.base.expression import amount
 from thermid.base.extensions import optional
@@ -237,7 +236,6 @@ class Weather(Result):
         return list(self.series)
 
 
-@takes_objects
 def read_weather(
     path: str | Path,
     columns: Mapping[str, str] | None = None,

@@ -12,7 +12,6 @@ from typing import Any
 
 import numpy as np
 
-from thermid.base.arguments import takes_objects
 from thermid.base.errors import DeckError
 from thermid.base.extensions import by_grammar
 from thermid.base.files import FileKinds, parse_toml, read_text, toml_key, toml_value, write_text
@@ -265,7 +264,6 @@ def _words(state: State) -> str:
     return f"{state.origin.stage}: {shown}" if shown else str(state.origin)
 
 
-@takes_objects
 def load_values(path: str | os.PathLike[str]) -> FittedValues:
     """Return the values of a file that a stage or `FittedValues.save` wrote: all that the stage knew, at every depth.
 

@@ -9,7 +9,6 @@ from typing import Any, Final
 
 import numpy as np
 
-from thermid.base.arguments import takes_objects
 from thermid.base.dual import value_of
 from thermid.base.errors import SolverError
 from thermid.base.results import Result
@@ -96,7 +95,6 @@ class Changes(Result):
         return [{"path": change.path, "what": change.what, "effect [K]": change.effect, "node": change.node} for change in self.changes]
 
 
-@takes_objects
 def compare_models(old: Model, new: Model, scenarios: Scenario | Sequence[Scenario] = ()) -> Changes:
     """Return what differs between two versions of a model, whatever units, order or arithmetic their decks are written in.
 

@@ -11,7 +11,6 @@ from typing import Any
 
 import numpy as np
 
-from thermid.base.arguments import takes_objects
 from thermid.base.errors import IdentificationError, NameNotFoundError, RecordError, look_up, nearest, quoted, refuse_unknown
 from thermid.base.expression import amount
 from thermid.base.linear_algebra import Array, Bools
@@ -72,7 +71,6 @@ class Difference(Result):
         return "\n".join(lines)
 
 
-@takes_objects
 def difference(old: Model, new: Model, scenario: Scenario, *, nodes: Sequence[str] = ()) -> Difference:
     """Return the difference of two versions of a model in one scenario, new less old.
 
@@ -337,7 +335,6 @@ class Correlation(Result):
         return [{"sensor": d.sensor, "case": d.case, "kind": d.kind, **{f"{k}_K": d[k] for k in sizes}} for d in self.deviations]
 
 
-@takes_objects
 def correlate(
     readings: Sequence[Overlay] | Calibration | tuple[Record, Record],
     criteria: Sequence[str | Criteria] = ("ECSS",),

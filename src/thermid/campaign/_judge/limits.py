@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from thermid.base.arguments import check_two, guard_methods, takes_objects
+from thermid.base.arguments import check_two, guard_methods
 from thermid.base.errors import NameNotFoundError, ScenarioError, errors_at, refuse_unknown
 from thermid.base.expression import end_of_range
 from thermid.base.extensions import by_grammar
@@ -104,7 +104,6 @@ def text_of(kelvin: float) -> str:
     return f"{kelvin - ICE_POINT:.1f} degC" if np.isfinite(kelvin) else "none"
 
 
-@takes_objects
 def load_limits(path: str | os.PathLike[str]) -> tuple[Limits, ...]:
     """Return the limits of a file: a table per reference point.
 
@@ -285,7 +284,6 @@ def times_in_state(run: Solution, limits: Limits, state: str, default: str = "op
     return on if state == "operating" else np.asarray(~on)
 
 
-@takes_objects
 def check_limits(run: Solution, limits: Sequence[Limits], *, state: str = "operating") -> tuple[LimitCheck, ...]:
     """Return every reference point of a run in every state that it was in, held against its limits, at all times between samples too.
 

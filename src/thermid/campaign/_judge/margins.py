@@ -11,7 +11,6 @@ from statistics import NormalDist
 
 import numpy as np
 
-from thermid.base.arguments import takes_objects
 from thermid.base.errors import NameNotFoundError, ScenarioError, look_up, refuse_unknown
 from thermid.base.expression import amount
 from thermid.base.linear_algebra import HALF_WIDTH_95
@@ -211,7 +210,6 @@ class Margin(Result):
         )
 
 
-@takes_objects
 def margins(
     runs: Mapping[str, Foresight],
     limits: Sequence[Limits],
@@ -324,7 +322,6 @@ class HeaterDuty:
         return self.duty <= self.max_duty + 1e-12 if self.rule.decides else None
 
 
-@takes_objects
 def heater_duty(
     run: Foresight, load: str, full: float, *, window: tuple[float, float] | None = None, name: str = "", policy: Policy | str = SMC
 ) -> HeaterDuty:

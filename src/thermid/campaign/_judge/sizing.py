@@ -9,7 +9,6 @@ from typing import Any, Final
 
 import numpy as np
 
-from thermid.base.arguments import takes_objects
 from thermid.base.errors import NameNotFoundError, ScenarioError, refuse_unknown
 from thermid.base.expression import amount
 from thermid.base.results import Result
@@ -98,7 +97,6 @@ class Sizing(Result):
         ]
 
 
-@takes_objects
 def size(
     knowledge: Knowledge | Model,
     path: str,

@@ -14,7 +14,6 @@ from typing import Any
 
 import numpy as np
 
-from thermid.base.arguments import takes_objects
 from thermid.base.errors import IdentificationError, refuse_unknown
 from thermid.base.expression import amount
 from thermid.base.files import FileKinds, write_text
@@ -220,7 +219,6 @@ class Verdict(Result):
         return self.prediction._as_traces() if self.prediction is not None else ()
 
 
-@takes_objects
 def validate(
     calibration: Calibration,
     record: Record,
@@ -303,7 +301,6 @@ def _deviation(block: SensorTrace) -> Deviation:
     return Deviation(block.record, block.sensor, "transient", residuals, *means)
 
 
-@takes_objects
 def compare(model: Model, record: Record, *, scenario: Scenario | None = None) -> Calibration:
     """Return measured and predicted readings of a record, with statistics per sensor; no value is changed.
 

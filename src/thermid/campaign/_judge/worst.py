@@ -15,7 +15,6 @@ from typing import Any, Final
 
 import numpy as np
 
-from thermid.base.arguments import takes_objects
 from thermid.base.errors import ScenarioError
 from thermid.base.expression import Kelvin, amount
 from thermid.base.linear_algebra import Array
@@ -117,7 +116,6 @@ class WorstCases(Result):
         return {"cases": self._as_rows(), "units": dict(self.units)} | search | bound
 
 
-@takes_objects
 def worst_case(
     model: Model,
     limits: Sequence[Limits],

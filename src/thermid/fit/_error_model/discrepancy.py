@@ -12,7 +12,6 @@ from typing import Any, Final
 
 import numpy as np
 
-from thermid.base.arguments import takes_objects
 from thermid.base.dual import value_of
 from thermid.base.errors import IdentificationError
 from thermid.base.linear_algebra import Array, covariance, finite, pseudo_inverse
@@ -155,7 +154,6 @@ class AssumedMoves:
         )
 
 
-@takes_objects
 def discrepancy(fit: Calibration) -> Discrepancy:
     """Return the model discrepancy of a fit: operating points of coefficients, unseparated joints, effect of assumed values.
 

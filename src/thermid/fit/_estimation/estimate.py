@@ -10,7 +10,6 @@ from typing import Any, Final
 
 import numpy as np
 
-from thermid.base.arguments import takes_objects
 from thermid.base.errors import IdentificationError
 from thermid.base.expression import amount
 from thermid.base.linear_algebra import Array, one_thread, symmetric_inverse
@@ -42,7 +41,6 @@ MOVED: Final = 2.0
 """Errors by which a value may move as the noise goes to zero before it is named."""
 
 
-@takes_objects
 def estimate(
     model: Model,
     records: Record | Sequence[Record],

@@ -10,7 +10,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from thermid.base.arguments import takes_objects
 from thermid.base.errors import IdentificationError, NameNotFoundError, SolverError, ThermidError, refuse_unknown
 from thermid.base.expression import Kelvin, amount
 from thermid.base.linear_algebra import HALF_WIDTH_95, NOTHING, Array, Bools, covariance as information_inverse, quadratic_forms
@@ -401,7 +400,6 @@ PRIOR_WIDTH = 30.0
 MAX_HISTORY_ITERATIONS = 12
 
 
-@takes_objects
 def power_history(
     model: Model,
     record: Record,

@@ -7,7 +7,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from thermid.base.arguments import takes_objects
 from thermid.base.dual import value_of
 from thermid.base.errors import DeckError, RecordError
 from thermid.base.expression import Kelvin
@@ -79,7 +78,6 @@ class EnergyBalance(Result):
         return "\n".join(lines)
 
 
-@takes_objects
 def energy_balance(
     model: Model | Calibration,
     record: Record,

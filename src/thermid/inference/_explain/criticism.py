@@ -8,7 +8,6 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from thermid.base.arguments import takes_objects
 from thermid.base.errors import IdentificationError, ThermidError
 from thermid.base.linear_algebra import Array, one_thread
 from thermid.base.results import Result
@@ -196,7 +195,6 @@ class Criticism(Result):
         return "\n".join(lines)
 
 
-@takes_objects
 def criticise(
     fit: Calibration, elements: bool | None = None, *, executor: Workers = None, progress: Callable[[str, float], None] | None = None
 ) -> Criticism:

@@ -11,7 +11,6 @@ from typing import Any
 
 import numpy as np
 
-from thermid.base.arguments import takes_objects
 from thermid.base.errors import IdentificationError, ThermidError
 from thermid.base.expression import amount
 from thermid.base.linear_algebra import Array
@@ -240,7 +239,6 @@ class Diagnosis(Result):
         return "\n".join([*lines, *([f"  otherwise: {', '.join(rest)}"] if rest else [])])
 
 
-@takes_objects
 def diagnose(
     fits: Calibration | Sequence[Calibration],
     *,

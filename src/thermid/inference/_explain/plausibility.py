@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 
-from thermid.base.arguments import takes_objects
 from thermid.base.dual import value_of
 from thermid.base.errors import IdentificationError, NameNotFoundError, nearest
 from thermid.base.results import Named
@@ -127,7 +126,6 @@ class Plausibility(Named[RangeCheck]):
         return [str(row["path"]) for row in self._as_rows() if "path" in row]
 
 
-@takes_objects
 def plausibility(fit: Calibration, *, weights: Mapping[str, str] | None = None, delivered: Mapping[str, str] | None = None) -> Plausibility:
     """Physical plausibility of fitted values: correlations for coefficients, ranges for contacts, capacitances and losses.
 

@@ -15,7 +15,6 @@ from typing import Any
 
 import numpy as np
 
-from thermid.base.arguments import takes_objects
 from thermid.base.errors import IdentificationError, quoted
 from thermid.base.linear_algebra import Array, Bools, inverse_square_root, one_thread, square_root, symmetric_inverse
 from thermid.base.units import counted
@@ -233,7 +232,6 @@ def judge_unit(unit: FleetUnit, at: Array, noise: dict[str, float]) -> UnitJudge
     return UnitJudgement(found.standing, checks, found.exact, np.asarray(rows @ rows.T))
 
 
-@takes_objects
 def fleet(
     model: Model,
     units: Mapping[str, Record | Sequence[Record]],

@@ -7,7 +7,6 @@ import re
 from collections.abc import Iterable, Iterator, Mapping
 from typing import Final
 
-from thermid.base.arguments import takes_objects
 from thermid.base.dual import value_of
 from thermid.base.errors import DeckError
 from thermid.interop._wired import HeatSource, Wired, Writer, exported, number_text, one_line, resting, table_points, wired
@@ -21,7 +20,6 @@ MAX_SUBMODEL_LETTERS: Final = 24
 """Letters of a submodel's name; SINDA/FLUINT takes 32."""
 
 
-@takes_objects
 def to_sinda(model: Model, scenario: Scenario, path: str | os.PathLike[str] | None = None) -> str:
     """Return a model in a scenario as a deck of SINDA/FLUINT in SI units and degC.
 
@@ -42,7 +40,6 @@ def to_sinda(model: Model, scenario: Scenario, path: str | os.PathLike[str] | No
     return exported(w, _Sinda(w).lines(), path, "C ")
 
 
-@takes_objects
 def to_esatan(model: Model, scenario: Scenario, path: str | os.PathLike[str] | None = None) -> str:
     """Return a model in a scenario as a deck of ESATAN-TMS.
 

@@ -15,7 +15,6 @@ from typing import Any, Final
 
 import numpy as np
 
-from thermid.base.arguments import takes_objects
 from thermid.base.dual import gradient_of, value_of
 from thermid.base.errors import DeckError, ScenarioError, UnitError, quoted
 from thermid.base.linear_algebra import Array
@@ -78,7 +77,6 @@ class _Measure:
     known: bool = True
 
 
-@takes_objects
 def fmu_model(path: str | Path, trust: bool = False) -> Model:
     """Return somebody's FMU as a model: for `calibrate`, for verdicts and for the prediction of records.
 

@@ -16,7 +16,6 @@ from typing import Any, Final
 import numpy as np
 
 from thermid import _kernel
-from thermid.base.arguments import takes_objects
 from thermid.base.dual import value_of
 from thermid.base.errors import OutputError, ThermidError, refuse_unknown
 from thermid.base.files import FileKind, read_bytes, write_bytes
@@ -104,7 +103,6 @@ class ExportedFmu:
         return "\n".join([*lines, *(f"  {note}" for note in self.notes)])
 
 
-@takes_objects
 def to_fmu(model: Model, scenario: Scenario, to: str | Path, version: str = "3.0") -> ExportedFmu:
     """Write a model in a scenario as an FMU for model exchange and co-simulation.
 

@@ -12,7 +12,6 @@ from typing import Any, Final
 
 import numpy as np
 
-from thermid.base.arguments import takes_objects
 from thermid.base.errors import ThermidError
 from thermid.base.linear_algebra import Array
 from thermid.base.results import Result
@@ -607,7 +606,6 @@ def _short(text: str, width: int) -> str:
     return text if len(text) <= width else f"{text[: width - 6]}..{text[-4:]}"
 
 
-@takes_objects
 def look(
     path: str | Path,
     *,

@@ -9,7 +9,6 @@ from keyword import iskeyword
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from thermid.base.arguments import takes_objects
 from thermid.base.errors import DeckError, ThermidError, cap, errors_at, nearest, raising
 from thermid.base.expression import NAME, RESERVED
 from thermid.base.extensions import by_grammar, grammar_of, refuse_another_kind
@@ -37,7 +36,6 @@ ASSEMBLIES = ("packages", "ladders", "coolers", "fans")
 """Groups of a deck whose elements are small decks."""
 
 
-@takes_objects
 def load_model(path: str | os.PathLike[str]) -> Model:
     """Return the model that a deck describes, with the decks it uses.
 
@@ -135,7 +133,6 @@ class _Site:
         return lambda inner: self.where(f"{key}.{inner}" if inner else key)
 
 
-@takes_objects
 def model_from_dict(
     data: Mapping[str, Any], *, file: str = "", lines: Mapping[str, int | str] | None = None, use: Any = None, read: Any = None
 ) -> Model:

@@ -8,7 +8,6 @@ from collections.abc import Mapping, MutableMapping
 from pathlib import Path
 from typing import Any
 
-from thermid.base.arguments import takes_objects
 from thermid.base.errors import DeckError, ThermidError
 from thermid.base.expression import parse
 from thermid.base.files import FileKinds, may_write, toml_key, toml_value, unsealed, write_text
@@ -22,7 +21,6 @@ def _file_name(title: str) -> str:
     return re.sub(r"[^A-Za-z0-9_-]+", "_", title).strip("_") + ".toml"
 
 
-@takes_objects
 def save_model(model: Model, path: str | os.PathLike[str], like: str | os.PathLike[str] | None = None) -> None:
     """Write a model as a deck, and its submodels as decks beside it.
 

@@ -7,7 +7,6 @@ from typing import Any, Final, Literal
 
 import numpy as np
 
-from thermid.base.arguments import takes_objects
 from thermid.base.errors import DeckError, errors_at, nearest
 from thermid.base.expression import si_value
 from thermid.base.linear_algebra import Array, Indices
@@ -27,7 +26,6 @@ SLOPE_STEP: Final = 1e-5
 """Step of the differences that give slopes. [K]"""
 
 
-@takes_objects
 def law(
     function: Callable[[Any], Any],
     *,

@@ -6,7 +6,6 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
-from thermid.base.arguments import takes_objects
 from thermid.base.results import Row, Shown
 from thermid.model._tree.identity import Identity, cut, definition_of, identity_of, lay_values, local_identities
 from thermid.model._tree.replacement import Replacement, replaced
@@ -133,7 +132,6 @@ class Model(Tree, Shown):
         }
 
 
-@takes_objects
 def identities(model: Model) -> Mapping[str, Identity]:
     """Return path -> `Identity` of every value of a tree.
 

@@ -11,7 +11,6 @@ from typing import Any
 
 import numpy as np
 
-from thermid.base.arguments import takes_objects
 from thermid.base.errors import ScenarioError
 from thermid.base.extensions import by_grammar
 from thermid.base.linear_algebra import Array
@@ -312,7 +311,6 @@ class Hold(Result):
         return [p.name for p in self.points]
 
 
-@takes_objects
 def hold(runs: UncertainRuns, limits: Mapping[str, Any], *, confidence: float = 0.95) -> Hold:
     """Return how long limits are kept in the members of a campaign of runs.
 
@@ -468,7 +466,6 @@ class HoldQuestion(Shown):
         return runs, hold(runs, self.limits, confidence=self.confidence)
 
 
-@takes_objects
 def load_hold(path: str | os.PathLike[str]) -> HoldQuestion:
     """Return the hold question of a TOML file; files that it names are relative to it and stay inside the project.
 

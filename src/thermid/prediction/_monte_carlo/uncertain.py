@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from thermid.base.arguments import takes_objects
 from thermid.base.errors import NameNotFoundError, ScenarioError, cap, raising, refuse_unknown
 from thermid.base.extensions import optional
 from thermid.base.linear_algebra import Array
@@ -427,7 +426,6 @@ class UncertainRuns(Result):
         return [PlottedTrace(n, self.times, middle, low, high) for n, (middle, low, high) in quantiles]
 
 
-@takes_objects
 def uncertain_runs(
     model: Model,
     scenario: Scenario | Sequence[Scenario],

@@ -12,7 +12,6 @@ from typing import Any
 
 import numpy as np
 
-from thermid.base.arguments import takes_objects
 from thermid.base.dual import value_of
 from thermid.base.errors import DeckError, ScenarioError
 from thermid.base.expression import amount
@@ -425,7 +424,6 @@ class Reduction(Result):
         return "\n".join([head, *lines, *(f"  remark: {r}" for r in self.remarks)])
 
 
-@takes_objects
 def reduce(
     model: Model,
     scenarios: Scenario | Sequence[Scenario],

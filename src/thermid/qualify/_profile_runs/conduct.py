@@ -14,7 +14,6 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from thermid.base.arguments import takes_objects
 from thermid.base.errors import ScenarioError, SolverError, refuse_unknown
 from thermid.base.expression import Kelvin, amount
 from thermid.base.extensions import extension
@@ -524,7 +523,6 @@ def nodes_to_watch(bench: ChamberSetup, watch: Sequence[str]) -> tuple[str, ...]
     return tuple(n for n in network.nodes if capacities.get(n) is not None)
 
 
-@takes_objects
 def run_profile(
     model: Model,
     profile: ThermalProfile,

@@ -8,7 +8,6 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, Final
 
-from thermid.base.arguments import takes_objects
 from thermid.base.errors import ScenarioError, ThermidError, cap, errors_at, look_up, nearest, raising, refuse_unknown
 from thermid.base.expression import Kelvin, Quantity, amount, si_value
 from thermid.base.extensions import by_grammar
@@ -150,7 +149,6 @@ EQUIVALENCE: Final[Mapping[str, Equivalence]] = {
 """Level -> the formula of SMC-S-016; read."""
 
 
-@takes_objects
 def equivalent_cycles(cold: str | float, hot: str | float, level: str | Equivalence = "qualification") -> int:
     """Return N = cycles (range / (hot - cold))^exponent, rounded up: the cycles between two temperatures that a level requires.
 

@@ -9,7 +9,6 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any, Final
 
-from thermid.base.arguments import takes_objects
 from thermid.base.errors import ScenarioError, nearest, refuse_unknown
 from thermid.base.extensions import by_grammar, grammar_of, refuse_another_kind
 from thermid.base.toml_files import Places, read_toml
@@ -55,7 +54,6 @@ def _standard(name: str) -> Mapping[str, Any]:
     return names[name.casefold()]
 
 
-@takes_objects
 def profile_of(standard: str, name: str = "", *, level: str = "", predicted: Any = None, **changes: Any) -> ThermalProfile:
     """Return a profile of a standard.
 
@@ -116,7 +114,6 @@ def profile_of(standard: str, name: str = "", *, level: str = "", predicted: Any
 OWN_TABLE: Final[Mapping[str, Number]] = {k: number(k, v, "project", "", "profile") for k, v in PROJECT_NUMBERS.items()}
 
 
-@takes_objects
 def load_profile(path: str | os.PathLike[str]) -> ThermalProfile:
     """Return the profile of a TOML file: its table ``[profile]`` names a profile of a standard and the numbers that differ from it.
 

@@ -16,7 +16,6 @@ from typing import Any, Final
 
 import numpy as np
 
-from thermid.base.arguments import takes_objects
 from thermid.base.errors import RecordError, ScenarioError
 from thermid.base.expression import amount
 from thermid.base.linear_algebra import Array, Bools
@@ -571,7 +570,6 @@ def _reference_readings(record: Record, channel: str, inside: Bools) -> tuple[Ar
     return record.times[inside & air.valid], air.values[inside & air.valid]
 
 
-@takes_objects
 def forecast(
     record: Record,
     channel: str = "",

@@ -12,7 +12,6 @@ from typing import Any
 
 import numpy as np
 
-from thermid.base.arguments import takes_objects
 from thermid.base.dual import value_of
 from thermid.base.errors import RecordError, quoted
 from thermid.base.results import Result
@@ -185,7 +184,6 @@ class Stability(Result):
         return "\n".join(lines)
 
 
-@takes_objects
 def stability(
     of: Record | Solution | ProfileRun,
     rule: str | StabilityRule = "3 C/h",

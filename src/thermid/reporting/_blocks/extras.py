@@ -20,7 +20,6 @@ from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
-from thermid.base.arguments import takes_objects
 from thermid.base.errors import MissingExtraError, ScenarioError, ThermidError
 from thermid.base.extensions import missing
 from thermid.base.files import FileKinds, check_ending, may_write, scratch, write_bytes, write_text
@@ -357,7 +356,6 @@ def browser() -> str:
     return program
 
 
-@takes_objects
 def page_to_pdf(page: str | os.PathLike[str], to: str | os.PathLike[str], *, seconds: float = 120.0) -> Path:
     """Print a page into a PDF and return its path. The browser sees no network and leaves no profile behind.
 

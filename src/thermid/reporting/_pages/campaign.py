@@ -11,7 +11,6 @@ from typing import cast
 
 import numpy as np
 
-from thermid.base.arguments import takes_objects
 from thermid.base.errors import ThermidError
 from thermid.base.sourced import VERDICTS
 from thermid.base.units import counted, from_si, unit
@@ -63,7 +62,6 @@ Part = dict[str, object]
 """What the template says of one stage, trace or scenario, by name."""
 
 
-@takes_objects
 def report(
     campaign: Campaign,
     *,

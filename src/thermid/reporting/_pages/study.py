@@ -8,7 +8,6 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from thermid.base.arguments import takes_objects
 from thermid.base.units import counted, from_si
 from thermid.campaign.stages import Campaign
 from thermid.campaign.studies import Study
@@ -40,7 +39,6 @@ from thermid.reporting._pages.front import VERDICTS_TABLE, front
 from thermid.reporting._pages.tables import glance
 
 
-@takes_objects
 def study_report(
     study: Study,
     campaign: Campaign,

@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from thermid.base.arguments import takes_objects
 from thermid.base.errors import ThermidError
 from thermid.base.files import FileKinds, check_ending, write_bytes, write_text
 from thermid.base.units import from_si, unit
@@ -36,7 +35,6 @@ SHADE = 0.13
 """How opaque an area behind lines is. [-]"""
 
 
-@takes_objects
 def picture(thing: Profile | Criticism | Hold | ProfileRun | Look, to: str | os.PathLike[str]) -> Path:
     """Write the picture of a profile, a criticism, a hold, a profile's run (png, svg, pdf) or a look at a log (svg), and return its path.
 

@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 
-from thermid.base.arguments import takes_objects
 from thermid.base.sourced import VERDICTS, weigh
 from thermid.base.units import counted
 from thermid.campaign.verdicts import Correlation, Limits, heading, spans
@@ -46,7 +45,6 @@ from thermid.reporting._qualification import tables
 from thermid.reporting._qualification.tables import hours, mark
 
 
-@takes_objects
 def qualification_report(q: Qualification, *, to: str | os.PathLike[str]) -> Path:
     """Write a qualification as one HTML page, or as a PDF where its name ends in .pdf, and return its path.
 
@@ -99,7 +97,6 @@ def running(q: Qualification) -> str:
     return " · ".join(t for t in (d.number, f"issue {d.issue}" if d.issue else "", d.date, q.plan.title) if t)
 
 
-@takes_objects
 def correlation_report(c: Correlation, *, to: str | os.PathLike[str], synthetic: bool = False) -> Path:
     """Write a correlation as one HTML page, or as a PDF where its name ends in .pdf, and return its path: metrics, gates, overlays.
 

@@ -16,7 +16,6 @@ from typing import Any, Final
 
 import numpy as np
 
-from thermid.base.arguments import takes_objects
 from thermid.base.codes import CodedText
 from thermid.base.dual import Number, value_of
 from thermid.base.errors import DeckError, errors_at
@@ -345,7 +344,6 @@ def _absorbed(load: FlatLoad, fields: Mapping[str, Any], values: Mapping[str, An
     return LoadRow(load.path, "signal", load.node, load.sensor, (first,), None, f"load {load.path}", "", load.controls)
 
 
-@takes_objects
 def compile_network(model: Model, *, media: Media | None = None, prescribed: Iterable[str] = ()) -> Network:
     """Return a model compiled to a network.
 
