@@ -17,7 +17,7 @@ import numpy as np
 
 import thermid as td
 from thermid.fit.calibration import Calibration, LocalSpec, Request, fit, priors_of
-from thermid.model.elements import TableSignal
+from thermid.model.tree import TableSignal
 from thermid.simulation.runs import Scenario
 
 Array = np.ndarray

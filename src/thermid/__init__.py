@@ -51,19 +51,19 @@ _TOP = {
 
 _NAMESPACES = {
     "model": {
-        "Identity": "model.identity",
-        "Replacement": "model.identity",
+        "Identity": "model.tree",
+        "Replacement": "model.tree",
         "identities": "model.tree",
-        "law": "model.elements",
+        "law": "model.tree",
         "ledger": "model.tree",
-        "Standing": "model.elements",
+        "Standing": "model.tree",
     },
     "simulation": {
-        "compile_network": "simulation.network",
-        "state_space": "simulation.network",
-        "modes": "simulation.network",
-        "Environment": "simulation.network",
-        "Irradiation": "simulation.network",
+        "compile_network": "simulation.runs",
+        "state_space": "simulation.runs",
+        "modes": "simulation.runs",
+        "Environment": "simulation.runs",
+        "Irradiation": "simulation.runs",
         "Simulator": "simulation.runs",
         "draw": "simulation.runs",
         "steady_levels": "simulation.runs",
@@ -213,6 +213,9 @@ _NAMESPACES = {
 }
 """Namespace -> its names -> their modules, in the order of work."""
 
+_GUARD = "base.arguments"
+"""Module of the checks that every public function passes its arguments through; loaded with the first of them."""
+
 _WITHOUT_ROOM = ("design",)
 """Namespaces that are activities; the others have the name of the room whose package serves them."""
 
@@ -241,7 +244,7 @@ class _Namespace(ModuleType):
         if name in (names := _names_of(self)):
             value = getattr(import_module(f"thermid.{names[name]}"), name)
             if isinstance(value, FunctionType):
-                value = import_module("thermid.base.arguments").takes_objects(value)
+                value = import_module(f"thermid.{_GUARD}").takes_objects(value)
                 setattr(import_module(value.__module__), value.__name__, value)  # so that it is pickled by its name
             self.__dict__[name] = value
             return value

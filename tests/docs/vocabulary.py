@@ -26,7 +26,7 @@ from thermid.measure._record.sensor import _NUMBERS as PART_NUMBERS
 from thermid.model._deck import assemblies, fields, schema
 from thermid.model._parts.controls import CONTROL_SLOTS, TEMPERATURE_SLOT
 from thermid.model._parts.elements import NODE_SLOTS
-from thermid.model.elements import KINDS, LOAD_SLOTS, Sine, TableSignal
+from thermid.model.tree import KINDS, LOAD_SLOTS, Sine, TableSignal
 from thermid.qualify import _plan_schema as plan_schema
 from thermid.qualify._profiles.numbers import SLOTS
 from thermid.qualify._profiles.schema import ProfileTable, StepTable

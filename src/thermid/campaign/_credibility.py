@@ -11,10 +11,9 @@ from typing import Any
 
 from thermid.base.files import FileKinds, write_text
 from thermid.base.results import Named
-from thermid.base.units import NAMES, counted, from_si, unit
+from thermid.base.units import NAMES, counted, from_si, short, unit
 from thermid.campaign._stages import Campaign
 from thermid.fit.calibration import Calibration
-from thermid.measure.amounts import short
 from thermid.model.tree import ParameterSet
 
 

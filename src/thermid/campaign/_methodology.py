@@ -15,15 +15,13 @@ from thermid.base.extensions import by_grammar
 from thermid.base.files import FileKinds, write_text
 from thermid.base.results import Shown
 from thermid.base.toml_files import Places, read_toml, resolve_inside
-from thermid.base.units import TEMPERATURE
+from thermid.base.units import ICE_POINT, TEMPERATURE
 from thermid.campaign._file import read_campaign
 from thermid.campaign._judge.criteria import Residuals, metric
 from thermid.campaign._stages import Campaign
 from thermid.fit.calibration import SensorTrace
 from thermid.model.deck import load_model
-from thermid.model.elements import literal
-from thermid.model.tree import Model, Names
-from thermid.physics.constants import ICE_POINT
+from thermid.model.tree import Model, Names, literal
 from thermid.simulation.runs import Solution
 from thermid.simulation.solver import Options
 

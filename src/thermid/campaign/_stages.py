@@ -25,7 +25,7 @@ from thermid.base.errors import (
 )
 from thermid.base.results import Named, Row
 from thermid.base.toml_files import resolve_inside
-from thermid.base.units import counted
+from thermid.base.units import counted, duration_text, short
 from thermid.campaign._cache import changed_since, errors_kept, file_name, forget, recall, remember
 from thermid.campaign._file import CampaignSource, accepting, local_of, read_campaign, scenario_of
 from thermid.campaign._joint import JointFit, fit_jointly, joint_key
@@ -50,11 +50,8 @@ from thermid.fit.calibration import (
 from thermid.fit.error_model import Keeping
 from thermid.fit.power import SHAPES, recovered
 from thermid.inference.criticism import Mistakes, find_mistakes
-from thermid.measure.amounts import duration_text, short
 from thermid.measure.records import Record, stray_readings
-from thermid.model.elements import Standing, literal, worst
-from thermid.model.identity import definition_of, instances
-from thermid.model.tree import Model, ParameterSet
+from thermid.model.tree import Model, ParameterSet, Standing, definition_of, instances, literal, worst
 from thermid.simulation.runs import STEADY, KeptTasks, Scenario, Workers, in_tasks
 from thermid.values.store import Store, graft
 from thermid.values.value_files import hand_values

@@ -15,7 +15,7 @@ import numpy as np
 
 from thermid.base.errors import IdentificationError, SolverError, quoted
 from thermid.base.linear_algebra import HALF_WIDTH_95, Array, null_space, one_thread, symmetric_inverse
-from thermid.base.units import NAMES, counted, unit
+from thermid.base.units import NAMES, counted, short, some, unit
 from thermid.fit._calibration import (
     FIRST,
     LOUD,
@@ -42,11 +42,8 @@ from thermid.fit._uncertainty.groups import SHARE, Group, percent, structural_gr
 from thermid.fit._uncertainty.information import Information, Responses, elsewhere, responses
 from thermid.fit._uncertainty.moved import Moves, moves_above
 from thermid.fit._uncertainty.noise import Autocorrelation, TraceNoise, autocorrelation, own_switches, shifts_by_lags
-from thermid.measure.amounts import short, some
 from thermid.measure.records import COLUMN_UNITS, Record, open_questions
-from thermid.model.elements import CREDIBLE, Standing, TableSignal, worst
-from thermid.model.identity import identity_of
-from thermid.model.tree import Model, unlumped
+from thermid.model.tree import CREDIBLE, Model, Standing, TableSignal, identity_of, unlumped, worst
 from thermid.simulation.runs import Scenario, Workers
 from thermid.values.fitted import FittedValue, FittedValues, view
 from thermid.values.store import INPUT, LaterTable, State, Store, ValueOrigin, graft

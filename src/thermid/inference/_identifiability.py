@@ -34,10 +34,8 @@ from thermid.fit.calibration import (
 )
 from thermid.inference.planned_records import planned_record, sensors_of
 from thermid.measure.records import Record
-from thermid.model.elements import HeatLoad, TableSignal, parameter
-from thermid.model.tree import Model
-from thermid.simulation.network import compile_network
-from thermid.simulation.runs import Scenario
+from thermid.model.tree import HeatLoad, Model, TableSignal, parameter
+from thermid.simulation.runs import Scenario, compile_network
 
 EASY_PRIOR = 0.05
 """A prior that is easily had: 5 %."""

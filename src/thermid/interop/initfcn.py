@@ -24,7 +24,7 @@ from thermid.base.expression import parse
 from thermid.base.files import read_text
 from thermid.base.results import Shown
 from thermid.base.units import DIMENSIONLESS, Dimension, counted, describe, in_si, unit
-from thermid.model.elements import Parameter, parameter
+from thermid.model.tree import Parameter, parameter
 
 _CELSIUS = re.compile(r"(deg\.?\s*|degrees?\s+|°\s*)?(C|celsius)\Z", re.IGNORECASE)
 PI = "3.141592653589793"

@@ -23,11 +23,9 @@ from thermid.interop._wired import (
     table_points,
     wired,
 )
-from thermid.model.elements import Curve, Drawn, Sine, TableSignal
-from thermid.model.tree import Model
+from thermid.model.tree import Curve, Drawn, Model, Sine, TableSignal
 from thermid.physics.constants import STEFAN_BOLTZMANN
-from thermid.simulation.network import SMOOTHING, ConductorRow
-from thermid.simulation.runs import Scenario
+from thermid.simulation.runs import SMOOTHING, ConductorRow, Scenario
 
 MODELICA = Writer("Modelica", loads=True, schedules=True)
 LIBRARIES = {"modelica": "Modelica.Thermal.HeatTransfer", "none": "Library"}

@@ -7,6 +7,7 @@ import re
 from collections.abc import Iterator, Sequence
 from importlib.metadata import version
 
+from thermid.base.units import ICE_POINT
 from thermid.interop._wired import (
     Text,
     Wired,
@@ -21,11 +22,8 @@ from thermid.interop._wired import (
     table_points,
     wired,
 )
-from thermid.model.elements import Constant, Curve, Drawn, Sine, TableSignal
-from thermid.model.tree import Model
-from thermid.physics.constants import ICE_POINT
-from thermid.simulation.network import ConductorRow
-from thermid.simulation.runs import Scenario
+from thermid.model.tree import Constant, Curve, Drawn, Model, Sine, TableSignal
+from thermid.simulation.runs import ConductorRow, Scenario
 
 FUNCTION_NAMES = ("parameters", "derived", "initial", "derivatives")
 """Names of the functions in the file."""

@@ -6,8 +6,9 @@ import math
 import os
 from collections.abc import Iterator
 
-from thermid.base.dual import value_of
 from thermid.base.errors import DeckError
+from thermid.base.linear_algebra import value_of
+from thermid.base.units import ICE_POINT
 from thermid.interop._wired import (
     Wired,
     conductance_text,
@@ -19,11 +20,8 @@ from thermid.interop._wired import (
     table_points,
     wired,
 )
-from thermid.model.elements import EXTENSION_REACH, Constant, Curve, Drawn, Sine, TableSignal
-from thermid.model.tree import Model
-from thermid.physics.constants import ICE_POINT
-from thermid.simulation.network import ConductorRow
-from thermid.simulation.runs import Scenario
+from thermid.model.tree import EXTENSION_REACH, Constant, Curve, Drawn, Model, Sine, TableSignal
+from thermid.simulation.runs import ConductorRow, Scenario
 
 MIN_STEPS_PER_RUN = 5000
 """The largest step is this part of the run."""

@@ -20,13 +20,11 @@ from thermid.base.expression import seconds
 from thermid.base.files import FileKinds, replacing
 from thermid.base.linear_algebra import Array, Bools
 from thermid.base.results import Named, PlottedTrace, Result, Row
+from thermid.base.units import ICE_POINT, duration_text, short
 from thermid.fit.calibration import Calibration
 from thermid.fit.error_model import BandCause, NormalMixture
 from thermid.inference.criticism import ExplainedFit, explained, summary
-from thermid.measure.amounts import duration_text, short
-from thermid.model.elements import UNJUDGED, Standing, worst
-from thermid.model.tree import Model
-from thermid.physics.constants import ICE_POINT
+from thermid.model.tree import UNJUDGED, Model, Standing, worst
 from thermid.prediction._budget import (
     AVERAGED,
     DEFECTS,

@@ -32,7 +32,7 @@ from thermid.fit.calibration import (
 from thermid.fit.discrepancy import BALANCE, OwnValue, own_value, own_values_kept
 from thermid.fit.error_model import BandCause, BesideRow, ErrorModel, RecordRun, errors_of_values, problem_of_record, shared_with, split
 from thermid.measure.records import Record
-from thermid.model.elements import UNJUDGED, Constant, Standing, TableSignal, literal
+from thermid.model.tree import UNJUDGED, Constant, Standing, TableSignal, literal
 from thermid.prediction._budget import AVERAGED, Budget, budget_of, first_line, in_order
 from thermid.prediction._known import Knowledge, rows_of
 from thermid.prediction._predict import parted, predicted, shares

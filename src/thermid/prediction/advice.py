@@ -11,11 +11,11 @@ from typing import Any
 import numpy as np
 
 from thermid.base.arguments import guard_methods
-from thermid.base.dual import value_of
 from thermid.base.errors import IdentificationError, NameNotFoundError, ThermidError, nearest, quoted
 from thermid.base.expression import amount
-from thermid.base.linear_algebra import Array, variance
+from thermid.base.linear_algebra import Array, value_of, variance
 from thermid.base.results import Result, Shown
+from thermid.base.units import duration_text, short
 from thermid.fit.calibration import (
     SCALE,
     Calibration,
@@ -36,14 +36,11 @@ from thermid.fit.calibration import (
 )
 from thermid.fit.error_model import BandCause, KeptWay, course_in_fit, deviation, widened, with_heats
 from thermid.inference.planned_records import Sensor, planned_record, sensors_of
-from thermid.measure.amounts import duration_text, short
-from thermid.model.elements import Constant, Parameter, Signal, TableSignal, literal
-from thermid.model.tree import Model
+from thermid.model.tree import Constant, Model, Parameter, Signal, TableSignal, literal
 from thermid.prediction._budget import AVERAGED, Budget, budget_of
 from thermid.prediction._known import Knowledge, Rows, instruments_of, rows_of
 from thermid.prediction._predict import WayAnswer, mixed_answer
-from thermid.simulation.network import compile_network
-from thermid.simulation.runs import Scenario, Workers, in_tasks, network_for, simulate
+from thermid.simulation.runs import Scenario, Workers, compile_network, in_tasks, network_for, simulate
 from thermid.values.store import AS_FITTED, EXPECTED, Normal, Source
 
 CHAMBER_STEP = 20.0

@@ -23,7 +23,7 @@ from thermid.campaign.stages import run_stages
 from thermid.campaign.verdicts import CRITERIA, POLICIES, Criteria, Limits, load_limits, read_limits
 from thermid.measure.steadiness import rule_of
 from thermid.model.deck import load_model
-from thermid.model.elements import literal
+from thermid.model.tree import literal
 from thermid.prediction.bands import Knowledge
 from thermid.prediction.reduction import macro_model
 from thermid.values.value_files import filed

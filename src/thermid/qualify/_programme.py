@@ -16,7 +16,7 @@ from thermid.base.results import Named
 from thermid.base.sourced import VERDICTS, weigh
 from thermid.base.units import counted
 from thermid.campaign.verdicts import Limits, Margin, margins
-from thermid.model.elements import Standing
+from thermid.model.tree import Standing
 from thermid.prediction.bands import IN_TESTS, SILENT, UNFITTED, Foresight, Knowledge, assumed_effects
 from thermid.qualify._plan import LockStatus, Plan, load_plan, lock_status, note_look
 from thermid.qualify._trial import Trial, run_test

@@ -20,14 +20,12 @@ import numpy as np
 from numpy.lib.mixins import NDArrayOperatorsMixin
 from numpy.typing import NDArray
 
-from thermid.base.dual import Dual, real_power
 from thermid.base.errors import ScenarioError, SolverError, ThermidError, refuse_unknown
 from thermid.base.expression import kelvin
-from thermid.base.linear_algebra import Array, Bools, Indices
+from thermid.base.linear_algebra import Array, Bools, Dual, Indices, real_power
 from thermid.base.results import PlottedTrace, Result
-from thermid.model.elements import Constant
-from thermid.model.tree import Model
-from thermid.physics.constants import ICE_POINT
+from thermid.base.units import ICE_POINT
+from thermid.model.tree import Constant, Model
 from thermid.simulation._many.kept import JobFolder, digest
 from thermid.simulation._many.tally import PILOT, Counted, CountGrid, Tally, added
 from thermid.simulation._many.tasks import KeptTasks, Workers, in_tasks

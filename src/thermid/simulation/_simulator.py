@@ -11,14 +11,12 @@ from typing import Any, Final
 import numpy as np
 
 from thermid.base.codes import CodedText
-from thermid.base.dual import value_of
 from thermid.base.errors import NameNotFoundError, ScenarioError, cap, errors_at, quoted, raising, refuse_unknown
 from thermid.base.expression import amount, quantity, seconds, si_values
-from thermid.base.linear_algebra import Array
+from thermid.base.linear_algebra import Array, value_of
 from thermid.base.results import Shown
 from thermid.base.units import TEMPERATURE, unit
-from thermid.model.elements import POSITIVE, Constant
-from thermid.model.tree import Model, streams_of
+from thermid.model.tree import POSITIVE, Constant, Model, streams_of
 from thermid.simulation._ensemble import Ensemble, run_members
 from thermid.simulation._many.tasks import Workers
 from thermid.simulation._network.medium import gas_remarks

@@ -13,9 +13,9 @@ from thermid.base.errors import NameNotFoundError, nearest
 from thermid.base.expression import Kelvin, amount
 from thermid.base.linear_algebra import Array
 from thermid.base.results import Result, Row
+from thermid.base.units import ICE_POINT
 from thermid.model.blocks import Block
 from thermid.model.tree import Model, Names
-from thermid.physics.constants import ICE_POINT
 from thermid.simulation._block import BlockSolution, steady_block, steady_levels_of_block
 from thermid.simulation._heat_map import HeatMap
 from thermid.simulation._network.network import without_gas

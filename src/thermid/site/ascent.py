@@ -18,9 +18,8 @@ from thermid.base.results import Shown
 from thermid.base.sourced import Figure
 from thermid.base.units import TEMPERATURE
 from thermid.measure.readers import read_plain
-from thermid.model.elements import Constant, Signal, TableSignal, joined, signal
-from thermid.simulation.network import MAX_IRRADIATION, Environment, Irradiation
-from thermid.simulation.runs import Scenario
+from thermid.model.tree import Constant, Signal, TableSignal, joined, signal
+from thermid.simulation.runs import MAX_IRRADIATION, Environment, Irradiation, Scenario
 from thermid.site._atmosphere import HIGHEST_ALTITUDE, UPPER, Air, standard_atmosphere, upper_atmosphere
 from thermid.site.exposure import molecular_heating
 

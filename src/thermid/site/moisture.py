@@ -11,11 +11,9 @@ import numpy as np
 from thermid.base.errors import ScenarioError, SolverError, refuse_unknown
 from thermid.base.linear_algebra import Array, anderson_step
 from thermid.base.results import Named, PlottedTrace
-from thermid.model.elements import Constant, HeatLoad, Signal, TableSignal, check_span, parameter, signal
-from thermid.model.tree import FlatConductor, Model
-from thermid.physics.constants import ICE_POINT
-from thermid.simulation.network import compile_network, surfaces_in_gas
-from thermid.simulation.runs import Scenario, Solution, simulate
+from thermid.base.units import ICE_POINT
+from thermid.model.tree import Constant, FlatConductor, HeatLoad, Model, Signal, TableSignal, check_span, parameter, signal
+from thermid.simulation.runs import Scenario, Solution, compile_network, simulate, surfaces_in_gas
 from thermid.site.vapour import Followed, Volume, WaterBalance, follow
 
 MAX_CHANGE_BETWEEN_PASSES: Final = 1e-3

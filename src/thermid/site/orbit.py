@@ -12,8 +12,8 @@ import numpy as np
 from thermid.base.errors import ScenarioError, nearest
 from thermid.base.expression import amount
 from thermid.base.linear_algebra import Array
-from thermid.model.elements import Constant, Signal, TableSignal, degrees, multiplied
-from thermid.simulation.network import Irradiation
+from thermid.model.tree import Constant, Signal, TableSignal, degrees, multiplied
+from thermid.simulation.runs import Irradiation
 from thermid.site.exposure import planet_share
 
 SAMPLES_PER_ORBIT: Final = 720

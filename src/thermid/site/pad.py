@@ -14,12 +14,11 @@ from thermid.base.errors import ScenarioError
 from thermid.base.expression import amount
 from thermid.base.linear_algebra import Array
 from thermid.base.units import TEMPERATURE
-from thermid.model.elements import Constant, Facing, MeanOf, Mixed, Signal, TableSignal, degrees, literal, signal
+from thermid.model.tree import Constant, Facing, MeanOf, Mixed, Signal, TableSignal, degrees, literal, signal
 from thermid.physics.air import dew_point, dry_air, vapour_pressure
 from thermid.physics.constants import STEFAN_BOLTZMANN
 from thermid.physics.correlations import forced_plate_nusselt
-from thermid.simulation.network import Environment
-from thermid.simulation.runs import Scenario
+from thermid.simulation.runs import Environment, Scenario
 from thermid.site.exposure import cloudless_sky, driving_rain, sky_share
 from thermid.site.site import Site
 from thermid.site.sky import open_sky

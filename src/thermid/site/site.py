@@ -19,7 +19,7 @@ from thermid.base.errors import ScenarioError, ThermidError
 from thermid.base.expression import amount, seconds
 from thermid.base.extensions import optional
 from thermid.base.linear_algebra import Array
-from thermid.model.elements import degrees
+from thermid.model.tree import degrees
 from thermid.site._atmosphere import standard_atmosphere
 
 if TYPE_CHECKING:

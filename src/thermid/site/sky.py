@@ -13,9 +13,9 @@ from thermid.base.arguments import guard_methods
 from thermid.base.errors import ScenarioError
 from thermid.base.linear_algebra import Array
 from thermid.base.results import Shown
-from thermid.model.elements import Facing, Mixed, Signal, TableSignal
+from thermid.model.tree import Facing, Mixed, Signal, TableSignal
 from thermid.physics.constants import STEFAN_BOLTZMANN
-from thermid.simulation.network import Sky
+from thermid.simulation.runs import Sky
 from thermid.site.exposure import on_plane, sky_share
 from thermid.site.site import Site, ignore_future_warnings
 from thermid.site.weather import Weather

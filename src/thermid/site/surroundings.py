@@ -8,8 +8,8 @@ from typing import Any
 from thermid.base.errors import ScenarioError, errors_at
 from thermid.base.toml_files import resolve_inside
 from thermid.base.units import TEMPERATURE
-from thermid.model.elements import Constant, literal
-from thermid.simulation.network import Environment
+from thermid.model.tree import Constant, literal
+from thermid.simulation.runs import Environment
 from thermid.simulation.scenario_files import LogColumns, Scenario
 from thermid.site.ascent import ascent_scenario, read_trajectory
 from thermid.site.orbit import Planet, orbit_fluxes

@@ -19,8 +19,7 @@ from thermid.base.linear_algebra import Array, square_root
 from thermid.base.results import Named, Row
 from thermid.base.toml_files import Places
 from thermid.base.units import counted, from_si, unit
-from thermid.model.elements import UNJUDGED, Parameter, Standing, exact, worst
-from thermid.model.identity import Dropped
+from thermid.model.tree import UNJUDGED, Dropped, Parameter, Standing, exact, worst
 from thermid.values.store import (
     INPUT,
     LaterTable,

@@ -20,9 +20,23 @@ from thermid.base.expression import parse
 from thermid.base.linear_algebra import Array, symmetric_inverse
 from thermid.base.results import Row, Shown
 from thermid.base.units import counted
-from thermid.model.elements import UNJUDGED, Parameter, Standing, exact, worst
-from thermid.model.identity import Dropped, Identity, inside, instances, local_identities, outside
-from thermid.model.tree import SET, Entry, Model, Tree
+from thermid.model.tree import (
+    SET,
+    UNJUDGED,
+    Dropped,
+    Entry,
+    Identity,
+    Model,
+    Parameter,
+    Standing,
+    Tree,
+    exact,
+    inside,
+    instances,
+    local_identities,
+    outside,
+    worst,
+)
 
 Kind = Literal["data", "instrument", "stated", "structural", "misfit", "variant"]
 MAX_NAMED_VALUES = 8

@@ -15,7 +15,7 @@ from thermid.base.errors import DeckError, RecordError
 from thermid.fit._problem.gather import build_problem
 from thermid.fit._problem.request import Request
 from thermid.fit.calibration import blame_of
-from thermid.model.elements import TableSignal
+from thermid.model.tree import TableSignal
 
 DECK = {
     "title": "Box",

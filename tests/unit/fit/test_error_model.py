@@ -11,6 +11,7 @@ import pytest
 import thermid as td
 from by_code import raises_code
 from thermid.base.errors import IdentificationError
+from thermid.base.units import ICE_POINT
 from thermid.fit._error_model.courses import OperatingPoint
 from thermid.fit._error_model.elements import JointLaw, SurfaceLaw, Way, class_of, with_laws
 from thermid.fit._error_model.gaussian import log_sum
@@ -18,10 +19,9 @@ from thermid.fit._error_model.model import GROUPS, RunsOfFit, left_prior
 from thermid.fit._error_model.runs import Departures
 from thermid.fit._error_model.sizes import NEWTON_POINTS
 from thermid.fit.error_model import SIZES, ErrorModel
-from thermid.model.elements import TableSignal
-from thermid.physics.constants import ICE_POINT
+from thermid.model.tree import TableSignal
 from thermid.prediction.bands import Band
-from thermid.simulation.network import compile_network
+from thermid.simulation.runs import compile_network
 from unit.fit.bench import BOX, HTC, MASS, box, deck, log, metered
 
 POWERS = (4.0, 2.0)

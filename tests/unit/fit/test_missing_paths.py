@@ -14,7 +14,7 @@ from thermid.fit._error_model.elements import PathLaw, paths_of, with_laws
 from thermid.fit._error_model.model import course_in_fit
 from thermid.fit._error_model.sizes import PATH_ODDS, PATH_SHARE
 from thermid.fit.error_model import ErrorModel
-from thermid.simulation.network import compile_network
+from thermid.simulation.runs import compile_network
 
 sys.path.insert(0, str(Path(__file__).parents[3] / "scripts"))
 from judging import benches as b

@@ -22,7 +22,7 @@ from thermid.base.errors import RecordError, ScenarioError, SolverError, Thermid
 from thermid.base.files import command
 from thermid.interop._fmu.as_model import fmu_model
 from thermid.interop._fmu.export import to_fmu
-from thermid.model.elements import TableSignal
+from thermid.model.tree import TableSignal
 from unit.interop.fmus import BOX, reference_fmu
 
 pytest.importorskip("fmpy", reason="FMPy is not installed (pip install 'thermid[fmu]')")

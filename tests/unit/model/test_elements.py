@@ -16,7 +16,7 @@ from thermid.model._parts.kinds import KINDS
 from thermid.model._tree.areas import ledger
 from thermid.model._tree.model import Model
 from thermid.simulation._network import rows
-from thermid.simulation.network import compile_network
+from thermid.simulation.runs import compile_network
 from unit.model.every_kind import CASES
 
 Build = Callable[..., Model]

@@ -20,7 +20,7 @@ from thermid.model._tree.flat import flatten
 from thermid.model._tree.identity import to_dict
 from thermid.model._tree.model import Model
 from thermid.simulation._network.rows import CONTROLS, LOADS
-from thermid.simulation.network import compile_network
+from thermid.simulation.runs import compile_network
 from unit.model.every_kind import firsts
 
 Decks = Callable[..., Model]

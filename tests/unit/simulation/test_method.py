@@ -10,7 +10,7 @@ import pytest
 import thermid as td
 from by_code import raises_code
 from thermid.base.errors import ScenarioError, SolverError
-from thermid.model.elements import TableSignal
+from thermid.model.tree import TableSignal
 
 
 def _model(**law: Any) -> td.Model:

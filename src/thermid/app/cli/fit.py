@@ -62,7 +62,7 @@ from thermid.fit.calibration import Calibration
 from thermid.fit.error_model import SIZES
 from thermid.fit.estimation import estimated
 from thermid.model.deck import load_model, save_model
-from thermid.model.elements import UNJUDGED, literal, worst
+from thermid.model.tree import UNJUDGED, literal, worst
 from thermid.prediction import bands as prediction
 from thermid.prediction.bands import Knowledge, predict_record
 from thermid.prediction.members import load_hold

@@ -9,13 +9,12 @@ from typing import Any, Final
 
 import numpy as np
 
-from thermid.base.dual import value_of
 from thermid.base.errors import SolverError
+from thermid.base.linear_algebra import value_of
 from thermid.base.results import Result
 from thermid.base.units import si_unit
 from thermid.model.tree import Model, ParameterSet, identities
-from thermid.simulation.network import Numbers, compile_network
-from thermid.simulation.runs import Scenario, steady
+from thermid.simulation.runs import Numbers, Scenario, compile_network, steady
 
 MAX_DIFFERENCE_OF_EQUALS: Final = 1e-9
 """Relative difference below which two numbers are one number written twice."""

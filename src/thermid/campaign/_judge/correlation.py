@@ -16,13 +16,12 @@ from thermid.base.expression import amount
 from thermid.base.linear_algebra import Array, Bools
 from thermid.base.results import Result, Row
 from thermid.base.sourced import VERDICTS, weigh
+from thermid.base.units import ICE_POINT
 from thermid.campaign._judge.criteria import CRITERIA, Check, Criteria, Deviation, Residuals, judge, rmse
 from thermid.fit.calibration import Calibration
 from thermid.measure.records import Record, gap_from, usual_step
 from thermid.measure.steadiness import RULES
-from thermid.model.elements import UNJUDGED, Standing
-from thermid.model.tree import Model
-from thermid.physics.constants import ICE_POINT
+from thermid.model.tree import UNJUDGED, Model, Standing
 from thermid.simulation.runs import Scenario, simulate
 from thermid.values.store import model_standing
 

@@ -15,8 +15,8 @@ from thermid.base.extensions import by_grammar
 from thermid.base.linear_algebra import Array
 from thermid.base.sourced import check_mark
 from thermid.base.toml_files import Places
-from thermid.model.elements import literal
-from thermid.physics.constants import ICE_POINT
+from thermid.base.units import ICE_POINT
+from thermid.model.tree import literal
 
 FINAL = 0.05
 """Share of a record, at its end, over which the final error is the mean, so that noise does not decide it. [-]"""

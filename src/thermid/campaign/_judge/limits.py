@@ -17,7 +17,7 @@ from thermid.base.extensions import by_grammar
 from thermid.base.linear_algebra import Array, Bools
 from thermid.base.sourced import check_mark
 from thermid.base.toml_files import Places, read_toml
-from thermid.physics.constants import ICE_POINT
+from thermid.base.units import ICE_POINT
 from thermid.simulation.runs import Solution, Trace
 from thermid.simulation.solver import Dense, resolved
 

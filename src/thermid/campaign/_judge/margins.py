@@ -16,9 +16,9 @@ from thermid.base.expression import amount
 from thermid.base.linear_algebra import HALF_WIDTH_95
 from thermid.base.results import Result
 from thermid.base.sourced import MARKS, Figure, weakest
+from thermid.base.units import ICE_POINT
 from thermid.campaign._judge.limits import STATES, Limits, times_in_state
-from thermid.model.elements import UNJUDGED, Standing
-from thermid.physics.constants import ICE_POINT
+from thermid.model.tree import UNJUDGED, Standing
 from thermid.prediction.bands import Foresight
 
 SMC = "SMC-S-016"

@@ -20,13 +20,11 @@ from thermid.base.files import FileKinds, write_text
 from thermid.base.results import PlottedTrace, Result, Row
 from thermid.base.sourced import VERDICTS, weigh
 from thermid.base.toml_files import read_json
-from thermid.base.units import counted
+from thermid.base.units import counted, short
 from thermid.campaign._judge.criteria import Check, Criteria, Deviation, Residuals, judge_sensors
 from thermid.fit.calibration import FIRST, Calibration, Request, SensorStatistics, SensorTrace, fit
-from thermid.measure.amounts import short
 from thermid.measure.records import Record
-from thermid.model.elements import UNJUDGED, Standing
-from thermid.model.tree import Model
+from thermid.model.tree import UNJUDGED, Model, Standing
 from thermid.prediction.bands import RecordPrediction, record_bands, record_request
 from thermid.simulation.runs import Scenario
 

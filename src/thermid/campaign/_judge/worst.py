@@ -23,8 +23,7 @@ from thermid.base.units import TEMPERATURE, si_unit
 from thermid.campaign._judge.limits import Limits, text_of
 from thermid.campaign._judge.sizing import extremes
 from thermid.model.tree import Model
-from thermid.simulation.network import Network, compile_network
-from thermid.simulation.runs import Scenario
+from thermid.simulation.runs import Network, Scenario, compile_network
 
 SHARE_WORSE: Final = 0.01
 """Share of what is searched that may be worse than the result, in 95 % of searches (Wilks 1941). [-]"""

@@ -12,12 +12,12 @@ from tomlkit.items import AoT
 
 from thermid.base.errors import DeckError, IdentificationError, ThermidError, refuse_unknown
 from thermid.base.files import may_write, read_text, unsealed, write_text
+from thermid.base.units import short
 from thermid.campaign._file import CampaignSource, read_campaign
 from thermid.campaign._stages import run_stages
 from thermid.campaign._start.project import TEMPLATE
 from thermid.fit.calibration import Calibration, Request, fit
 from thermid.inference.criticism import EVALUATIONS, MissingElement, StructureSearch, search_structure
-from thermid.measure.amounts import short
 from thermid.measure.records import Record
 from thermid.model.deck import save_model
 from thermid.simulation.runs import Workers

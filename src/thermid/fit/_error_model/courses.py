@@ -8,12 +8,10 @@ from typing import Any
 
 import numpy as np
 
-from thermid.base.dual import value_of
-from thermid.base.linear_algebra import Array
+from thermid.base.linear_algebra import Array, value_of
 from thermid.fit._error_model.sizes import DEPARTURE_SAMPLES
-from thermid.model.elements import Law
-from thermid.model.tree import FlatConductor
-from thermid.simulation.network import Network
+from thermid.model.tree import FlatConductor, Law
+from thermid.simulation.runs import Network
 from thermid.simulation.solver import Engine, Options, Traces, Wiring
 
 FREE_AIR, STREAM = "free air", "fan"

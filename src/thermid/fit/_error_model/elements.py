@@ -13,8 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from thermid.base.dual import value_of
-from thermid.base.linear_algebra import Array
+from thermid.base.linear_algebra import Array, value_of
 from thermid.fit._error_model.courses import (
     FREE_AIR,
     STREAM,
@@ -41,11 +40,9 @@ from thermid.fit._error_model.sizes import (
     ROOM_KNOTS,
     ROW_OF_ZONES,
 )
-from thermid.model.elements import CARRIED_BY, Curve, Law, TableSignal, in_run
-from thermid.model.tree import FlatConductor, FlatLoad
+from thermid.model.tree import CARRIED_BY, Curve, FlatConductor, FlatLoad, Law, TableSignal, in_run
 from thermid.physics.constants import STEFAN_BOLTZMANN
-from thermid.simulation.network import Network
-from thermid.simulation.runs import Scenario
+from thermid.simulation.runs import Network, Scenario
 
 EXPONENT_OF, SHARE_OF, TREND_OF, BEND_OF, CONDUCTANCE_OF = "exponent", "radiation", "trend", "bend", "conductance"
 """What of a law is not known: of a surface, of a joint, and of a path that the deck lacks."""

@@ -49,10 +49,9 @@ from thermid.fit._error_model.sizes import (
 )
 from thermid.fit._problem.residuals import Problem, Unknown
 from thermid.fit._uncertainty.information import square_between
-from thermid.model.elements import CARRIED_BY, Standing
-from thermid.model.identity import identity_of, outside
+from thermid.model.tree import CARRIED_BY, Standing, identity_of, outside
 from thermid.physics.htc import BIOT_LIMIT
-from thermid.simulation.network import Network
+from thermid.simulation.runs import Network
 from thermid.values.store import AS_FITTED, EXPECTED, INPUT, LaterTable, Normal, Source
 
 KEY = "errors"

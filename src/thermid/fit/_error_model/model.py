@@ -51,7 +51,7 @@ from thermid.fit._error_model.sizes import (
 )
 from thermid.fit._problem.experiment import LEAST_NOISE, UNSAID_NOISE, Experiment, Observation
 from thermid.fit._problem.residuals import Problem, Unknown, prior_rows
-from thermid.simulation.network import Network
+from thermid.simulation.runs import Network
 
 GROUPS = tuple(name for name in SIZES if name != "left")
 """Sizes that are drawn, in order."""

@@ -39,9 +39,8 @@ from thermid.fit._error_model.sizes import (
     ROOM_TIME,
 )
 from thermid.fit._problem.residuals import Influence, Problem, Unknown
-from thermid.model.elements import TableSignal
-from thermid.model.tree import FlatConductor
-from thermid.simulation.network import Network
+from thermid.model.tree import FlatConductor, TableSignal
+from thermid.simulation.runs import Network
 
 
 @dataclass(frozen=True)

@@ -22,9 +22,18 @@ from thermid.base.units import TEMPERATURE
 from thermid.fit._problem.experiment import first_reading
 from thermid.fit._problem.residuals import Unknown
 from thermid.measure.records import Channel, Record
-from thermid.model.elements import Constant, StatedRange, literal
-from thermid.model.identity import definition_of, identity_of, inside, local_identities
-from thermid.model.tree import Model, ParameterSet, Tree
+from thermid.model.tree import (
+    Constant,
+    Model,
+    ParameterSet,
+    StatedRange,
+    Tree,
+    definition_of,
+    identity_of,
+    inside,
+    literal,
+    local_identities,
+)
 from thermid.simulation.runs import Scenario
 from thermid.simulation.solver import Options
 from thermid.values.ranges import ranged_values

@@ -12,9 +12,9 @@ from typing import Any
 
 import numpy as np
 
-from thermid.base.dual import value_of
 from thermid.base.errors import quoted
-from thermid.base.linear_algebra import Array
+from thermid.base.linear_algebra import Array, value_of
+from thermid.base.units import short
 from thermid.fit.calibration import MEASURED, Calibration, Experiment, LocalSpec, Problem, Request, SensorTrace, clock_suffix, first_reading
 from thermid.fit.power import PowerCourse
 from thermid.inference._explain.causes import SIZES, SizedValue
@@ -32,11 +32,8 @@ from thermid.inference._explain.thresholds import (
     START_SHARE,
     WRONG_HOURS,
 )
-from thermid.measure.amounts import short
-from thermid.model.elements import Conductor, Curve, HeatLoad, Node, parameter
-from thermid.model.tree import Model
-from thermid.simulation.network import Network, compile_network
-from thermid.simulation.runs import Scenario
+from thermid.model.tree import Conductor, Curve, HeatLoad, Model, Node, parameter
+from thermid.simulation.runs import Network, Scenario, compile_network
 
 ADDED = "suspected_link_"
 Judge = Callable[[Any], tuple[str, bool]]

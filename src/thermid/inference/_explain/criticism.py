@@ -11,6 +11,7 @@ import numpy as np
 from thermid.base.errors import IdentificationError, ThermidError
 from thermid.base.linear_algebra import Array, one_thread
 from thermid.base.results import Result
+from thermid.base.units import duration_text, short
 from thermid.fit.calibration import Calibration, Request, SensorStatistics, fit as refit
 from thermid.inference._explain.candidates import missing_elements
 from thermid.inference._explain.heats import unlogged_powers
@@ -23,7 +24,6 @@ from thermid.inference._explain.thresholds import (
     VERY_STRONG,
 )
 from thermid.inference._explain.weighing import noise_of
-from thermid.measure.amounts import duration_text, short
 from thermid.simulation.runs import Workers, simulate
 from thermid.simulation.solver import refuse_unseen
 

@@ -17,6 +17,7 @@ import numpy as np
 
 from thermid.base.errors import IdentificationError, ThermidError
 from thermid.base.linear_algebra import Indices, one_thread
+from thermid.base.units import short
 from thermid.fit.calibration import MEASURED, Calibration, Experiment, Request, Unknown, build_problem, fit_problem
 from thermid.fit.discrepancy import FREE_AIR, constant_coefficients
 from thermid.inference._explain.candidates import Fitted, MissingElement, hidden_defects
@@ -42,9 +43,8 @@ from thermid.inference._explain.thresholds import (
     VERY_STRONG,
 )
 from thermid.inference._explain.weighing import CauseScore, noise_of, shares, weighed_at
-from thermid.measure.amounts import short
 from thermid.measure.records import Channel, Record
-from thermid.model.elements import CARRIED_BY
+from thermid.model.tree import CARRIED_BY
 from thermid.simulation.runs import Scenario
 
 

@@ -17,7 +17,7 @@ import numpy as np
 
 from thermid.base.errors import ThermidError, quoted
 from thermid.base.linear_algebra import Array
-from thermid.base.units import unit
+from thermid.base.units import ICE_POINT, duration_text, short, unit
 from thermid.fit.calibration import Prior, Request, Unknown
 from thermid.inference._explain.candidates import Fitted, plain_lacks
 from thermid.inference._explain.causes import DECK_VALUE, SIZES
@@ -35,10 +35,8 @@ from thermid.inference._explain.thresholds import (
     TIE,
     USUAL_AMBIENT,
 )
-from thermid.measure.amounts import duration_text, short
 from thermid.measure.records import COLUMN_UNITS, Channel, Record
-from thermid.physics.constants import ICE_POINT
-from thermid.simulation.network import Environment, Network
+from thermid.simulation.runs import Environment, Network
 
 
 @dataclass(frozen=True)

@@ -9,9 +9,10 @@ from typing import Any
 
 import numpy as np
 
-from thermid.base.dual import value_of
 from thermid.base.errors import IdentificationError, NameNotFoundError, nearest
+from thermid.base.linear_algebra import value_of
 from thermid.base.results import Named
+from thermid.base.units import short
 from thermid.fit.calibration import Calibration, power_while_on
 from thermid.inference._explain.thresholds import (
     BARE_CONTACT,
@@ -22,15 +23,12 @@ from thermid.inference._explain.thresholds import (
     SPECIFIC_HEAT,
     UNDETERMINED,
 )
-from thermid.measure.amounts import short
-from thermid.model.elements import literal
-from thermid.model.tree import FlatConductor
+from thermid.model.tree import FlatConductor, literal
 from thermid.physics.air import dry_air
 from thermid.physics.materials import materials
 from thermid.physics.plates import body_htc, conduction_floor
 from thermid.physics.radiation import linearised_htc
-from thermid.simulation.network import Network
-from thermid.simulation.runs import simulate
+from thermid.simulation.runs import Network, simulate
 from thermid.values.fitted import FittedValue
 
 CONTACTS = "Incropera, 6th ed., Tables 3.1 and 3.2; Yovanovich, IEEE Trans. CPT 28 (2005) 182"

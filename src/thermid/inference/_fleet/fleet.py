@@ -14,8 +14,7 @@ from thermid.base.results import PlottedTrace, Result, Row
 from thermid.base.units import counted, from_si, unit as unit_of
 from thermid.fit.calibration import Unknown
 from thermid.inference._fleet.population import PopulationFit, distances
-from thermid.model.elements import Standing
-from thermid.model.tree import Model
+from thermid.model.tree import Model, Standing
 from thermid.simulation.runs import Ensemble, Scenario, Workers, ensemble
 
 Covariates = Mapping[str, Mapping[str, float | str]]

@@ -43,8 +43,7 @@ from thermid.inference._fleet.population import (
     weigh,
 )
 from thermid.measure.records import Record
-from thermid.model.elements import Standing, worst
-from thermid.model.tree import Model
+from thermid.model.tree import Model, Standing, worst
 from thermid.simulation.runs import Scenario, Workers, in_tasks
 from thermid.values.ranges import RANGE_OF
 

@@ -14,11 +14,10 @@ import numpy as np
 
 from thermid.base.errors import DeckError, ThermidError
 from thermid.base.expression import parse
-from thermid.base.units import counted
+from thermid.base.units import ICE_POINT, counted
 from thermid.interop._decks.emissivities import FileEmissivity
 from thermid.model.deck import model_from_dict
 from thermid.model.tree import Model, ParameterSet
-from thermid.physics.constants import ICE_POINT
 from thermid.simulation.runs import Scenario
 
 GROUP: Final[Mapping[str, float]] = {"value": 1.0, "min": 0.05, "max": 20.0}

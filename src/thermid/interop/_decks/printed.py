@@ -18,9 +18,9 @@ import numpy as np
 from thermid.base.errors import DeckError, ThermidError, cap, raising
 from thermid.base.extensions import optional
 from thermid.base.files import read_bytes
+from thermid.base.units import ICE_POINT
 from thermid.interop._decks.cards import SUBMODEL
 from thermid.interop._decks.statements import DeckReading
-from thermid.physics.constants import ICE_POINT
 
 _SUBMODEL = re.compile(r"\s*SUBMODEL NAME = (\w+)")
 _TIME = re.compile(r"^\s*(?:PROBLEM TIME\s+TIMEN|TIME)\s*=\s*([-+.\dE]+)")

@@ -8,10 +8,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from thermid.base.errors import DeckError, quoted
-from thermid.base.units import counted
+from thermid.base.units import ICE_POINT, counted
 from thermid.interop._decks.network_file import NetworkFile
 from thermid.interop._decks.printed import Printed
-from thermid.physics.constants import ICE_POINT
 from thermid.simulation.runs import Scenario, network_for, simulate, steady
 from thermid.simulation.solver import Engine, Wiring
 

@@ -7,14 +7,13 @@ import re
 from collections.abc import Iterable, Iterator, Mapping
 from typing import Final
 
-from thermid.base.dual import value_of
 from thermid.base.errors import DeckError
+from thermid.base.linear_algebra import value_of
+from thermid.base.units import ICE_POINT
 from thermid.interop._wired import HeatSource, Wired, Writer, exported, number_text, one_line, resting, table_points, wired
-from thermid.model.elements import Drawn, TableSignal
-from thermid.model.tree import Model
-from thermid.physics.constants import ICE_POINT, STEFAN_BOLTZMANN
-from thermid.simulation.network import ConductorRow
-from thermid.simulation.runs import Scenario
+from thermid.model.tree import Drawn, Model, TableSignal
+from thermid.physics.constants import STEFAN_BOLTZMANN
+from thermid.simulation.runs import ConductorRow, Scenario
 
 MAX_SUBMODEL_LETTERS: Final = 24
 """Letters of a submodel's name; SINDA/FLUINT takes 32."""

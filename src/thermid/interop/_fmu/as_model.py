@@ -15,16 +15,13 @@ from typing import Any, Final
 
 import numpy as np
 
-from thermid.base.dual import gradient_of, value_of
 from thermid.base.errors import DeckError, ScenarioError, UnitError, quoted
-from thermid.base.linear_algebra import Array
-from thermid.base.units import DIMENSIONLESS, Dimension, si_unit, unit
+from thermid.base.linear_algebra import Array, gradient_of, value_of
+from thermid.base.units import DIMENSIONLESS, ICE_POINT, Dimension, si_unit, unit
 from thermid.interop._fmu.description import BASES
 from thermid.interop._fmu.host import FmuFile, FmuSetting, InputCourse
 from thermid.model.deck import model_from_dict
-from thermid.model.elements import Constant, Drawn, TableSignal
-from thermid.model.tree import Model
-from thermid.physics.constants import ICE_POINT
+from thermid.model.tree import Constant, Drawn, Model, TableSignal
 from thermid.simulation.solver import Answer, Assembled, Engine, Wiring
 
 REALS: Final = ("Real", "Float64")

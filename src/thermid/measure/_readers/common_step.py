@@ -15,9 +15,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from thermid.base.units import DAY, DEVIATION_OF_MEDIAN, HOUR
 from thermid.measure._readers.questions import SWITCH
 from thermid.measure._record.channel import FloatArray
-from thermid.measure.amounts import DAY, DEVIATION_OF_MEDIAN, HOUR
 
 MAX_COMPARED_READINGS, TRIED_OFFSETS = 400, 300
 """Most readings that two courses are compared at, and offsets that are tried at first. [-]"""

@@ -15,7 +15,7 @@ import numpy as np
 from thermid.base.errors import ThermidError
 from thermid.base.linear_algebra import Array
 from thermid.base.results import Result
-from thermid.base.units import counted, in_si, unit
+from thermid.base.units import DAY, HOUR, MINUTE, counted, duration_text, in_si, short, unit
 from thermid.measure._readers.columns import decimal_sign
 from thermid.measure._readers.common_step import CLOCKS_APART, MIN_EXPLAINED_SHARE, CommonStep, LogCourse, common_step, zone_shared
 from thermid.measure._readers.formats import log_cells
@@ -26,7 +26,6 @@ from thermid.measure._readers.stamps import Clock, Times, clock_column, day_seco
 from thermid.measure._readers.textfile import Cells
 from thermid.measure._record.channel import SENSOR_FAULT_CODES, Channel, even_step, gap_from, usual_step
 from thermid.measure._record.record import thinned_step
-from thermid.measure.amounts import DAY, HOUR, MINUTE, duration_text, short
 
 ACCURACY: Final = 'add accuracy = "0.5 [K]" to each thermometer, half of the +-1 K of its data sheet; no log shows it'
 SUPPLY: Final = "P_supply"

@@ -15,11 +15,19 @@ from numpy.typing import ArrayLike, NDArray
 from thermid.base.arguments import guard_methods
 from thermid.base.codes import CodedText
 from thermid.base.errors import ExpressionError, NameNotFoundError, RecordError, UnitError, errors_at, nearest, refuse_unknown
-from thermid.base.expression import Stamp, amount, instant, quantity, si_values, stated
+from thermid.base.expression import Stamp, amount, instant, positive_seconds, quantity, si_values, stated
 from thermid.base.results import Row, Shown
-from thermid.base.units import TEMPERATURE, format_value, from_si, in_si, require_unit, unit as read_unit
+from thermid.base.units import (
+    DEVIATION_OF_MEDIAN,
+    TEMPERATURE,
+    duration_text,
+    format_value,
+    from_si,
+    in_si,
+    require_unit,
+    unit as read_unit,
+)
 from thermid.measure._record.sensor import KEYS, SensorCertificate, SensorPart
-from thermid.measure.amounts import DEVIATION_OF_MEDIAN, duration_text, positive_seconds
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]

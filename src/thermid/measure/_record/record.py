@@ -16,11 +16,11 @@ from typing import TYPE_CHECKING, Any, Final, NamedTuple
 import numpy as np
 
 from thermid.base.errors import RecordError, ThermidError, errors_at, quoted, refuse_unknown
-from thermid.base.expression import amount, clocked, counts_rows, seconds
+from thermid.base.expression import amount, clocked, counts_rows, positive_seconds, seconds
 from thermid.base.extensions import optional
 from thermid.base.files import FileKinds, replacing
 from thermid.base.results import PlottedTrace, Result, Row
-from thermid.base.units import TEMPERATURE, counted, format_value, from_si, in_si, unit
+from thermid.base.units import DEVIATION_OF_MEDIAN, TEMPERATURE, counted, duration_text, format_value, from_si, in_si, unit
 from thermid.measure._record import windows
 from thermid.measure._record.channel import (
     ROLES,
@@ -38,7 +38,6 @@ from thermid.measure._record.channel import (
 )
 from thermid.measure._record.sensor import ICE, KEYS, SensorCertificate, SensorPart
 from thermid.measure._record.steadiness import SETTLED, SteadyPoint, steady_point
-from thermid.measure.amounts import DEVIATION_OF_MEDIAN, duration_text, positive_seconds
 
 if TYPE_CHECKING:
     from pandas import DataFrame

@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from thermid.base.dual import Number, value_of
 from thermid.base.errors import DeckError
+from thermid.base.linear_algebra import Number, value_of
 from thermid.model._laws.curves import Curve
 from thermid.model._laws.signal import Signal, TableSignal, literal
 from thermid.model._laws.stores import Supercooling

@@ -9,9 +9,8 @@ from typing import Any, Final
 
 import numpy as np
 
-from thermid.base.dual import Number, gradient_of, value_of
 from thermid.base.errors import DeckError
-from thermid.base.linear_algebra import Array
+from thermid.base.linear_algebra import Array, Number, gradient_of, value_of
 from thermid.base.memo import Memo
 from thermid.model._laws.refusals import refuse_first
 from thermid.model._parts.elements import Enclosure, Surface, Take, exposed_area

@@ -14,8 +14,8 @@ from typing import Any, Final
 
 import numpy as np
 
-from thermid.base.dual import Number, value_of
 from thermid.base.errors import DeckError
+from thermid.base.linear_algebra import Number, value_of
 from thermid.base.units import TEMPERATURE
 from thermid.physics import conduction, contact, convection, radiation
 from thermid.physics.constants import AMBIENT_DEFAULT, STEFAN_BOLTZMANN

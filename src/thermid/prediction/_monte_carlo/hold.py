@@ -16,11 +16,10 @@ from thermid.base.extensions import by_grammar
 from thermid.base.linear_algebra import Array
 from thermid.base.results import PlottedTrace, Result, Shown
 from thermid.base.toml_files import Places, read_toml, resolve_inside
+from thermid.base.units import ICE_POINT
 from thermid.fit.error_model import BandCause
 from thermid.model.deck import load_model
-from thermid.model.elements import UNJUDGED, Standing
-from thermid.model.tree import Model
-from thermid.physics.constants import ICE_POINT
+from thermid.model.tree import UNJUDGED, Model, Standing
 from thermid.prediction._budget import OFF, SILENT, UNFITTED
 from thermid.prediction._known import known_of
 from thermid.prediction._monte_carlo.chunks import Job, Limit, MemberRuns, Progress, RunCost

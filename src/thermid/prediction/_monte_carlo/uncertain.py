@@ -16,19 +16,16 @@ from thermid.base.errors import NameNotFoundError, ScenarioError, cap, raising, 
 from thermid.base.extensions import optional
 from thermid.base.linear_algebra import Array
 from thermid.base.results import PlottedTrace, Result
-from thermid.base.units import TEMPERATURE, counted
+from thermid.base.units import ICE_POINT, TEMPERATURE, counted
 from thermid.fit.calibration import Calibration
-from thermid.model.elements import Standing, literal
-from thermid.model.tree import Model
-from thermid.physics.constants import ICE_POINT
+from thermid.model.tree import Model, Standing, literal
 from thermid.prediction._budget import AVERAGED, Spread, assumed_left_out, budget_of, check_variants, first_line, in_order
 from thermid.prediction._known import Knowledge, known_of
 from thermid.prediction._monte_carlo.chunks import Chunk, CountTable, Job, Limit, MemberRuns, Progress, chunk_name
 from thermid.prediction._predict import BENT, SWITCHING, WayAnswer, centre_words, mixed_answer
 from thermid.prediction._reduction.macro import assumed
 from thermid.prediction._setting import Setting
-from thermid.simulation.network import compile_network
-from thermid.simulation.runs import Counted, JobFolder, KeptTasks, Scenario, Workers, output_times, shares_of, simulate
+from thermid.simulation.runs import Counted, JobFolder, KeptTasks, Scenario, Workers, compile_network, output_times, shares_of, simulate
 from thermid.simulation.solver import MemberTurnings, Options
 from thermid.values.fitted import FittedValues
 from thermid.values.store import Choice, LeftOut, Source, model_standing

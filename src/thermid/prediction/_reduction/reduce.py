@@ -12,18 +12,26 @@ from typing import Any
 
 import numpy as np
 
-from thermid.base.dual import value_of
 from thermid.base.errors import DeckError, ScenarioError
 from thermid.base.expression import amount
-from thermid.base.linear_algebra import Array
+from thermid.base.linear_algebra import Array, value_of
 from thermid.base.results import Result
 from thermid.model.deck import model_from_dict
-from thermid.model.elements import KINDS, LOAD_SLOTS
-from thermid.model.identity import made_to
-from thermid.model.tree import FlatConductor, FlatLoad, Model
+from thermid.model.tree import KINDS, LOAD_SLOTS, FlatConductor, FlatLoad, Model, made_to
 from thermid.physics.constants import STEFAN_BOLTZMANN
-from thermid.simulation.network import ConductorRow, Network, Numbers, conductance, control_names
-from thermid.simulation.runs import STEADY, Scenario, Solution, Start, network_for, simulate
+from thermid.simulation.runs import (
+    STEADY,
+    ConductorRow,
+    Network,
+    Numbers,
+    Scenario,
+    Solution,
+    Start,
+    conductance,
+    control_names,
+    network_for,
+    simulate,
+)
 
 COMPARED_SAMPLES = 201
 """Samples of a run by which reductions are compared."""

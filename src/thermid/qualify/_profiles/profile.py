@@ -15,10 +15,10 @@ from thermid.base.files import FileKinds, toml_value, write_text
 from thermid.base.results import Result
 from thermid.base.sourced import check_mark, weakest
 from thermid.base.toml_files import Places
-from thermid.base.units import TEMPERATURE
+from thermid.base.units import ICE_POINT, TEMPERATURE
 from thermid.measure.steadiness import rule_of
-from thermid.model.elements import literal
-from thermid.physics.constants import ATMOSPHERE, ICE_POINT
+from thermid.model.tree import literal
+from thermid.physics.constants import ATMOSPHERE
 from thermid.qualify._profiles.numbers import SLOTS, USUAL, WORDS
 
 

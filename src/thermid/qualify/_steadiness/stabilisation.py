@@ -12,10 +12,11 @@ from typing import Any
 
 import numpy as np
 
-from thermid.base.dual import value_of
 from thermid.base.errors import RecordError, quoted
+from thermid.base.expression import positive_seconds
+from thermid.base.linear_algebra import value_of
 from thermid.base.results import Result
-from thermid.measure.amounts import duration_text, positive_seconds
+from thermid.base.units import duration_text
 from thermid.measure.records import FloatArray, Record
 from thermid.measure.steadiness import (
     DOUBT_IN_ERRORS,

@@ -13,7 +13,7 @@ import numpy as np
 
 from thermid.base.errors import ThermidError
 from thermid.base.sourced import VERDICTS
-from thermid.base.units import counted, from_si, unit
+from thermid.base.units import ICE_POINT, counted, from_si, unit
 from thermid.campaign.stages import Campaign, JointFit, campaign_predictions
 from thermid.campaign.verdicts import CampaignPrediction, Verdict, metric
 from thermid.fit.calibration import MOVED, NOT_REJECTED, UNDECIDED, Calibration, Move, SensorTrace
@@ -21,7 +21,6 @@ from thermid.inference.criticism import criticise
 from thermid.inference.diagnosis import energy_balance
 from thermid.inference.intervals import identifiability
 from thermid.model.tree import Model, Names, flatten
-from thermid.physics.constants import ICE_POINT
 from thermid.reporting._blocks.content import (
     DASH,
     SAME_AS_ABOVE,

@@ -13,11 +13,11 @@ import numpy as np
 from thermid.base.errors import ThermidError
 from thermid.base.linear_algebra import Array
 from thermid.base.sourced import VERDICTS
+from thermid.base.units import ICE_POINT
 from thermid.campaign.stages import Campaign
 from thermid.campaign.verdicts import Check, Verdict, metric
 from thermid.fit.calibration import Calibration, SensorTrace
 from thermid.model.tree import Model, flatten
-from thermid.physics.constants import ICE_POINT
 from thermid.reporting._blocks.content import (
     Figures,
     Graphic,

@@ -8,13 +8,11 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from thermid.base.units import counted, from_si
+from thermid.base.units import ICE_POINT, counted, from_si
 from thermid.campaign.stages import Campaign
 from thermid.campaign.studies import Study
 from thermid.campaign.verdicts import metric
-from thermid.model.elements import Parameter
-from thermid.model.tree import Model
-from thermid.physics.constants import ICE_POINT
+from thermid.model.tree import Model, Parameter
 from thermid.reporting._blocks.content import (
     DASH,
     Cell,

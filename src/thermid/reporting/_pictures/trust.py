@@ -14,11 +14,10 @@ import numpy as np
 
 from thermid.base.errors import ThermidError
 from thermid.base.files import FileKinds, check_ending, write_bytes, write_text
-from thermid.base.units import from_si, unit
+from thermid.base.units import ICE_POINT, from_si, unit
 from thermid.inference.criticism import Criticism
 from thermid.inference.intervals import Profile
 from thermid.measure.looks import Look
-from thermid.physics.constants import ICE_POINT
 from thermid.prediction.members import Hold, clock
 from thermid.qualify.profiles import ProfileRun
 from thermid.reporting._blocks.extras import extra

@@ -10,10 +10,9 @@ from typing import Any
 import numpy as np
 
 from thermid.base.sourced import VERDICTS, weigh
-from thermid.base.units import counted
+from thermid.base.units import ICE_POINT, counted
 from thermid.campaign.verdicts import Correlation, Limits, heading, spans
 from thermid.model.tree import flatten
-from thermid.physics.constants import ICE_POINT
 from thermid.qualify.plans import Qualification, Trial
 from thermid.reporting._blocks.content import (
     DASH,

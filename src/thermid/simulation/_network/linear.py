@@ -10,9 +10,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from thermid.base.dual import value_of
 from thermid.base.errors import DeckError, SolverError
-from thermid.base.linear_algebra import Array
+from thermid.base.linear_algebra import Array, value_of
 from thermid.simulation._network.network import Network, Numbers
 
 

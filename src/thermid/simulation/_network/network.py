@@ -17,11 +17,23 @@ from typing import Any, Final
 import numpy as np
 
 from thermid.base.codes import CodedText
-from thermid.base.dual import Number, value_of
 from thermid.base.errors import DeckError, errors_at
+from thermid.base.linear_algebra import Number, value_of
 from thermid.base.memo import Memo
-from thermid.model.elements import COMPLEMENT, Curve, HeatStore, Law, exposed_area
-from thermid.model.tree import Flat, FlatConductor, FlatLoad, FlatNode, Model, flatten, streams_of
+from thermid.model.tree import (
+    COMPLEMENT,
+    Curve,
+    Flat,
+    FlatConductor,
+    FlatLoad,
+    FlatNode,
+    HeatStore,
+    Law,
+    Model,
+    exposed_area,
+    flatten,
+    streams_of,
+)
 from thermid.simulation._network.controls import PHASE, ControlRow, control_names, control_row, phase_row, state_of
 from thermid.simulation._network.irradiation import absorbers
 from thermid.simulation._network.medium import TRACE, Media, check_gas_laws, conductors_with_trace

@@ -10,9 +10,8 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 
 from thermid import _kernel
-from thermid.base.dual import Number
-from thermid.base.linear_algebra import Array
-from thermid.model.elements import EXTENSION_REACH, Curve, Law
+from thermid.base.linear_algebra import Array, Number
+from thermid.model.tree import EXTENSION_REACH, Curve, Law
 
 ANCHOR: Final = _kernel.GAS_ANCHOR
 """Temperature to which the coefficients of gas laws refer. [K]"""

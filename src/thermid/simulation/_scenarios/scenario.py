@@ -11,8 +11,7 @@ from thermid.base.errors import ScenarioError, errors_at, refuse_unknown
 from thermid.base.expression import amount, instant, kelvin
 from thermid.base.results import Shown
 from thermid.base.units import TEMPERATURE
-from thermid.model.elements import Constant, Signal, TableSignal, check_span, in_run, literal, own_signal, signal
-from thermid.model.tree import Flat
+from thermid.model.tree import Constant, Flat, Signal, TableSignal, check_span, in_run, literal, own_signal, signal
 from thermid.simulation._network.environment import Environment
 from thermid.simulation._network.irradiation import Irradiation, Sky
 from thermid.simulation._network.medium import Media

@@ -10,11 +10,10 @@ from typing import Any, NamedTuple, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from thermid.base.dual import Dual, Number, gradient_of, value_of
 from thermid.base.errors import ScenarioError, nearest, refuse_unknown
-from thermid.base.linear_algebra import Array
+from thermid.base.linear_algebra import Array, Dual, Number, gradient_of, value_of
 from thermid.base.units import TEMPERATURE, require
-from thermid.model.elements import (
+from thermid.model.tree import (
     COMPLEMENT,
     Constant,
     Drawn,

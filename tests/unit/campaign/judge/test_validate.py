@@ -13,7 +13,7 @@ from thermid.campaign._judge.criteria import Criteria
 from thermid.campaign._judge.verdict import compare, validate
 from thermid.fit.calibration import Calibration, Request, build_problem, calibrate
 from thermid.measure.records import Record
-from thermid.model.elements import Standing
+from thermid.model.tree import Standing
 from unit.fit.bench import HTC, MASS, box, log, metered
 
 

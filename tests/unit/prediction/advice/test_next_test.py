@@ -37,7 +37,7 @@ def option(advice: td.design.Advice, start: str) -> Option:
 
 def made(level: Callable[[np.ndarray], np.ndarray], seed: int, hours: float = 4.0) -> td.Record:
     """The test as it would be logged, one reading a minute."""
-    from thermid.model.elements import TableSignal
+    from thermid.model.tree import TableSignal
 
     samples = int(60 * hours) + 1
     times = np.linspace(0.0, 3600.0 * hours, samples)
