@@ -180,7 +180,7 @@ _NAMESPACES = {
         "picture": "reporting.pictures",
     },
     "site": {
-        "OpenSky": "site.sky",
+        "OpenSky": "site.pad",
         "Site": "site.site",
         "Weather": "site.weather",
         "read_weather": "site.weather",

@@ -18,8 +18,8 @@ import thermid as td
 from thermid import errors
 from thermid.base.units import TEMPERATURE
 from thermid.campaign import _schema as campaign_schema
-from thermid.campaign._judge.criteria import METRICS, PLAIN
 from thermid.campaign._judge.schema import LimitTable
+from thermid.campaign._judge.verdict import METRICS, PLAIN
 from thermid.measure._readers.bindings import _KEYS as CHANNEL_KEYS
 from thermid.measure._record.record import STEPS
 from thermid.measure._record.sensor import _NUMBERS as PART_NUMBERS

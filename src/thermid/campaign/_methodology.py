@@ -17,7 +17,7 @@ from thermid.base.results import Shown
 from thermid.base.toml_files import Places, read_toml, resolve_inside
 from thermid.base.units import ICE_POINT, TEMPERATURE
 from thermid.campaign._file import read_campaign
-from thermid.campaign._judge.criteria import Residuals, metric
+from thermid.campaign._judge.verdict import Residuals, metric
 from thermid.campaign._stages import Campaign
 from thermid.fit.calibration import SensorTrace
 from thermid.model.deck import load_model

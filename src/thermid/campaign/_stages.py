@@ -29,8 +29,7 @@ from thermid.base.units import counted, duration_text, short
 from thermid.campaign._cache import changed_since, errors_kept, file_name, forget, recall, remember
 from thermid.campaign._file import CampaignSource, accepting, local_of, read_campaign, scenario_of
 from thermid.campaign._joint import JointFit, fit_jointly, joint_key
-from thermid.campaign._judge.criteria import Criteria
-from thermid.campaign._judge.verdict import Verdict, look, not_judged, validate
+from thermid.campaign._judge.verdict import Criteria, Verdict, look, not_judged, validate
 from thermid.fit.calibration import (
     FIRST,
     Calibration,

@@ -1,6 +1,7 @@
 """A model: parts within parts, laid flat, with the values of its parameters and the rules that check it.
 
-Its elements, their parameters, and what their laws are made of: signals, curves, stores. Which values of several places are one, and what a replaced part keeps.
+Its elements, their parameters, and what their laws are made of: signals, curves, stores.
+Which values of several places are one, and what a replaced part keeps.
 """
 
 from thermid.model._laws.curves import EXTENSION_REACH as EXTENSION_REACH, Curve as Curve
@@ -26,21 +27,19 @@ from thermid.model._laws.signal import (
 from thermid.model._laws.stores import HeatStore as HeatStore, Melt as Melt
 from thermid.model._parts.controls import COMPLEMENT as COMPLEMENT, named_control as named_control
 from thermid.model._parts.elements import (
-    LOAD_SLOTS as LOAD_SLOTS,
-    Conductor as Conductor,
-    Facing as Facing,
-    HeatLoad as HeatLoad,
-    MadeIn as MadeIn,
-    Node as Node,
-    degrees as degrees,
-    exposed_area as exposed_area,
-)
-from thermid.model._parts.kinds import (
     ACCOMMODATION as ACCOMMODATION,
     CARRIED_BY as CARRIED_BY,
     HINGES as HINGES,
     KINDS as KINDS,
+    LOAD_SLOTS as LOAD_SLOTS,
+    Conductor as Conductor,
+    Facing as Facing,
+    HeatLoad as HeatLoad,
     Law as Law,
+    MadeIn as MadeIn,
+    Node as Node,
+    degrees as degrees,
+    exposed_area as exposed_area,
 )
 from thermid.model._parts.parameter import (
     CREDIBLE as CREDIBLE,

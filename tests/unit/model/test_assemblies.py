@@ -15,7 +15,7 @@ import thermid as td
 from by_code import raises_code
 from thermid.base.errors import DeckError, ThermidError
 from thermid.model._deck.assemblies import cauer_of_foster
-from thermid.model._deck.save import save_model
+from thermid.model._deck.modelfile import save_model
 from thermid.physics.conduction import spreading_resistance
 
 ROOM = td.Scenario("room", boundaries={"air": "20 [degC]"}, start="20 [degC]", duration="20 [s]")

@@ -14,8 +14,7 @@ from thermid.base.errors import DeckError, SolverError
 from thermid.base.linear_algebra import Dual
 from thermid.base.units import TEMPERATURE
 from thermid.model._parts.controls import CONTROL_SLOTS, slot_of
-from thermid.model._parts.elements import LOAD_SLOTS, NODE_SLOTS
-from thermid.model._parts.kinds import KINDS
+from thermid.model._parts.elements import KINDS, LOAD_SLOTS, NODE_SLOTS
 from thermid.model._parts.ranges import RANGES, range_of
 from thermid.model._tree.flat import allows
 from thermid.simulation._ensemble import MemberValues

@@ -17,7 +17,7 @@ from thermid.base.linear_algebra import Array, Bools
 from thermid.base.results import Result, Row
 from thermid.base.sourced import VERDICTS, weigh
 from thermid.base.units import ICE_POINT
-from thermid.campaign._judge.criteria import CRITERIA, Check, Criteria, Deviation, Residuals, judge, rmse
+from thermid.campaign._judge.verdict import CRITERIA, Check, Criteria, Deviation, Residuals, judge, rmse
 from thermid.fit.calibration import Calibration
 from thermid.measure.records import Record, gap_from, usual_step
 from thermid.measure.steadiness import RULES

@@ -17,7 +17,6 @@ from thermid.base.linear_algebra import Array, value_of
 from thermid.base.units import short
 from thermid.fit.calibration import MEASURED, Calibration, Experiment, LocalSpec, Problem, Request, SensorTrace, clock_suffix, first_reading
 from thermid.fit.power import PowerCourse
-from thermid.inference._explain.causes import SIZES, SizedValue
 from thermid.inference._explain.thresholds import (
     DEFAULT_COLD_TEMPERATURE,
     HOUR,
@@ -27,10 +26,12 @@ from thermid.inference._explain.thresholds import (
     MAX_TIP_SHARE,
     PACES,
     SETTLING_PACES,
+    SIZES,
     SLOWEST_MASS,
     SLOWEST_SAMPLES,
     START_SHARE,
     WRONG_HOURS,
+    SizedValue,
 )
 from thermid.model.tree import Conductor, Curve, HeatLoad, Model, Node, parameter
 from thermid.simulation.runs import Network, Scenario, compile_network

@@ -21,7 +21,6 @@ from thermid.base.units import short
 from thermid.fit.calibration import MEASURED, Calibration, Experiment, Request, Unknown, build_problem, fit_problem
 from thermid.fit.discrepancy import FREE_AIR, constant_coefficients
 from thermid.inference._explain.candidates import Fitted, MissingElement, hidden_defects
-from thermid.inference._explain.causes import SizedValue
 from thermid.inference._explain.structures import linearised, starting_values
 from thermid.inference._explain.thresholds import (
     FAR_PART,
@@ -41,6 +40,7 @@ from thermid.inference._explain.thresholds import (
     MIN_PROMISED_FALL,
     UNDETERMINED,
     VERY_STRONG,
+    SizedValue,
 )
 from thermid.inference._explain.weighing import CauseScore, noise_of, shares, weighed_at
 from thermid.measure.records import Channel, Record

@@ -17,10 +17,10 @@ from thermid.base.linear_algebra import Array
 from thermid.base.results import Result
 from thermid.fit.calibration import Calibration
 from thermid.inference._explain.candidates import Fault, faults_of
-from thermid.inference._explain.causes import GROUPS
 from thermid.inference._explain.thresholds import (
     DIAGNOSED_ROUNDS,
     DIAGNOSED_STRETCHES,
+    GROUPS,
     LEFT_BY_EVERY_MODEL,
     MAX_DIAGNOSED_FAULTS,
     MIN_EXPLAINED_SHARE,

@@ -38,7 +38,6 @@ from thermid.fit.calibration import (
     white_rows,
 )
 from thermid.inference._explain.candidates import Fitted, MissingElement
-from thermid.inference._explain.causes import SizedValue
 from thermid.inference._explain.thresholds import (
     ABOUT_START,
     ANY_VALUE,
@@ -55,6 +54,7 @@ from thermid.inference._explain.thresholds import (
     SEARCH_DONE_STEP,
     TIE,
     WIDE_ERRORS,
+    SizedValue,
 )
 from thermid.inference._explain.weighing import CauseScore, noise_of, seen_in_stretches, weighed_at, weighed_in_noise
 from thermid.model.tree import Constant, TableSignal, exact

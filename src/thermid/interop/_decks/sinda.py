@@ -24,16 +24,24 @@ from thermid.interop._decks.emissivities import FileEmissivity, optical_properti
 from thermid.interop._decks.heat_rates import CALL, SUFFIX, CommentedArrays, heat_rates, owner_of
 from thermid.interop._decks.network_file import (
     SCALED,
+    DeckReading,
     FileConductor,
     FileCourse,
     FileLoad,
     FileNode,
+    Line,
     NetworkFile,
     TextSpan,
+    acts,
+    fields,
     fortran,
     identifier,
+    nesting,
+    numbered,
+    stream,
+    with_defined_ends,
+    with_unit,
 )
-from thermid.interop._decks.statements import DeckReading, Line, acts, fields, nesting, numbered, stream, with_defined_ends, with_unit
 from thermid.interop._wired import distinct
 from thermid.physics.constants import STEFAN_BOLTZMANN
 

@@ -21,9 +21,9 @@ from thermid.base.grammar import StrictTable
 from thermid.base.units import unit
 from thermid.model._deck.fields import Raw, plain, value_table
 from thermid.model._deck.rows import Reader, rows_of_file
-from thermid.model._laws.refusals import Where, refuse_first
+from thermid.model._laws.curves import Where, refuse_first
 from thermid.model._laws.signal import literal
-from thermid.model._parts.kinds import KINDS
+from thermid.model._parts.elements import KINDS
 
 MAX_TWO_RESISTOR_ERROR: Final = 0.3
 """Largest error of a junction's rise by a two-resistor model, as a share, in comparisons with detailed models (DELPHI project;

@@ -3,21 +3,40 @@
 A smooth table is a monotone cubic: slopes after Fritsch and Butland, SIAM J. Sci. Stat. Comput. 5 (1984) 300, as SciPy computes them, add
 no new extremes. A curve made from a function has the function's own slopes. Outside its points a table keeps its last value, or goes on as
 a straight line, or is refused.
+
+Rules of an element as a table: what may not be, and what is said of it.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
-from typing import Any, Final
+from typing import Any, Final, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 from thermid.base.errors import DeckError
-from thermid.model._laws.refusals import refuse_first
+
+Where = Callable[[str], str]
+"""Key below an element, or none for the element itself -> its place in the deck."""
+Rule: TypeAlias = tuple[object, str, str, str]
+"""Whether it is broken, the message for that, the key that the message is about, and the code of the cause."""
+
+
+def refuse_first(where: Where, *rules: Rule) -> None:
+    """Refuse an element for the first of some rules that it breaks.
+
+    Raises
+    ------
+    DeckError   At the rule's key, with its message and code.
+    """
+    for broken, message, key, code in rules:
+        if broken:
+            raise DeckError(message, where(key), code=code)
+
 
 INTERPOLATIONS: Final = ("linear", "smooth")
 """How a table runs between its points; the first is the default."""

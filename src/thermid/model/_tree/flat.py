@@ -17,9 +17,8 @@ from thermid.model._laws.curves import Curve
 from thermid.model._laws.signal import Signal
 from thermid.model._laws.stores import HeatStore, potential, store
 from thermid.model._parts.controls import COMPLEMENT, Control, ModeChange, named_control, of_difference, slot_of
-from thermid.model._parts.elements import CONTROLS, LOAD_SLOTS, NODE_SLOTS, Facing, HeatLoad, Joint, MadeIn, Surface, Take
+from thermid.model._parts.elements import CONTROLS, KINDS, LOAD_SLOTS, NODE_SLOTS, Facing, HeatLoad, Joint, Law, MadeIn, Surface, Take
 from thermid.model._parts.enclosures import Enclosed, Face, FaceExchange, pairs
-from thermid.model._parts.kinds import KINDS, Law
 from thermid.model._parts.ranges import RANGES, Range, outside, range_of
 from thermid.model._tree.tree import Names, ParameterSet, Tree
 from thermid.physics.gas import GASES

@@ -14,9 +14,8 @@ from thermid.base.units import from_si, in_si, unit
 from thermid.model._laws.curves import INTERPOLATIONS, OUTSIDE, Curve
 from thermid.model._laws.stores import SLOPES, TABULATED
 from thermid.model._parts.controls import Control
-from thermid.model._parts.elements import CONTROLS, Conductor, MadeIn, Node, finish_emissivity, gap_scatter
+from thermid.model._parts.elements import CONTROLS, KINDS, Conductor, MadeIn, Node, finish_emissivity, gap_scatter
 from thermid.model._parts.enclosures import enclosure_to
-from thermid.model._parts.kinds import KINDS
 from thermid.model._parts.parameter import UNJUDGED, Parameter, parameter
 from thermid.model._tree.tree import Layer, M, Tree
 

@@ -33,7 +33,7 @@ from thermid.reporting._blocks.content import (
 )
 from thermid.reporting._blocks.extras import Sheets, check_page, write_page
 from thermid.reporting._pages import tables
-from thermid.reporting._pages.front import VERDICTS_TABLE, front
+from thermid.reporting._pages.campaign import VERDICTS_TABLE, front
 from thermid.reporting._pages.tables import glance
 
 

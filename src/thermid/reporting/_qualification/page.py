@@ -35,7 +35,7 @@ from thermid.reporting._blocks.content import (
     number,
 )
 from thermid.reporting._blocks.extras import check_page, write_page
-from thermid.reporting._pages.front import SYNTHETIC
+from thermid.reporting._pages.campaign import SYNTHETIC
 from thermid.reporting._pages.tables import versions
 from thermid.reporting._pictures import figures
 from thermid.reporting._pictures.chart import Area, Stroke

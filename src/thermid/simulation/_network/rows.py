@@ -104,7 +104,7 @@ def heat(form: str, coefficients: Sequence[Any], curve: Curve | None, hot: Array
 
     Parameters
     ----------
-    form : str                  As in `thermid.model._parts.kinds.Law`.
+    form : str                  As in `thermid.model._parts.elements.Law`.
     coefficients : sequence     Floats or arrays (times,). [SI]
     curve : Curve or None       For tables.
     hot, cold : array (times,)  Temperatures of the first and the second end. [K]
