@@ -21,7 +21,7 @@ from thermid.model.tree import Model
 from unit.fit.estimation.rig import Array, logged, rig, run
 
 RULE = rule_of("3 C/h")
-STEP = 20.0
+STEP = 10.0
 """Between readings of the logs. [s]"""
 DECK = """
 title = "rig"
@@ -105,7 +105,7 @@ def test_the_studio_says_what_the_command_prints(tmp_path: Path, count: int) -> 
     for k in range(count):
         courses = warm(900.0 + 300.0 * (k % 8))
         if k % 4 == 0:
-            courses["case"][-20:] = 273.15  # a sensor that fell off
+            courses["case"][-40:] = 273.15  # a sensor that fell off
         path, (known, asked, given) = write(tmp_path / f"log{k}.csv", courses, k), list(ways.values())[k % len(ways)]
         rule, within = ("3 C/h", "1 K over 4 h")[k % 2], (1.0, 0.3)[k // 2 % 2]
         told = LiveWatch(known).look(path, rule_of(rule), {**asked, "within": within})
@@ -143,7 +143,7 @@ def test_a_deck_foresees_the_end_and_its_hidden_node(log: Callable[..., Path]) -
 
 def test_a_fault_is_an_alarm_that_stays(tmp_path: Path) -> None:
     courses = warm(3600.0)
-    courses["case"][125:] = 273.15
+    courses["case"][250:] = 273.15
     told = LiveWatch(held()).look(write(tmp_path / "run.csv", courses, 3), RULE, {"boundaries": "air=22"})
     assert told["alarms"][0]["suspect"] == "case"
     assert told["advice"] == "declined"
