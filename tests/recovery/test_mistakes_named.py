@@ -70,7 +70,9 @@ def test_at_most_3_of_100_clean_campaigns_name_a_mistake(tmp_path: Path) -> None
 
 
 def test_exchanged_temperatures_are_named_where_the_clock_of_a_joined_log_is_left_to_the_fit(tmp_path: Path) -> None:
+    """From the deck's values alone; with the descents from elsewhere in the campaign."""
     case = swapped(0, SEED, tmp_path)
+    case.path.write_text(case.path.read_text().replace("[[stages]]\n", '[[stages]]\nsearch = "local"\n'))
     assert judged(case, named(case.path)) == "named"
 
 

@@ -303,7 +303,8 @@ def pad_scenario(
                 code="value.incomplete",
             )
         falling["*"] = open_sky(place, instant, seconds, weather, downward, air, albedo, turbidity, sun)
-    coefficients = {path: _coefficient(weather, table, place.pressure, f"{title}, wind.{path}") for path, table in (wind or {}).items()}
+    tables = (wind or {}).items()
+    coefficients = {p: _coefficient(weather, temperature, table, place.pressure, f"{title}, wind.{p}") for p, table in tables}
     return Scenario(
         title=title,
         duration=seconds,
@@ -384,7 +385,7 @@ def wind_htc(speed: Any, length: float, temperature: Any, pressure: float, calm:
     return out
 
 
-def _coefficient(weather: Weather | None, table: Mapping[str, Any], pressure: float, where: str) -> Signal:
+def _coefficient(weather: Weather | None, air: Signal, table: Mapping[str, Any], pressure: float, where: str) -> Signal:
     """Return a coefficient that follows wind, and rain that leaves as warm as the wall. [W/(m^2 K)]"""
     if weather is None or "wind" not in weather:
         raise ScenarioError(
@@ -405,10 +406,9 @@ def _coefficient(weather: Weather | None, table: Mapping[str, Any], pressure: fl
     wet = table.get("rain", "")
     if wet not in ("", "roof", "wall"):
         raise ScenarioError(f"rain falls on a 'roof' or is driven on a 'wall', not on a '{wet}'.", where, code="value.wrong-kind")
-    kelvin = TableSignal(*weather["dry_bulb"]) if "dry_bulb" in weather else Constant(300.0)
     fall = TableSignal(*weather["rain"]) if wet else Constant(0.0)
     # straight between the rows of the weather: a correlation is no better than that
-    return Mixed(Swept(length, pressure, calm, wet), (TableSignal(*weather["wind"]), kelvin, fall), math.inf)
+    return Mixed(Swept(length, pressure, calm, wet), (TableSignal(*weather["wind"]), air, fall), math.inf)
 
 
 @dataclass(frozen=True)

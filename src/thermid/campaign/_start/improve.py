@@ -141,6 +141,8 @@ def improve(path: Path, stage: str = "", evaluations: int = EVALUATIONS, data: P
     names = [s.name for s in source.content.stages]
     name = stage or names[-1]
     refuse_unknown([name], names, path.name, "no stage '{}'.", DeckError)
+    campaign = path.with_name(f"{path.stem}_{NEXT}.toml")
+    may_write(campaign, TEMPLATE.titled(campaign.stem))  # refused now, and not after the search
     before = run_stages(source.unjudged, cache=path.parent / "results", executor=executor).stages[name]
     if before.request is None or not before.request.records:
         raise DeckError(
@@ -298,12 +300,10 @@ def _written(path: Path, stage: str, before: Request, after: Request, delays: Se
         table["local"] = tomlkit.item({**dict(table.get("local", {})), **local})
     for delay in delays:
         with_step(document["records"][delay.table], delay)
-    kind = TEMPLATE.titled(campaign.stem)
-    may_write(campaign, kind)
     folder.mkdir(exist_ok=True)
     model = replace(after.model, title=f"{after.model.title} {NEXT}")
     save_model(model, deck)
-    write_text(campaign, tomlkit.dumps(document), kind)
+    write_text(campaign, tomlkit.dumps(document), TEMPLATE.titled(campaign.stem))
     return [deck, campaign]
 
 

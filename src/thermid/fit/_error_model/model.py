@@ -329,20 +329,20 @@ def _averaged(runs: RunsOfFit, way: Way, laws: Mapping[str, ElementLaw], centre:
     prior, few = left_prior(), sizes_at(even_points(max(sets * FIRST_SETS // SETS, 1), len(GROUPS)))
     first = {r: prior[r] + log_sum(several.log_evidence) for r, several in runs.posteriors(centre, few).items()}
     likely = [remainder for remainder, share in zip(first, weights_of(list(first.values())), strict=True) if share > LIKELY]
-    parts, sizes = [], []
+    members, logs_of, sizes = list[Members](), [], []
     for remainder in likely:
-        members: list[Members] = []
 
-        def evidence(points: Array, remainder: tuple[float, float] = remainder, members: list[Members] = members) -> Array:
+        def evidence(points: Array, remainder: tuple[float, float] = remainder) -> Array:
             """Return the log evidence at points (points, sizes) of the hyperparameters."""
             members.append(runs.posterior(centre, sizes_at(points), remainder))
             return members[-1].log_evidence
 
         points, logs = sampled(evidence, sets, len(GROUPS), max(min(SIZE_ROUNDS, sets // (2 * len(GROUPS))), 1))
-        parts.append(replace(Members.joined(members), log_evidence=logs + prior[remainder] - float(np.log(sets))))
+        logs_of.append(logs + prior[remainder] - float(np.log(sets)))
         sizes.append(sizes_at(points))
     sizes_left = np.repeat([(SIZES["left"].value * size, time) for size, time in likely], sets, axis=0)
-    return FittedWay(way, laws, runs, Members.joined(parts), np.concatenate(sizes), sizes_left)
+    joined = replace(Members.joined(members), log_evidence=np.concatenate(logs_of))
+    return FittedWay(way, laws, runs, joined, np.concatenate(sizes), sizes_left)
 
 
 def evidence_of_structure(problem: Problem, fitted: Array, courses: Sequence[ElementCourse]) -> float:
