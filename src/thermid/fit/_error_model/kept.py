@@ -27,6 +27,7 @@ from thermid.fit._error_model.elements import (
     EXPONENT_OF,
     SHARE_OF,
     TREND_OF,
+    WITH_ENTRIES,
     WITH_PATHS,
     ElementLaw,
     JointLaw,
@@ -136,9 +137,9 @@ class KeptWay:
         return self.name.partition(", ")[0]
 
     @property
-    def beside_deck(self) -> tuple[bool, bool]:
-        """Whether a finish is not the deck's, and whether a path to a boundary is there that the deck lacks."""
-        return ANOTHER in self.name, self.name.endswith(WITH_PATHS)
+    def beside_deck(self) -> tuple[bool, bool, bool]:
+        """Whether a finish is not the deck's, and whether there is what the deck lacks: a path to a boundary, parts where heat enters."""
+        return ANOTHER in self.name, self.name.endswith(WITH_PATHS), self.name.endswith(WITH_ENTRIES)
 
     @property
     def way(self) -> Way:

@@ -11,6 +11,7 @@ import numpy as np
 from thermid.base.linear_algebra import Array
 from thermid.fit._error_model.courses import ElementCourse, OperatingPoint
 from thermid.fit._error_model.elements import (
+    WITH_ENTRIES,
     DepartureHeat,
     ElementLaw,
     PathLaw,
@@ -19,6 +20,7 @@ from thermid.fit._error_model.elements import (
     conductors_of,
     gradient,
     hidden_mass,
+    late_heat,
     moved_heat,
     places,
     room_heats,
@@ -32,6 +34,8 @@ from thermid.fit._error_model.sizes import (
     EVERY,
     GRADIENT,
     HEATED,
+    LATE_SHARE,
+    LATE_TIME,
     LEFT_OVER,
     LENGTHS,
     NODES,
@@ -178,10 +182,14 @@ class Departures:
                 phi, _ = smooth_departure.along(c, course, thinned(network, c))
                 for k, column in enumerate(phi.T):
                     add(f"departure {k}", smooth_departure.kind, 1.0, heat * column)
+        heated = {node for node, _ in course.powers.values()}
         for node in (n for n in self.nodes if n in course.stores):
             for time in self.hidden:
                 name = f"mass ({time:.3g} s) of {node}"
                 out.append((UnknownColumn(name, "hidden", 1.0, node), hidden_mass(name, course, node, time)))
+            for time in (LATE_TIME * time for time in self.hidden if way.name.endswith(WITH_ENTRIES) and node in heated):
+                name = f"late heat ({time:.3g} s) of {node}"
+                out.append((UnknownColumn(name, "", LATE_SHARE, node), late_heat(name, network, course, node, time)))
         for node in way.spots:
             name = f"gradient of {node}"
             out.append((UnknownColumn(name, "", GRADIENT, node), gradient(name, network, course, node)))
