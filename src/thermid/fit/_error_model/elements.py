@@ -407,29 +407,23 @@ def lagged(x: Array, t: Array, time: float) -> Array:
     return out
 
 
-def hidden_mass(name: str, course: ElementCourse, node: str, time: float) -> DepartureHeat:
-    """Return what a mass of the size of a node's own takes up behind it, with a time constant: ``C (T - T_h) / tau``."""
-    kelvin, t = course.kelvin[node], course.times
-    watts = -course.stores[node][1] * (kelvin - lagged(kelvin, t, time)) / time
-    watts[-1] *= not course.settled
-    return DepartureHeat(name, ((node, TableSignal(t, watts, False)),))
+def late_heat(name: str, course: ElementCourse, node: str, watts: Array, time: float) -> DepartureHeat:
+    """Return what a course of heat (times,) that enters a node with a time constant [s] is more than at once. [W]
+
+    The heat of its loads enters so through a part; and a mass of the size C of the node's own behind it takes up ``C (T - T_h) / tau``.
+    """
+    more = lagged(watts, course.times, time) - watts
+    more[-1] *= not course.settled
+    return DepartureHeat(name, ((node, TableSignal(course.times, more, False)),))
 
 
 def entering_heat(network: Network, course: ElementCourse, node: str) -> Array:
     """Return the heat of all loads of a node (times,), with what leaves it at the beginning for the first: a run begins in balance. [W]"""
-    t, loads = course.times, {load.path for load in network.flat.loads}
-    signals = [in_run(power, float(t[-1])) for load, (at, power) in course.powers.items() if at == node and load in loads]
-    entering = sum((0.5 * (s.at(np.maximum(t - 1.0, 0.0)) + s.at(np.minimum(t + 1.0, t[-1]))) for s in signals), np.zeros(t.size))
+    t, loads = course.times, {load.path for load in network.flat.loads if load.node == node}
+    signals = [in_run(power, float(t[-1])) for load, (_, power) in course.powers.items() if load in loads]
+    entering: Array = sum((0.5 * (s.at(np.maximum(t - 1.0, 0.0)) + s.at(np.minimum(t + 1.0, t[-1]))) for s in signals), np.zeros(t.size))
     entering[0] -= course.stores[node][0][0]
-    return np.asarray(entering)
-
-
-def late_heat(name: str, network: Network, course: ElementCourse, node: str, time: float) -> DepartureHeat:
-    """Return what a part through which all heat of a node's loads enters takes up and gives back, with its time constant. [s]"""
-    entering = entering_heat(network, course, node)
-    watts = lagged(entering, course.times, time) - entering
-    watts[-1] *= not course.settled
-    return DepartureHeat(name, ((node, TableSignal(course.times, watts, False)),))
+    return entering
 
 
 def gradient(name: str, network: Network, course: ElementCourse, node: str) -> DepartureHeat:

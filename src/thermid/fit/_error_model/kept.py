@@ -365,8 +365,9 @@ class ErrorModel(Result):
 
     @property
     def carriers(self) -> dict[str, float]:
-        """What may carry the heat of surfaces, and with which finish -> its probability by the readings. [-]"""
-        return {w.name: w.weight for w in self.ways}
+        """What may carry the heat of surfaces, and with which finish -> its probability by the readings, whatever the deck lacks. [-]"""
+        names = [w.name.removesuffix(WITH_PATHS).removesuffix(WITH_ENTRIES) for w in self.ways]
+        return {n: sum(w.weight for w, other in zip(self.ways, names, strict=True) if other == n) for n in names}
 
     @property
     def sizes(self) -> dict[str, float]:
