@@ -492,7 +492,7 @@ def carrier_words(budget: Budget, bands: Mapping[str, Band]) -> list[str]:
     if share < MIN_CARRIER_PROBABILITY:
         return []
     carriers = {w.kept[0].carrier: sum(x.weight for x in budget.ways if x.kept[0].carrier == w.kept[0].carrier) for w in budget.ways}
-    finish, path = (sum(w.weight for w in budget.ways if w.kept[0].beside_deck[k]) for k in (0, 1))
+    finish, path, entry = (sum(w.weight for w in budget.ways if w.kept[0].beside_deck[k]) for k in range(3))
     named = ", ".join(f"{name} {100 * weight:.0f} %" for name, weight in carriers.items())
     words = {
         f"no deck states what carries the heat of its surfaces; the readings say {named}. State carried_by: the bands narrow": min(
@@ -502,6 +502,8 @@ def carrier_words(budget: Budget, bands: Mapping[str, Band]) -> list[str]:
         'it source = "measured": the bands narrow': finish,
         f"a path carries heat to a boundary that the deck lacks, with a probability of {100 * path:.0f} %. Write it into the "
         "deck, where there may be one, and fit it": path,
+        f"heat enters its node through a part that the deck lacks, with a probability of {100 * entry:.0f} %. Write it into the deck, and "
+        "give its power to it": entry,
     }
     return [text for text, weight in words.items() if MIN_CARRIER_PROBABILITY <= weight < 1.0]
 

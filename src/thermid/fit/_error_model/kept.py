@@ -27,6 +27,7 @@ from thermid.fit._error_model.elements import (
     EXPONENT_OF,
     SHARE_OF,
     TREND_OF,
+    WITH_ENTRIES,
     WITH_PATHS,
     ElementLaw,
     JointLaw,
@@ -135,9 +136,9 @@ class KeptWay:
         return self.name.partition(", ")[0]
 
     @property
-    def beside_deck(self) -> tuple[bool, bool]:
-        """Whether a finish is not the deck's, and whether a path to a boundary is there that the deck lacks."""
-        return ANOTHER in self.name, self.name.endswith(WITH_PATHS)
+    def beside_deck(self) -> tuple[bool, bool, bool]:
+        """Whether a finish is not the deck's, and whether there is what the deck lacks: a path to a boundary, parts where heat enters."""
+        return ANOTHER in self.name, self.name.endswith(WITH_PATHS), self.name.endswith(WITH_ENTRIES)
 
     @property
     def way(self) -> Way:
@@ -363,8 +364,9 @@ class ErrorModel(Result):
 
     @property
     def carriers(self) -> dict[str, float]:
-        """What may carry the heat of surfaces, and with which finish -> its probability by the readings. [-]"""
-        return {w.name: w.weight for w in self.ways}
+        """What may carry the heat of surfaces, and with which finish -> its probability by the readings, whatever the deck lacks. [-]"""
+        names = [w.name.removesuffix(WITH_PATHS).removesuffix(WITH_ENTRIES) for w in self.ways]
+        return {n: sum(w.weight for w, other in zip(self.ways, names, strict=True) if other == n) for n in names}
 
     @property
     def sizes(self) -> dict[str, float]:
@@ -630,7 +632,8 @@ def with_structural_errors(fit: Calibration, errors: ErrorsOfFit) -> Calibration
 
     A value stays where its fit found it. Where the covariance by the model of error, and what that would move values by, say more than the
     fit, the difference becomes sources of its errors: they go into files and to the stages above with its values, and no error becomes
-    smaller. A fit whose readings contradict its model of error is not adequate. Where elements are not followed a warning says why.
+    smaller. A fit whose readings contradict its model of error is not adequate, and of one that is not adequate the fitted values stand.
+    Where elements are not followed a warning says why.
     """
     request = fit.request
     assert request is not None
@@ -644,7 +647,8 @@ def with_structural_errors(fit: Calibration, errors: ErrorsOfFit) -> Calibration
         return replace(fit, warnings=(*fit.warnings, words))
     if not request.structural_errors and errors.numbers["gain"] < MIN_LOG_BAYES_FACTOR:
         return fit  # what wanders is as likely noise
-    fit = _widened(fit, errors.numbers["moved"], np.array(errors.numbers["covariance"]), contradiction)
+    unfit = contradiction or fit.own.because * (fit.own.state == "not adequate")
+    fit = _widened(fit, errors.numbers["moved"], np.array(errors.numbers["covariance"]), unfit)
     return fit if fit.blame != LAW else _with_explanation(fit, ErrorModel.from_dict(table).exponents)
 
 
@@ -683,7 +687,7 @@ def _widened(fit: Calibration, moved: Mapping[str, float], covariance: Array, un
         "stages above. The fitted values, which -v prints beside them, draw the curves, with wider errors."
     )
     if unexplained:
-        quote = f"No departure of its elements explains them: {unexplained}. Find the cause first. Errors count what departures would move."
+        quote = f"Do not quote these values yet: {unexplained}. Find the cause first. Errors count what departures would move."
     fit = replace(fit, expected=expected, unexplained=unexplained)
     at_fit, at_estimates = (far_from_sheet(fit.given_model, v) for v in (fit.values, fit.estimates))
     doubted = {w.split(" is ")[0] for w in at_fit} - {w.split(" is ")[0] for w in at_estimates}

@@ -11,14 +11,16 @@ import numpy as np
 from thermid.base.linear_algebra import Array
 from thermid.fit._error_model.courses import ElementCourse, OperatingPoint
 from thermid.fit._error_model.elements import (
+    WITH_ENTRIES,
     DepartureHeat,
     ElementLaw,
     PathLaw,
     Way,
     class_of,
     conductors_of,
+    entering_heat,
     gradient,
-    hidden_mass,
+    late_heat,
     moved_heat,
     places,
     room_heats,
@@ -32,6 +34,8 @@ from thermid.fit._error_model.sizes import (
     EVERY,
     GRADIENT,
     HEATED,
+    LATE_SHARE,
+    LATE_TIME,
     LEFT_OVER,
     LENGTHS,
     NODES,
@@ -177,10 +181,13 @@ class Departures:
                 phi, _ = smooth_departure.along(c, course, thinned(network, c))
                 for k, column in enumerate(phi.T):
                     add(f"departure {k}", smooth_departure.kind, 1.0, heat * column)
+        heated = {node for node, _ in course.powers.values()} if way.name.endswith(WITH_ENTRIES) else ()
         for node in (n for n in self.nodes if n in course.stores):
-            for time in self.hidden:
-                name = f"mass ({time:.3g} s) of {node}"
-                out.append((UnknownColumn(name, "hidden", 1.0, node), hidden_mass(name, course, node, time)))
+            whole = course.stores[node][1] * course.kelvin[node]
+            late = [(f"mass ({time:.3g} s) of {node}", "hidden", 1.0, whole / time, time) for time in self.hidden]
+            for time in (LATE_TIME * time for time in self.hidden if node in heated):
+                late.append((f"late heat ({time:.3g} s) of {node}", "", LATE_SHARE, entering_heat(network, course, node), time))
+            out += [(UnknownColumn(n, group, size, node), late_heat(n, course, node, w, time)) for n, group, size, w, time in late]
         for node in way.spots:
             name = f"gradient of {node}"
             out.append((UnknownColumn(name, "", GRADIENT, node), gradient(name, network, course, node)))
