@@ -12,6 +12,7 @@ from thermid.model._tree.identity import (
     outside as outside,
 )
 from thermid.model._tree.replacement import (
+    COEFFICIENTS as COEFFICIENTS,
     Dropped as Dropped,
     PlaceStart as PlaceStart,
     Replacement as Replacement,
