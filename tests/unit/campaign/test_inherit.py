@@ -175,8 +175,6 @@ def test_a_coefficient_that_meets_a_node_and_met_a_boundary_may_be_another() -> 
     assert again.error(f"a.{path}") == pytest.approx(carried["inside"].error(path), rel=1e-9), "counted once, where it happened"
     truth = {path: "5.04 [W/(m^2 K)]"}
     data = log(housed("inside"), truth, {"T": "unit.case", "W": "wall"}, boundary="room", hours=12.0)
-    found = calibrate(
-        housed("inside"), data, [path, f"unit.{MASS}", "inner.effective_htc", "outer.effective_htc"], inherit={"unit": alone}
-    )
+    found = calibrate(housed("inside"), data, [path, f"unit.{MASS}", "inner.effective_htc", "outer.effective_htc"], inherit={"unit": alone})
     assert abs(found[path].value - 5.04) < 2.0 * found[path].error
     assert found[path].error < 0.15 * found[path].value
