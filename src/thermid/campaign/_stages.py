@@ -44,7 +44,6 @@ from thermid.fit.calibration import (
     freed,
     priors_of,
     shared_paths,
-    weighing,
 )
 from thermid.fit.error_model import Keeping
 from thermid.fit.power import SHAPES, recovered
@@ -167,7 +166,7 @@ def request_of(source: CampaignSource, stage: StageTable, k: int, done: Mapping[
         priors=priors_of(model, {p: t if isinstance(t, str) else (t.mean, t.sd) for p, t in stage.priors.items()}, where),
         store=store,
         prior=prior,
-        **weighing(stage.weights, where),
+        weights=stage.weights,
         loss_scale=stage.knee,
         untie=stage.untie is True,
         loss=stage.loss,

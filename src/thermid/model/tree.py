@@ -78,6 +78,7 @@ from thermid.model._tree.identity import (
 )
 from thermid.model._tree.model import Model as Model, identities as identities
 from thermid.model._tree.replacement import (
+    COEFFICIENTS as COEFFICIENTS,
     Dropped as Dropped,
     PlaceStart as PlaceStart,
     Replacement as Replacement,

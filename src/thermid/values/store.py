@@ -21,6 +21,7 @@ from thermid.base.linear_algebra import Array, symmetric_inverse
 from thermid.base.results import Row, Shown
 from thermid.base.units import counted
 from thermid.model.tree import (
+    COEFFICIENTS,
     SET,
     UNJUDGED,
     Dropped,
@@ -31,6 +32,7 @@ from thermid.model.tree import (
     Standing,
     Tree,
     exact,
+    flatten,
     inside,
     instances,
     local_identities,
@@ -44,6 +46,9 @@ MAX_NAMED_VALUES = 8
 EXPECTED, AS_FITTED = ": expected if elements depart", ": as fitted"
 """Parts of the names of sources of fitted values alone: how far they are expected from where their fit found them, which is no chance, and
 what the fit leaves open beyond the model of error. They count in errors; a fit above has the values as priors where they are expected."""
+SURROUNDINGS = 0.15
+"""Relative standard deviation of a coefficient from one place to another: the size of a departure of surfaces that public test sets taught
+(`thermid.fit._error_model.sizes`)."""
 INPUT = "input"
 """Kind of a value: the constant error of a logged boundary [K], or of a logged power as a share of the reading; reading minus truth."""
 
@@ -684,6 +689,7 @@ def graft(model: Model, below: Sequence[tuple[str, Store]], untied: Sequence[str
     parts = [(part, store) for part, store, _ in placed]
     for part, store in parts:
         _refuse_misplaced(model, part, store)
+    parts = [(part, _among_nodes(model, part, store) if part else store) for part, store in parts]
     sources = tuple({s.name: s for _, store in parts for s in store.sources}.values())
     place = {s.name: k for k, s in enumerate(sources)}
     offered: dict[str, list[tuple[str, State, Array]]] = {}
@@ -711,6 +717,26 @@ def graft(model: Model, below: Sequence[tuple[str, Store]], untied: Sequence[str
     )
     whole, apart = _at_twins(model, whole, untied)
     return whole.trimmed(), (*remarks, *apart)
+
+
+def _among_nodes(model: Model, part: str, store: Store) -> Store:
+    """Return the store of a part in which coefficients that meet a node outside of it have a source more: alone, they met a boundary.
+
+    Gas in a housing carries less than that of a room, by how much no reading of the part alone says. Values that are one have one source.
+    """
+    flat = flatten(model)
+    nodes = {n.path for n in flat.nodes}
+    faces = [c for c in flat.conductors if c.gas in nodes and inside(c.path, part) and not inside(c.gas, part)]
+    met = {c.fields[name] for c in faces for name in COEFFICIENTS if name in c.fields}
+    met_by: dict[str, list[int]] = {}
+    for k, s in enumerate(store.states.values()):
+        if s.known and met.intersection(s.under(part).paths):
+            met_by.setdefault(f"{s.origin.key[:16]}:{s.path.removeprefix(s.at).lstrip('.')} among nodes", []).append(k)
+    states, rows = [*store.states.values()], np.zeros((len(store.states), len(met_by)))
+    for column, places in enumerate(met_by.values()):
+        rows[places, column] = [SURROUNDINGS * (1.0 if states[k].log else states[k].value) for k in places]
+    sources = (Source(name, "structural", Normal(), "coefficients of a part that meet a node, and met a boundary") for name in met_by)
+    return replace(store, sources=(*store.sources, *sources), root=np.hstack([store.root, rows]))
 
 
 def _refuse_misplaced(model: Model, part: str, store: Store) -> None:

@@ -206,6 +206,21 @@ class TestConstantErrorsOfInstruments:
         assert found["METER error"].prior == (0.0, pytest.approx(0.01))
         assert found["METER error"].error <= 0.01 * (1 + 1e-9)
 
+    @pytest.mark.parametrize(
+        "law",
+        [
+            {"temperature_coefficient": "-0.01 [1/K]", "reference_temperature": "20 [degC]"},
+            {"exponential_coefficient": "0.01 [1/K]", "reference_temperature": "20 [degC]"},
+            {"thermostat": {"on_below": "0 [degC]", "off_above": "1 [degC]"}},
+        ],
+        ids=lambda law: next(iter(law)),
+    )
+    def test_a_logged_power_is_what_heated(self, model: Model, law: dict[str, object]) -> None:
+        record = metered(log(model, {}, {"T": "case"}, samples=61), "heat", 4.0)
+        other = box({f"loads/heat/{name}": value for name, value in law.items()})
+        ends = [simulate(m, bind(m, record).scenario, times=record.times)["case"].kelvin for m in (model, other)]
+        np.testing.assert_allclose(*ends, rtol=0, atol=1e-6)
+
     def test_pauses_do_not_make_a_meter_worse(self, model: Model) -> None:
         watts = np.where(np.arange(301) % 100 < 20, 4.0, 0.0)
         found = bind(model, metered(log(model, {}, {"T": "case"}), "heat", watts, accuracy=0.04))

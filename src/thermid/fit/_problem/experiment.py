@@ -975,7 +975,7 @@ def bind(
         else:
             role = _driving(channel, role, record)
             inputs.take(channel, role, path, signal_of(record, channel, role, zero), errors)
-    network = network.without_controls(inputs.metered)
+    network = network.with_powers_alone(inputs.metered)
     if not observed:
         words = f"no channel observes a node of {network.title}, so no reading can be compared. Bind one with node = '...'."
         raise RecordError(words, record.name, code="record.does-not-apply")

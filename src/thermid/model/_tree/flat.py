@@ -17,7 +17,7 @@ from thermid.model._laws.curves import Curve
 from thermid.model._laws.signal import Signal
 from thermid.model._laws.stores import HeatStore, potential, store
 from thermid.model._parts.controls import COMPLEMENT, Control, ModeChange, named_control, of_difference, slot_of
-from thermid.model._parts.elements import CONTROLS, KINDS, LOAD_SLOTS, NODE_SLOTS, Facing, HeatLoad, Joint, Law, MadeIn, Surface, Take
+from thermid.model._parts.elements import KINDS, LOAD_SLOTS, NODE_SLOTS, Facing, HeatLoad, Joint, Law, MadeIn, Surface, Take
 from thermid.model._parts.enclosures import Enclosed, Face, FaceExchange, pairs
 from thermid.model._parts.ranges import RANGES, Range, outside, range_of
 from thermid.model._tree.tree import Names, ParameterSet, Tree
@@ -140,10 +140,9 @@ class FlatLoad:
         return bool(self.controls) or self.curve is not None or any(f in laws or f.endswith("_coefficient") for f in self.fields)
 
     @property
-    def uncontrolled(self) -> FlatLoad:
-        """The load with nothing that switches or sets its power."""
-        fields = {name: path for name, path in self.fields.items() if name.partition(".")[0] not in CONTROLS}
-        return self if fields == self.fields and not self.controls else replace(self, fields=fields, controls=())
+    def power_alone(self) -> FlatLoad:
+        """The load as its power alone: no temperature changes it, nothing switches or sets it; itself where it has no power."""
+        return replace(self, fields={"power": self.fields["power"]}, controls=(), cycle=None) if "power" in self.fields else self
 
 
 @dataclass(frozen=True)

@@ -225,10 +225,10 @@ class Network:
         phases = tuple(phase_row(state_of(n, PHASE), held_in(n), s.melt) for n, s in self.stores.items() if s.melt is not None)
         return Numbers(capacitances, conductors, loads, parts["values"], (*controls, *phases))
 
-    def without_controls(self, loads: Collection[str]) -> Network:
-        """Return the network with no thermostat, proportional control or named control on some loads; itself where none has one."""
-        bare = tuple(load.uncontrolled if load.path in loads else load for load in self.flat.loads)
-        return self if bare == self.flat.loads else replace(self, flat=replace(self.flat, loads=bare))
+    def with_powers_alone(self, loads: Collection[str]) -> Network:
+        """Return the network with some loads as their powers alone, with no law over temperature, cycle or control; itself if they are."""
+        alone = tuple(load.power_alone if load.path in loads else load for load in self.flat.loads)
+        return self if alone == self.flat.loads else replace(self, flat=replace(self.flat, loads=alone))
 
     @property
     def controls(self) -> tuple[str, ...]:

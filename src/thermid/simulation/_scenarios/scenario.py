@@ -88,7 +88,7 @@ class Scenario(Shown):
     duration : float        [s]
     begins : str            Stamp of the run's beginning, ``2026-02-01 08:00``; without it the earliest of all signals that have stamps.
     as_printed : bool       Vacuum as the source document prints it: every coefficient zero, radiation inside it included.
-    metered : tuple of str  Loads whose power was measured where it heats: no thermostat or other control of the deck acts on it again.
+    metered : tuple of str  Loads whose power was measured where it heats: no law over temperature, cycle or control of the deck acts on it.
     """
 
     title: str = "scenario"

@@ -495,7 +495,7 @@ class Wiring:
     """
 
     def __init__(self, network: Network, scenario: Scenario, free: Sequence[str] = (), keep: frozenset[str] = frozenset()) -> None:
-        self.network = network = network.without_controls(scenario.metered)
+        self.network = network = network.with_powers_alone(scenario.metered)
         self.scenario = normalised(network, scenario)
         self.free = tuple(free)
         self.parameters = tuple(n for n in self.free if n in network.flat.parameters.table)
