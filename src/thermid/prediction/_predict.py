@@ -43,7 +43,7 @@ from thermid.prediction._budget import (
 )
 from thermid.prediction._known import Knowledge
 from thermid.prediction._setting import PROBE_MEMBERS, Drawn, Linear, Setting
-from thermid.simulation.runs import Scenario, Solution, simulate
+from thermid.simulation.runs import KeptTasks, Scenario, Solution, Workers, simulate
 from thermid.simulation.solver import Options
 from thermid.values.store import LeftOut
 
@@ -423,6 +423,7 @@ def predict(
     seed: int = 0,
     options: Options | None = None,
     as_logged: bool = False,
+    executor: Workers = None,
 ) -> Prediction:
     """Prediction of a scenario: temperatures with standard errors, and the sources of these.
 
@@ -452,13 +453,15 @@ def predict(
     options : Options           The integrator's.
     as_logged : bool            Whether rooms and powers of the scenario are what instruments of the fit would read, constant errors and
                                 all; else they are what acts.
+    executor                    As in `ensemble`: who runs members, if any are drawn; the same bits from all.
 
     Raises
     ------
     IdentificationError     When a value is spread twice, or has no finite error; when a coefficient that must be separated cannot be.
     """
     knowledge = fit if isinstance(fit, Knowledge) else Knowledge.of_source(fit)
-    request = PredictRequest(scenario, spread, without, every, times, draws, seed, options, as_logged)
+    workers = KeptTasks.of_workers(executor).workers  # of traces, which no folder keeps
+    request = PredictRequest(scenario, spread, without, every, times, draws, seed, options, as_logged, workers)
     plain = request.answer(knowledge.for_model(model) if model is not None else knowledge, nodes)
     if model is not None and (words := knowledge.replaced_values(model)):
         plain = replace(plain, warnings=(words, *plain.warnings))
@@ -483,11 +486,13 @@ class PredictRequest:
     seed: int
     options: Options | None
     as_logged: bool
+    executor: Workers
 
     def answer(self, knowledge: Knowledge, nodes: Sequence[str] | None) -> Prediction:
         """Return the prediction by what is known."""
         budget = budget_of(knowledge, self.scenario, self.spread, without=self.without, as_logged=self.as_logged)
-        return predicted(budget, nodes, every=self.every, times=self.times, draws=self.draws, seed=self.seed, options=self.options)
+        given = {"every": self.every, "times": self.times, "draws": self.draws, "seed": self.seed, "options": self.options}
+        return predicted(budget, nodes, **given, executor=self.executor)
 
 
 def carrier_words(budget: Budget, bands: Mapping[str, Band]) -> list[str]:
@@ -583,6 +588,7 @@ def predicted(
     draws: int = 0,
     seed: int = 0,
     options: Options | None = None,
+    executor: Workers = None,
 ) -> Prediction:
     """Return what a budget says of its scenario; arguments as in `predict`."""
     ways = [WayAnswer.of_budget(weight, budget_of_way, nodes, every, times, options) for weight, budget_of_way in budget.weighted_ways]
@@ -594,7 +600,8 @@ def predicted(
     why = Missed() if draws else missed(first.setting, first.linear)
     count = draws or (DRAWN_MEMBERS if why.words else 0)
     sources = budget.drawn(budget.numbers(seed, 0, count))
-    members, lost = drawn_members(ways, budget.chosen(sources), sources, straight=not draws and not why.bent) if count else ({}, "")
+    straight = not draws and not why.bent
+    members, lost = drawn_members(ways, budget.chosen(sources), sources, straight, executor) if count else ({}, "")
     bands, rest = {}, {}
     for n in first.linear.columns:
         parts, shifts, centre, mixture = mixed_answer(ways, n, best[n].kelvin)
@@ -732,7 +739,9 @@ Members = tuple[Array, Array]
 """Temperatures of members (times, members), and where these settle (members,). [K]"""
 
 
-def drawn_members(ways: Sequence[WayAnswer], chosen: NDArray[np.int64], sources: Array, straight: bool) -> tuple[dict[str, Members], str]:
+def drawn_members(
+    ways: Sequence[WayAnswer], chosen: NDArray[np.int64], sources: Array, straight: bool, executor: Workers
+) -> tuple[dict[str, Members], str]:
     """Return node -> members that reached the end, and a remark on those that failed.
 
     Parameters
@@ -740,6 +749,7 @@ def drawn_members(ways: Sequence[WayAnswer], chosen: NDArray[np.int64], sources:
     chosen : array (members,)           Which way each has.
     sources : array (sources, members)  Values of the sources.
     straight : bool                     Whether straight lines do.
+    executor : see `Workers`            Who runs members otherwise.
     """
     failed: dict[int, str] = {}
     out: dict[str, list[Members]] = {}
@@ -752,8 +762,8 @@ def drawn_members(ways: Sequence[WayAnswer], chosen: NDArray[np.int64], sources:
         if straight:
             kelvin = {n: way.linear.run[n].kelvin[:, None] + c[:-1] @ sources_of_way for n, c in columns.items()}
         else:
-            drawn = _member_temperatures(way.setting, way.linear, sources_of_way, list(columns))
-            rest |= _member_rest(way, sources_of_way, drawn)
+            drawn = _member_temperatures(way.setting, way.linear, sources_of_way, list(columns), executor)
+            rest |= _member_rest(way, sources_of_way, drawn, executor)
             kelvin = dict(drawn.kelvin)
             failed |= drawn.runs.failed if drawn.runs is not None else {}
         for n, traces in kelvin.items():
@@ -765,7 +775,7 @@ def drawn_members(ways: Sequence[WayAnswer], chosen: NDArray[np.int64], sources:
     return {n: m for n, m in every.items() if m[1].size}, lost
 
 
-def _member_rest(way: WayAnswer, sources: Array, drawn: Drawn) -> dict[str, Array]:
+def _member_rest(way: WayAnswer, sources: Array, drawn: Drawn, executor: Workers) -> dict[str, Array]:
     """Return node -> where members settle (members,) [K], as `_member_temperatures`; empty where some members settle nowhere.
 
     Four times `PROBE_MEMBERS` are settled, each at the cost of 20 runs. T = a + b s + c s^2 + d r + e, s the straight line and r the end of
@@ -775,7 +785,7 @@ def _member_rest(way: WayAnswer, sources: Array, drawn: Drawn) -> dict[str, Arra
     few = sources[:, : 4 * PROBE_MEMBERS]
     straight = setting.cancelled(linear)[:, None] * few
     try:
-        rest = setting.rest(few - straight, list(linear.settled and linear.columns))
+        rest = setting.rest(few - straight, list(linear.settled and linear.columns), executor)
     except SolverError:
         return {}
     out = {}
@@ -787,10 +797,10 @@ def _member_rest(way: WayAnswer, sources: Array, drawn: Drawn) -> dict[str, Arra
     return out
 
 
-def _member_temperatures(setting: Setting, linear: Linear, sources: Array, nodes: Sequence[str]) -> Drawn:
+def _member_temperatures(setting: Setting, linear: Linear, sources: Array, nodes: Sequence[str], executor: Workers = None) -> Drawn:
     """Return temperatures of members at `sources` (sources, members); linear in those that the fit compensates (`cancelled`)."""
     straight = setting.cancelled(linear)[:, None] * sources
-    drawn = setting.temperatures(sources - straight, nodes, extremes=False)
+    drawn = setting.temperatures(sources - straight, nodes, extremes=False, executor=executor)
     return replace(drawn, kelvin={n: t + linear.columns[n][:-1] @ straight for n, t in drawn.kelvin.items()})
 
 
