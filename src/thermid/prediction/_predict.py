@@ -461,38 +461,21 @@ def predict(
     """
     knowledge = fit if isinstance(fit, Knowledge) else Knowledge.of_source(fit)
     workers = KeptTasks.of_workers(executor).workers  # of traces, which no folder keeps
-    request = PredictRequest(scenario, spread, without, every, times, draws, seed, options, as_logged, workers)
-    plain = request.answer(knowledge.for_model(model) if model is not None else knowledge, nodes)
+
+    def answer(by: Knowledge, of_nodes: Sequence[str] | None, at: Any) -> Prediction:
+        """Return the prediction of nodes at some times by what is known."""
+        budget = budget_of(by, scenario, spread, without=without, as_logged=as_logged)
+        return predicted(budget, of_nodes, every=every, times=at, draws=draws, seed=seed, options=options, executor=workers)
+
+    plain = answer(knowledge.for_model(model) if model is not None else knowledge, nodes, times)
     if model is not None and (words := knowledge.replaced_values(model)):
         plain = replace(plain, warnings=(words, *plain.warnings))
     if knowledge.fit is None or model is not None or draws or DEFECTS in without:
         return plain
     others = explained(knowledge.fit)
-    explained_predictions = [replace(request, times=plain.times).answer(Knowledge.of_source(e.fit), list(plain.bands)) for e in others]
+    explained_predictions = [answer(Knowledge.of_source(e.fit), list(plain.bands), plain.times) for e in others]
     looked = replace(plain, warnings=tuple(w for w in plain.warnings if w != UNSOUGHT))
     return averaged(plain, others, explained_predictions, knowledge.fit) if explained_predictions else looked
-
-
-@dataclass(frozen=True, eq=False)
-class PredictRequest:
-    """What is asked of `predict`: arguments as there."""
-
-    scenario: Scenario
-    spread: Given | Sequence[Given]
-    without: Sequence[str]
-    every: str | float | None
-    times: Any
-    draws: int
-    seed: int
-    options: Options | None
-    as_logged: bool
-    executor: Workers
-
-    def answer(self, knowledge: Knowledge, nodes: Sequence[str] | None) -> Prediction:
-        """Return the prediction by what is known."""
-        budget = budget_of(knowledge, self.scenario, self.spread, without=self.without, as_logged=self.as_logged)
-        given = {"every": self.every, "times": self.times, "draws": self.draws, "seed": self.seed, "options": self.options}
-        return predicted(budget, nodes, **given, executor=self.executor)
 
 
 def carrier_words(budget: Budget, bands: Mapping[str, Band]) -> list[str]:
@@ -600,8 +583,7 @@ def predicted(
     why = Missed() if draws else missed(first.setting, first.linear)
     count = draws or (DRAWN_MEMBERS if why.words else 0)
     sources = budget.drawn(budget.numbers(seed, 0, count))
-    straight = not draws and not why.bent
-    members, lost = drawn_members(ways, budget.chosen(sources), sources, straight, executor) if count else ({}, "")
+    members, lost = drawn_members(ways, budget.chosen(sources), sources, not draws and not why.bent, executor) if count else ({}, "")
     bands, rest = {}, {}
     for n in first.linear.columns:
         parts, shifts, centre, mixture = mixed_answer(ways, n, best[n].kelvin)

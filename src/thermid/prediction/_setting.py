@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
@@ -318,14 +318,10 @@ class Setting:
         values, heat = self.values(sources), self._chain(forms=("heat",)) @ sources
         moves = self.full.settled(self._derivative_point)[1] if self.sizes else {}
         members = [self.ready.with_units({n: v[k] for n, v in values.items()}) for k in range(sources.shape[1])]
-        settled = results_in_order(_settled_member, [(f"member {k}", (self.ready, m)) for k, m in enumerate(members)], executor)
+        tasks = [(f"member {k}", (self.ready, member)) for k, member in enumerate(members)]
+        settled = results_in_order(partial(Simulator.settled, sensitivities=False), tasks, executor)
         after = {n: combined(self._added_after_run(n)[None, :], sources)[0] + (moves[n] @ heat if n in moves else 0.0) for n in nodes}
-        return {n: np.array([member[n] for member in settled]) + after[n] for n in nodes}
-
-
-def _settled_member(ready: Simulator, values: Mapping[str, Any]) -> dict[str, float]:
-    """Return node -> where it settles at some values of the free names. [K]"""
-    return ready.settled(values, sensitivities=False)[0]
+        return {n: np.array([member[n] for member, _ in settled]) + after[n] for n in nodes}
 
 
 def _shifted(points: MemberTurnings, times: Array, after: Array) -> MemberTurnings:

@@ -547,8 +547,7 @@ def run_members(
     ensemble = partial(Ensemble, *titles, times, wanted, members, values)
     if shares:
         counted = _all_counted(runs, values, members, KeptTasks.of_workers(executor))
-        none: dict[str, Array] = {}  # members were counted: traces are refused before
-        return ensemble(counted.failed, counted.statistics, network.find, none.__getitem__, counted.tallies, {}, warnings)
+        return ensemble(counted.failed, counted.statistics, network.find, dict[str, Array]().__getitem__, counted.tallies, {}, warnings)
     kept_tasks = KeptTasks.of_workers(executor)
     if kept_tasks.folder is not None:
         raise ScenarioError(
@@ -556,8 +555,13 @@ def run_members(
             where,
             code="value.incomplete",
         )
-    shared = _tasks(values, members, LANES) if kept_tasks.workers is not None else [(0, values)]
-    parts = results_in_order(_Runs.group, [(f"members from {first} on", (runs, v)) for first, v in shared], kept_tasks.workers)
+    parts = (
+        results_in_order(
+            _Runs.group, [(f"members from {first} on", (runs, v)) for first, v in _tasks(values, members, LANES)], kept_tasks.workers
+        )
+        if kept_tasks.workers is not None
+        else [runs.group(values)]
+    )
     # members are numbered through all groups; turning points of nodes that were not followed in each group are left out
     firsts = np.cumsum([0, *(p.members for p in parts)])[:-1].tolist()
     failed = {first + m: why for first, p in zip(firsts, parts, strict=True) for m, why in p.failed.items()}

@@ -85,8 +85,8 @@ def results_in_order(function: Callable[..., Made], tasks: Sequence[tuple[str, t
     """Return the results of equal tasks in their order, as `in_tasks`; this process does the first one, which says what the others take."""
     begun = process_time()
     first = [result for _, result in in_tasks(function, tasks[:1], None)]
-    ahead = (process_time() - begun) * (len(tasks) - 1)
-    return first + [result for _, result in sorted(in_tasks(function, tasks[1:], workers, seconds=ahead), key=itemgetter(0))]
+    others = in_tasks(function, tasks[1:], workers, seconds=(process_time() - begun) * (len(tasks) - 1))
+    return first + [result for _, result in sorted(others, key=itemgetter(0))]
 
 
 @guard_methods
