@@ -398,10 +398,11 @@ def _refuse_shared(source: CampaignSource, requests: dict[str, Request]) -> None
             of[record.name] = unit
 
 
-def campaign_predictions(campaign: Campaign) -> tuple[tuple[CampaignPrediction, ...], dict[str, ThermidError]]:
+def campaign_predictions(campaign: Campaign, executor: Workers = None) -> tuple[tuple[CampaignPrediction, ...], dict[str, ThermidError]]:
     """Predictions that the file of a campaign names, by its fitted stages, in the order of the file; none of a campaign made in Python.
 
-    Beside them stand name and error of each whose scenario is missing or does not fit the model: it does not lose the others.
+    Beside them stand name and error of each whose scenario is missing or does not fit the model: it does not lose the others. `executor`
+    is as in `predict`.
     """
     source, out, failed = campaign.source, list[CampaignPrediction](), dict[str, ThermidError]()
     if source is None:
@@ -410,7 +411,7 @@ def campaign_predictions(campaign: Campaign) -> tuple[tuple[CampaignPrediction, 
         stage = table.stage or source.content.stages[-1].name
         try:
             with errors_at(source.where(f"predictions.{name}"), ": "):
-                predicted = predict(campaign[stage], scenario_asked(source, name, table))
+                predicted = predict(campaign[stage], scenario_asked(source, name, table), executor=executor)
                 limits = {predicted[limit.node].path: limit.operating for limit in limits_of(table)}
                 out.append(CampaignPrediction(name, stage, predicted, limits))
         except ThermidError as error:

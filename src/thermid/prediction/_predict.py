@@ -40,7 +40,7 @@ from thermid.prediction._budget import (
 )
 from thermid.prediction._known import Knowledge
 from thermid.prediction._setting import PROBE_MEMBERS, Drawn, Linear, Setting
-from thermid.simulation.runs import Scenario, Solution, simulate
+from thermid.simulation.runs import KeptTasks, Scenario, Solution, Workers, simulate
 from thermid.simulation.solver import Options
 from thermid.values.store import LeftOut
 
@@ -419,6 +419,7 @@ def predict(
     seed: int = 0,
     options: Options | None = None,
     as_logged: bool = False,
+    executor: Workers = None,
 ) -> Prediction:
     """Prediction of a scenario: temperatures with standard errors, and the sources of these.
 
@@ -448,42 +449,29 @@ def predict(
     options : Options           The integrator's.
     as_logged : bool            Whether rooms and powers of the scenario are what instruments of the fit would read, constant errors and
                                 all; else they are what acts.
+    executor                    As in `ensemble`: who runs members, if any are drawn; the same bits from all.
 
     Raises
     ------
     IdentificationError     When a value is spread twice, or has no finite error; when a coefficient that must be separated cannot be.
     """
     knowledge = fit if isinstance(fit, Knowledge) else Knowledge.of_source(fit)
-    request = PredictRequest(scenario, spread, without, every, times, draws, seed, options, as_logged)
-    plain = request.answer(knowledge.for_model(model) if model is not None else knowledge, nodes)
+    workers = KeptTasks.of_workers(executor).workers  # of traces, which no folder keeps
+
+    def answer(by: Knowledge, of_nodes: Sequence[str] | None, at: Any) -> Prediction:
+        """Return the prediction of nodes at some times by what is known."""
+        budget = budget_of(by, scenario, spread, without=without, as_logged=as_logged)
+        return predicted(budget, of_nodes, every=every, times=at, draws=draws, seed=seed, options=options, executor=workers)
+
+    plain = answer(knowledge.for_model(model) if model is not None else knowledge, nodes, times)
     if model is not None and (words := knowledge.replaced_values(model)):
         plain = replace(plain, warnings=(words, *plain.warnings))
     if knowledge.fit is None or model is not None or draws or DEFECTS in without:
         return plain
     others = explained(knowledge.fit)
-    explained_predictions = [replace(request, times=plain.times).answer(Knowledge.of_source(e.fit), list(plain.bands)) for e in others]
+    explained_predictions = [answer(Knowledge.of_source(e.fit), list(plain.bands), plain.times) for e in others]
     looked = replace(plain, warnings=tuple(w for w in plain.warnings if w != UNSOUGHT))
     return averaged(plain, others, explained_predictions, knowledge.fit) if explained_predictions else looked
-
-
-@dataclass(frozen=True, eq=False)
-class PredictRequest:
-    """What is asked of `predict`: arguments as there."""
-
-    scenario: Scenario
-    spread: Given | Sequence[Given]
-    without: Sequence[str]
-    every: str | float | None
-    times: Any
-    draws: int
-    seed: int
-    options: Options | None
-    as_logged: bool
-
-    def answer(self, knowledge: Knowledge, nodes: Sequence[str] | None) -> Prediction:
-        """Return the prediction by what is known."""
-        budget = budget_of(knowledge, self.scenario, self.spread, without=self.without, as_logged=self.as_logged)
-        return predicted(budget, nodes, every=self.every, times=self.times, draws=self.draws, seed=self.seed, options=self.options)
 
 
 def carrier_words(budget: Budget, bands: Mapping[str, Band]) -> list[str]:
@@ -581,6 +569,7 @@ def predicted(
     draws: int = 0,
     seed: int = 0,
     options: Options | None = None,
+    executor: Workers = None,
 ) -> Prediction:
     """Return what a budget says of its scenario; arguments as in `predict`."""
     ways = [WayAnswer.of_budget(weight, budget_of_way, nodes, every, times, options) for weight, budget_of_way in budget.weighted_ways]
@@ -592,7 +581,7 @@ def predicted(
     why = Missed() if draws else missed(first.setting, first.linear)
     count = draws or (DRAWN_MEMBERS if why.words else 0)
     sources = budget.drawn(budget.numbers(seed, 0, count))
-    members, lost = drawn_members(ways, budget.chosen(sources), sources, straight=not draws and not why.bent) if count else ({}, "")
+    members, lost = drawn_members(ways, budget.chosen(sources), sources, not draws and not why.bent, executor) if count else ({}, "")
     bands, rest = {}, {}
     for n in first.linear.columns:
         parts, shifts, centre, mixture = mixed_answer(ways, n, best[n].kelvin)
@@ -730,7 +719,9 @@ Members = tuple[Array, Array]
 """Temperatures of members (times, members), and where these settle (members,). [K]"""
 
 
-def drawn_members(ways: Sequence[WayAnswer], chosen: NDArray[np.int64], sources: Array, straight: bool) -> tuple[dict[str, Members], str]:
+def drawn_members(
+    ways: Sequence[WayAnswer], chosen: NDArray[np.int64], sources: Array, straight: bool, executor: Workers
+) -> tuple[dict[str, Members], str]:
     """Return node -> members that reached the end, and a remark on those that failed.
 
     Parameters
@@ -738,6 +729,7 @@ def drawn_members(ways: Sequence[WayAnswer], chosen: NDArray[np.int64], sources:
     chosen : array (members,)           Which way each has.
     sources : array (sources, members)  Values of the sources.
     straight : bool                     Whether straight lines do.
+    executor : see `Workers`            Who runs members otherwise.
     """
     failed: dict[int, str] = {}
     out: dict[str, list[Members]] = {}
@@ -750,8 +742,8 @@ def drawn_members(ways: Sequence[WayAnswer], chosen: NDArray[np.int64], sources:
         if straight:
             kelvin = {n: way.linear.run[n].kelvin[:, None] + c[:-1] @ sources_of_way for n, c in columns.items()}
         else:
-            drawn = _member_temperatures(way.setting, way.linear, sources_of_way, list(columns))
-            rest |= _member_rest(way, sources_of_way, drawn)
+            drawn = _member_temperatures(way.setting, way.linear, sources_of_way, list(columns), executor)
+            rest |= _member_rest(way, sources_of_way, drawn, executor)
             kelvin = dict(drawn.kelvin)
             failed |= drawn.runs.failed if drawn.runs is not None else {}
         for n, traces in kelvin.items():
@@ -763,7 +755,7 @@ def drawn_members(ways: Sequence[WayAnswer], chosen: NDArray[np.int64], sources:
     return {n: m for n, m in every.items() if m[1].size}, lost
 
 
-def _member_rest(way: WayAnswer, sources: Array, drawn: Drawn) -> dict[str, Array]:
+def _member_rest(way: WayAnswer, sources: Array, drawn: Drawn, executor: Workers) -> dict[str, Array]:
     """Return node -> where members settle (members,) [K], as `_member_temperatures`; empty where some members settle nowhere.
 
     Four times `PROBE_MEMBERS` are settled, each at the cost of 20 runs. T = a + b s + c s^2 + d r + e, s the straight line and r the end of
@@ -773,7 +765,7 @@ def _member_rest(way: WayAnswer, sources: Array, drawn: Drawn) -> dict[str, Arra
     few = sources[:, : 4 * PROBE_MEMBERS]
     straight = setting.cancelled(linear)[:, None] * few
     try:
-        rest = setting.rest(few - straight, list(linear.settled and linear.columns))
+        rest = setting.rest(few - straight, list(linear.settled and linear.columns), executor)
     except SolverError:
         return {}
     out = {}
@@ -785,10 +777,10 @@ def _member_rest(way: WayAnswer, sources: Array, drawn: Drawn) -> dict[str, Arra
     return out
 
 
-def _member_temperatures(setting: Setting, linear: Linear, sources: Array, nodes: Sequence[str]) -> Drawn:
+def _member_temperatures(setting: Setting, linear: Linear, sources: Array, nodes: Sequence[str], executor: Workers = None) -> Drawn:
     """Return temperatures of members at `sources` (sources, members); linear in those that the fit compensates (`cancelled`)."""
     straight = setting.cancelled(linear)[:, None] * sources
-    drawn = setting.temperatures(sources - straight, nodes, extremes=False)
+    drawn = setting.temperatures(sources - straight, nodes, extremes=False, executor=executor)
     return replace(drawn, kelvin={n: t + linear.columns[n][:-1] @ straight for n, t in drawn.kelvin.items()})
 
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
@@ -19,7 +19,7 @@ from thermid.fit.error_model import DepartureHeat, course_of, deviation, with_he
 from thermid.model.tree import Model
 from thermid.prediction._budget import Assumed, Budget, Target, assumed_values, combined, open_ranges
 from thermid.prediction._known import Rows
-from thermid.simulation.runs import Ensemble, Scenario, Simulator, Solution, prepare
+from thermid.simulation.runs import Ensemble, Scenario, Simulator, Solution, Workers, prepare, results_in_order
 from thermid.simulation.solver import Engine, MemberTurnings, Wiring
 from thermid.values.store import Normal, Shifted, Source, deviated
 
@@ -270,7 +270,9 @@ class Setting:
         moved = combined(self.budget.gain, sources)
         return {t: row for t, row in zip(self.budget.targets, moved, strict=True) if t.form == "heat" and t in self.sizes}
 
-    def temperatures(self, sources: Array, nodes: Sequence[str], threads: int = 1, extremes: bool = True) -> Drawn:
+    def temperatures(
+        self, sources: Array, nodes: Sequence[str], threads: int = 1, extremes: bool = True, executor: Workers = None
+    ) -> Drawn:
         """Return the temperatures of nodes at values (sources, members) of the sources, and the runs behind them.
 
         Without `extremes` members are not followed between the stored times, which costs less. Departures are added to the run by its
@@ -283,7 +285,7 @@ class Setting:
         temperatures: dict[str, Array] = {}
         turnings: dict[str, MemberTurnings] = {}
         if values:
-            many = ready.ensemble(ready.with_units(values), nodes=list(nodes), threads=threads)
+            many = ready.ensemble(ready.with_units(values), nodes=list(nodes), threads=threads, executor=executor)
             lost = len(many.failed) == members
             for n in nodes:
                 temperatures[n] = np.full((self.ready.times.size, members), np.nan) if lost else many.temperatures(n)
@@ -304,8 +306,10 @@ class Setting:
         kelvin = {n: traces + after[n] for n, traces in temperatures.items()}
         return Drawn(kelvin, {n: _shifted(t, ready.times, after[n]) for n, t in turnings.items()}, many)
 
-    def rest(self, sources: Array, nodes: Sequence[str]) -> dict[str, Array]:
+    def rest(self, sources: Array, nodes: Sequence[str], executor: Workers) -> dict[str, Array]:
         """Return where nodes settle (members,) at values (sources, members) of the sources, with the inputs of the end held. [K]
+
+        `executor` says who settles them.
 
         Raises
         ------
@@ -313,12 +317,11 @@ class Setting:
         """
         values, heat = self.values(sources), self._chain(forms=("heat",)) @ sources
         moves = self.full.settled(self._derivative_point)[1] if self.sizes else {}
-        settled = [
-            self.ready.settled(self.ready.with_units({n: v[k] for n, v in values.items()}), sensitivities=False)[0]
-            for k in range(sources.shape[1])
-        ]
+        members = [self.ready.with_units({n: v[k] for n, v in values.items()}) for k in range(sources.shape[1])]
+        tasks = [(f"member {k}", (self.ready, member)) for k, member in enumerate(members)]
+        settled = results_in_order(partial(Simulator.settled, sensitivities=False), tasks, executor)
         after = {n: combined(self._added_after_run(n)[None, :], sources)[0] + (moves[n] @ heat if n in moves else 0.0) for n in nodes}
-        return {n: np.array([member[n] for member in settled]) + after[n] for n in nodes}
+        return {n: np.array([member[n] for member, _ in settled]) + after[n] for n in nodes}
 
 
 def _shifted(points: MemberTurnings, times: Array, after: Array) -> MemberTurnings:

@@ -11,7 +11,6 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from itertools import chain
-from operator import itemgetter
 from time import process_time
 from types import SimpleNamespace
 from typing import Any, cast
@@ -28,7 +27,7 @@ from thermid.base.units import ICE_POINT
 from thermid.model.tree import Constant, Model
 from thermid.simulation._many.kept import JobFolder, digest
 from thermid.simulation._many.tally import PILOT, Counted, CountGrid, Tally, added
-from thermid.simulation._many.tasks import KeptTasks, Workers, in_tasks
+from thermid.simulation._many.tasks import KeptTasks, Workers, in_tasks, results_in_order
 from thermid.simulation._solution import Trace
 from thermid.simulation._solver.engine import Engine
 from thermid.simulation._solver.extremes import MemberTurnings
@@ -546,11 +545,7 @@ def run_members(
     ensemble = partial(Ensemble, *titles, times, wanted, members, values)
     if shares:
         counted = _all_counted(runs, values, members, KeptTasks.of_workers(executor))
-        none: dict[str, Array] = {}  # members were counted: traces are refused before
-        return ensemble(counted.failed, counted.statistics, network.find, none.__getitem__, counted.tallies, {}, warnings)
-    if executor is None:
-        group = runs.group(values)
-        return ensemble(group.failed, group.statistics, network.find, group.temperature, {}, group.turnings, warnings)
+        return ensemble(counted.failed, counted.statistics, network.find, dict[str, Array]().__getitem__, counted.tallies, {}, warnings)
     kept_tasks = KeptTasks.of_workers(executor)
     if kept_tasks.folder is not None:
         raise ScenarioError(
@@ -558,8 +553,13 @@ def run_members(
             where,
             code="value.incomplete",
         )
-    tasks = [(f"members from {first} on", (runs, v)) for first, v in _tasks(values, members, runs.at_once)]
-    parts = [group for _, group in sorted(in_tasks(_Runs.group, tasks, kept_tasks.workers), key=itemgetter(0))]
+    parts = (
+        results_in_order(
+            _Runs.group, [(f"members from {first} on", (runs, v)) for first, v in _tasks(values, members, LANES)], kept_tasks.workers
+        )
+        if kept_tasks.workers is not None
+        else [runs.group(values)]
+    )
     # members are numbered through all groups; turning points of nodes that were not followed in each group are left out
     firsts = np.cumsum([0, *(p.members for p in parts)])[:-1].tolist()
     failed = {first + m: why for first, p in zip(firsts, parts, strict=True) for m, why in p.failed.items()}

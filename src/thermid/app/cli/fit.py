@@ -403,12 +403,12 @@ def predict(
         stages = staged(campaign, data, results, accept, executor=executor, stage=stage, records=record)
         name = stage or list(stages)[-1]
         if conditions is None:
-            _predict_without_scenario(campaign, data, stages, name, record, as_json, verbose)
+            _predict_without_scenario(campaign, data, stages, name, record, as_json, verbose, executor)
             return
         known = stages[name]
     assert conditions is not None
     with working(f"prediction of '{conditions.title}'"):
-        predicted = prediction.predict(known, conditions.vacuum() if vacuum else conditions, spread=spreads, draws=draws)
+        predicted = prediction.predict(known, conditions.vacuum() if vacuum else conditions, spread=spreads, draws=draws, executor=executor)
     predicted = replace(predicted, standing=predicted.standing.accept(accept or ()))
     if csv is not None:
         predicted.to_csv(csv)
@@ -446,10 +446,10 @@ def _refuse_options_of_scenario(campaign: Path, of_records: bool, options: Mappi
         raise ScenarioError(words, content.title, code="command.not-understood")
 
 
-def _predict_named(campaign: Campaign, as_json: bool, verbose: bool) -> None:
+def _predict_named(campaign: Campaign, as_json: bool, verbose: bool, executor: Workers) -> None:
     """Print the predictions that a campaign names, the answers first."""
     with working("predictions of the campaign"):
-        predictions, failed = campaign_predictions(campaign)
+        predictions, failed = campaign_predictions(campaign, executor)
     if not predictions:
         raise next(iter(failed.values()))
     heads = ["\n".join(_heads(predictions if len(predictions) > 1 else (), failed))] if failed or len(predictions) > 1 else []
@@ -481,14 +481,14 @@ def _prediction_code(predictions: Sequence[CampaignPrediction], failed: Mapping[
 
 
 def _predict_without_scenario(
-    campaign: Path, data: Path | None, stages: Campaign, name: str, patterns: Sequence[str], as_json: bool, verbose: bool
+    campaign: Path, data: Path | None, stages: Campaign, name: str, patterns: Sequence[str], as_json: bool, verbose: bool, executor: Workers
 ) -> None:
     """Print what a stage predicts of logged runs, each beside its readings; without patterns of these what the campaign names.
 
     A run is taken as the verdict on it takes it, else as the stage does.
     """
     if not patterns:
-        _predict_named(stages, as_json, verbose)
+        _predict_named(stages, as_json, verbose, executor)
         return
     source, fit = read_campaign(campaign, data), stages[name]
     stage = next(s for s in source.content.stages if s.name == name)
