@@ -17,7 +17,7 @@ from thermid.base.codes import CodedText
 from thermid.base.errors import ExpressionError, NameNotFoundError, RecordError, UnitError, errors_at, nearest, refuse_unknown
 from thermid.base.expression import Stamp, amount, instant, quantity, si_values, stated
 from thermid.base.results import Row, Shown
-from thermid.base.units import TEMPERATURE, format_value, from_si, in_si, require_unit, unit as read_unit
+from thermid.base.units import TEMPERATURE, Unit, describe, format_value, from_si, in_si, require_unit, unit as read_unit
 from thermid.measure._record.sensor import KEYS, SensorCertificate, SensorPart
 from thermid.measure.amounts import DEVIATION_OF_MEDIAN, duration_text, positive_seconds
 
@@ -114,6 +114,12 @@ def frozen(values: ArrayLike, kind: Any) -> NDArray[Any]:
     copy = np.array(values, dtype=kind)
     copy.flags.writeable = False
     return copy
+
+
+def quantity_of(of: Unit) -> str:
+    """Return what readings in a unit measure, in words: temperature, power, command, current ..."""
+    usual = (quantity for quantity, text in SI_UNITS.items() if read_unit(text).dimension == of.dimension)
+    return next(usual, describe(of.dimension).removeprefix("an ").removeprefix("a "))
 
 
 SIZES: Final = ("noise", "accuracy", "resolution", "common")

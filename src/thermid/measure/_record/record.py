@@ -33,6 +33,7 @@ from thermid.measure._record.channel import (
     digest,
     even_step,
     gap_limit,
+    quantity_of,
     strays,
     with_sensor,
 )
@@ -110,8 +111,9 @@ class Record(Samples, Result):
         ----------
         name : str          Its name.
         frame : DataFrame   A row a time, a column a channel. NaN is a missing sample.
-        channels : mapping  Column -> table: ``unit`` ("degC", "W"), what it is of (``node``, ``boundary``, ``load``, ``prescribed`` or
-                            ``command``: a path in the model), and where known ``noise`` and ``accuracy`` ("0.1 [K]").
+        channels : mapping  Column -> table: ``unit`` ("degC", "W"), what it is of (``node``, ``boundary``, ``load``, ``prescribed``,
+                            ``command`` or ``schedule``, a value that the log gives: a path in the model), and where known ``noise`` and
+                            ``accuracy`` ("0.1 [K]").
         time : str          Column of the times, numbers in seconds or stamps; the index without it, unless that counts rows.
         synthetic : bool    Whether a simulation made the samples.
 
@@ -958,13 +960,13 @@ def _channel_of(column: str, values: FloatArray, table: Mapping[str, Any], name:
         )
     of, role = unit(str(table["unit"])), ROLES[roles[0]]
     warm = role.quantity == "temperature"
-    if of.dimension != unit("K" if warm else role.slot).dimension and role.quantity != "command":
+    if role.slot and of.dimension != unit("K" if warm else role.slot).dimension and role.quantity != "command":
         raise RecordError(f"'{of.text}' is no unit of a {role.quantity}.", where, code="unit.wrong-dimension")
     sizes = {key: amount(table[key], "K" if warm else of.text, where) for key in ("noise", "accuracy") if key in table}
     return Channel.from_array(
         column,
         values,
-        quantity=role.quantity,
+        quantity=role.quantity or quantity_of(of),
         role=roles[0],
         target=str(table[roles[0]]),
         column=column,
