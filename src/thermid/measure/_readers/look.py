@@ -302,7 +302,7 @@ class Look(Result):
         }
 
 
-WHICH_ZONE: Final = "Stamps alone leave whole hours open, and no power with a temperature decides: which zone is it?"
+WHICH_ZONE: Final = "Stamps alone leave whole hours open, and no power with a temperature decides. "
 _OF_DAY = re.compile(r"(\d{1,2}):(\d{2})(?::(\d{2}(?:[.,]\d+)?))?(?:\s*([AaPp])\.?[Mm])?")
 
 
@@ -347,8 +347,12 @@ def _starts(looks: Sequence[Look], courses: Sequence[Sequence[LogCourse]]) -> tu
     said = f"check: no time zone is stated in {names}, but in {zones}. "
     if ahead is None:
         kept = local if stamped[0] in local else stated
+        late = (starts[(stated if kept is local else local)[0]] or 0.0) - (starts[stamped[0]] or 0.0)
         starts = [start if k in kept else None for k, start in enumerate(starts)]
-        return starts, said + WHICH_ZONE
+        said += (
+            f"{WHICH_ZONE}If {names} is h hours ahead of UTC, the offset is {late:.6g} {'+-'[kept is stated]} 3600 h s: which zone is it?"
+        )
+        return starts, said
     starts = [start - ahead if start is not None and k in local else start for k, start in enumerate(starts)]
     sign = "ahead of" if ahead >= 0.0 else "behind"
     return (
@@ -402,8 +406,8 @@ def clocks_of(looks: Sequence[Look]) -> list[dict[str, Any]]:
             entry["at"] = {"offset": place.at, "error": place.error, "stamps": place.stamped} | (after if step is None else {})
             entry["at"] |= {"candidate": place.candidate, "by_stamps": step is None or bool(away <= reach * place.error)}
     unstamped = [e for e in entries.values() if e["offset"] is None]
-    if said.endswith(WHICH_ZONE) and unstamped and all("at" in e and not e["at"]["candidate"] for e in unstamped):
-        said = f"{said.removesuffix(WHICH_ZONE)}The common steps below give the offsets, so no zone is needed"
+    if WHICH_ZONE in said and unstamped and all("at" in e and not e["at"]["candidate"] for e in unstamped):
+        said = f"{said.partition(WHICH_ZONE)[0]}The common steps below give the offsets, so no zone is needed"
         entries = {k: e | {"zone": said} for k, e in entries.items()}
     return [entries[k] for k in range(1, len(looks))]
 
