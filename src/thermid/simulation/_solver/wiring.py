@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thermid.base.dual import Dual, Number, gradient_of, value_of
-from thermid.base.errors import ScenarioError, nearest, refuse_unknown
+from thermid.base.errors import ScenarioError, errors_at, nearest, refuse_unknown
 from thermid.base.linear_algebra import Array
 from thermid.base.units import TEMPERATURE, require
 from thermid.model.elements import (
@@ -64,7 +64,8 @@ def normalised(network: Network, scenario: Scenario) -> Scenario:
         """Return the path of a parameter of the needed unit; refuse another."""
         path = flat.names.model.canonical(name)
         refuse_unknown([path], flat.parameters.table, where, f"no parameter '{name}'.", ScenarioError)
-        require(flat.parameters.dimension(path), need, flat.parameters.table[path].parameter.unit)
+        with errors_at(f"{where}, gains, '{name}' (a number where 'loads' gives a power, a power where 'commands' gives a duty)"):
+            require(flat.parameters.dimension(path), need, flat.parameters.table[path].parameter.unit)
         return path
 
     boundaries = {network.find(k, where): v for table in (scenario.boundaries, scenario.prescribed) for k, v in table.items()}
