@@ -217,8 +217,7 @@ class Record(Samples, Result):
             at, offset = (clock.at[0] - later, clock.at[1]), (clock.offset[0] - later, clock.offset[1] - later)
             return replace(clock, offset=offset, at=at, times=times)
 
-        both = (tuple(moved(c) for c in clocks) for clocks in (self.clocks, self.stated_clocks))
-        return replace(self, **dict(zip(("clocks", "stated_clocks"), both, strict=True)))
+        return replace(self, clocks=tuple(map(moved, self.clocks)), stated_clocks=tuple(map(moved, self.stated_clocks)))
 
     def shift_start(self) -> Record:
         """Return the record with its first time subtracted from all times."""
