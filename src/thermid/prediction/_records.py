@@ -16,7 +16,8 @@ from typing import Any
 import numpy as np
 
 from thermid.base.linear_algebra import Array
-from thermid.base.units import TEMPERATURE
+from thermid.base.results import PlottedTrace, Result
+from thermid.base.units import TEMPERATURE, from_si
 from thermid.fit.calibration import (
     FIRST,
     Calibration,
@@ -150,7 +151,7 @@ class SensorBand:
 
 
 @dataclass(frozen=True, eq=False)
-class RecordPrediction:
+class RecordPrediction(Result):
     """A logged run as it was predicted.
 
     Parameters
@@ -189,6 +190,15 @@ class RecordPrediction:
     def worst(self) -> WorstStretch:
         """The worst stretch of all sensors."""
         return min((b.worst for b in self.bands.values()), key=lambda s: (s.inside, -s.rmse))
+
+    def _as_traces(self) -> list[PlottedTrace]:
+        """Return predicted and measured readings of every sensor, with the 95 % band. [degC]"""
+        out = []
+        for name, b in self.bands.items():
+            predicted, measured, half = from_si(b.predicted, "degC"), from_si(b.measured, "degC"), b.half_width()
+            out.append(PlottedTrace(f"{name} predicted", b.times, predicted, predicted - half, predicted + half, channel=name))
+            out.append(PlottedTrace(name, b.times, measured, measured=True, channel=name))
+        return out
 
     def to_dict(self) -> dict[str, Any]:
         """Return everything but the traces as plain numbers."""

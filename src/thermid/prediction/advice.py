@@ -589,7 +589,7 @@ def _sensors_of_fit(source: Calibration | Model) -> tuple[Sensor, ...]:
     for experiment in source.experiments:
         for name, c in experiment.record.channels.items():
             role, path = role_and_target(experiment.record, c, experiment.network)
-            if role == "command" or name in out or any(path == s.target and s.role != "node" for s in out.values()):
+            if role in ("command", "schedule") or name in out or any(path == s.target and s.role != "node" for s in out.values()):
                 continue
             if role == "node":
                 noise, scatter = c.noise, source.problem.noise.get(name)

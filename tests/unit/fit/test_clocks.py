@@ -80,6 +80,16 @@ def test_offset_and_rate_come_back_with_the_values_held() -> None:
     assert 5e-4 < found["rate"].error < 2e-3
 
 
+def test_a_record_that_is_cut_or_begun_anew_keeps_its_further_clocks() -> None:
+    """Trimmed, "the model fails at every offset"; begun anew, the range of the offset counted from the old zero."""
+    first, second = logs(130.0, 1.0)
+    joint = first.joined(second, (0.0, 300.0))
+    cut = joint.trim("100 [s]", f"{SLOW[-1] - 60.0} [s]")
+    found = [td.calibrate(BOX, record, [], scenario=AIR).local[-1] for record in (cut, cut.shift_start())]
+    assert [local.name for local in found] == ["clock offset"] * 2
+    assert [found[0].value, found[1].value + cut.times[0]] == pytest.approx([130.0, 130.0], abs=2.0)
+
+
 def test_a_constant_error_of_the_sensor_is_not_taken_for_a_clock() -> None:
     first, second = logs(130.0, 1.08)
     off = first.with_channels(replace(first["T"], values=first["T"].values + 0.5, accuracy=0.5))

@@ -61,6 +61,28 @@ def test_the_offset_of_a_supply_without_stamps_is_found_by_its_steps(hour: Modul
     assert 'P_supply = { load = "P_supply", power = { volts = "U", amperes = "I" } }' in looks[1].campaign()
 
 
+def test_a_counter_of_energy_is_a_power_and_stamps_of_later_logs_are_compared(hour: ModuleType, tmp_path: Path) -> None:
+    """It was ignored, and three loggers of which the first has no stamps ended in a traceback."""
+    board, supply = files(hour, tmp_path, 137.0)
+    t, volts, amperes = np.loadtxt(supply, delimiter=",", skiprows=1).T
+    counter = (998.0 + np.cumsum(volts * amperes) * 5.0 / 3600.0) % 1000.0  # it overflows
+    begin = np.datetime64("2026-03-10T09:00:00")
+    rows = [f"{begin + np.timedelta64(int(a), 's')},{e:.4f}" for a, e in zip(t, counter, strict=True)]
+    supply.write_text("\n".join(["stamp,E [Wh]", *rows]) + "\n")
+    each = [row.split(",") for row in board.read_text().splitlines()[1:]]
+    stamped = [f"{begin + np.timedelta64(int(float(a) / 1000.0) + 800, 's')},{b}" for a, _, b in each]  # 937 s later than they were
+    (tmp_path / "late.csv").write_text("\n".join(["stamp,T_LID [degC]", *stamped]) + "\n")
+    board.write_text("\n".join(["time [s],T_BOARD [degC]", *(f"{float(a) / 1000.0:g},{b}" for a, _, b in each)]) + "\n")
+    looks = [look(path) for path in (board, tmp_path / "late.csv", supply)]
+    assert 'P_supply = { load = "P_supply", power = { energy = "E" } }' in looks[2].campaign()
+    clocks = clocks_of(looks)
+    late, of_supply = ((one["at"]["offset"], one["at"]["error"]) for one in clocks)
+    assert abs(late[0]) < 3.0 * late[1]
+    assert abs(of_supply[0] - 137.0) < 3.0 * of_supply[1]
+    (said,) = (line for line in clock_lines(looks, clocks) if "a clock is wrong" in line)
+    assert float(said.rpartition(" write ")[2].removesuffix(" s")) == pytest.approx(of_supply[0] + 800.0, abs=0.5)
+
+
 @pytest.mark.parametrize(("off", "agrees"), [(5.0, True), (900.0, False)])
 def test_a_step_of_a_power_decides_and_stamps_that_it_contradicts_are_named(
     hour: ModuleType, tmp_path: Path, off: float, agrees: bool

@@ -218,6 +218,20 @@ def constants(v: float = 14.4, i: float = 6.4, d: float = 66.0, t: float = 298.1
     return v / t, v * (t - d) / (i * t), v * i * (t - d) / (2 * t * d)
 
 
+@pytest.mark.parametrize("named", [False, True])
+def test_a_value_of_a_sheet_has_bounds_for_a_fit(named: bool) -> None:
+    """It took a number alone, so that a fit of I_max went below zero."""
+    sheet = {"value": "6.4 [A]", "min": "4 [A]", "max": "9 [A]"}
+    base = {"title": "x", "needs": ["air"], "coolers": {"tec": TEC | {"hot": "board", "cold": "air", "I_max": "i_max" if named else sheet}}}
+    base |= {"nodes": {"board": {"capacitance": "20 [J/K]"}}} | ({"parameters": {"i_max": sheet}} if named else {})
+    model = td.model_from_dict(base)
+    assert (model.at("i_max" if named else "tec.I_max").minimum, model.at("tec.T_hot").text) == (4.0, "25 [degC]")
+    assert str(model.at("tec.V_max")) == "14.4 [V] (datasheet)"
+    plain = td.model_from_dict(base | {"coolers": {"tec": TEC | {"hot": "board", "cold": "air", "I_max": "5 [A]"}}})
+    path = "i_max" if named else "tec.I_max"
+    assert td.steady(model.with_values({path: "5 [A]"}), ROOM)["board"] == pytest.approx(td.steady(plain, ROOM)["board"])
+
+
 @pytest.mark.parametrize("amps", [0.5, 2.0, 4.0])
 def test_a_cooler_meets_its_equations(amps: float) -> None:
     model, scenario = cooled(current=f"{amps} [A]")

@@ -125,7 +125,7 @@ def calibrate(
 
 @add_worker_options
 def report(
-    campaign: Annotated[Path | None, typer.Argument(help="A campaign (TOML); the only one of this folder without it.")] = None,
+    campaign: Annotated[Path | None, typer.Argument(help="A campaign (TOML); the only one here without it.")] = None,
     to: Page = None,
     data: Data = None,
     results: Annotated[Path | None, typer.Option("--results", help="Folder for the values files.")] = None,
@@ -150,20 +150,24 @@ def report(
     result, _ = _run(campaign, data, results, fresh, accept, executor)
     with working("writing the report"):
         files = named_page(page.report(result, to=to, audience=audience, tables_to=tables_folder(to)))
-    taken = [f"campaign: {campaign}, the only one of this folder"] if alone else []
+    taken = [f"campaign: {campaign}, the only one here"] if alone else []
     text = result.standing.over("\n".join([*taken, *(f"report: {path}" for path in files.values())]), "stage")
     say(as_json, {**files, "campaign": str(campaign), "passed": result.passed, "standing": campaign_standing(result)}, text)
     leave(result.standing, result.exit_code)
 
 
 def _only_campaign() -> Path:
-    """Return the only campaign of the working folder.
+    """Return the only campaign of the working folder, or of the folders in it where it has none itself.
 
     Raises
     ------
     ScenarioError   When it has none or several.
     """
-    found = [path for path in sorted(Path().glob("*.toml")) if kind_of_text(read_bytes(path)) == "a campaign"]
+    here, below = (
+        [path for path in sorted(Path().glob(pattern)) if kind_of_text(read_bytes(path)) == "a campaign"]
+        for pattern in ("*.toml", "*/*.toml")
+    )
+    found = here or below
     if len(found) != 1:
         raise ScenarioError(
             f"campaigns of this folder: {', '.join(map(str, found)) or 'none'}. Name one: thermid report campaign.toml --to report.html.",

@@ -124,7 +124,7 @@ def size(
 
     Parameters
     ----------
-    knowledge : Known or Model  The model; with `Known.of(fit)` the ends have errors.
+    knowledge : Knowledge or Model  The model; with `Knowledge.of_source(fit)` the ends have errors.
     path : str                  The value: an area, conductance, power, duty, emissivity or mass flow.
     limits : sequence           As from `load_limits`.
     scenarios : sequence        All of the state operating; or state -> scenarios: ``{"operating": [hot], "non-operating": [cold]}``.

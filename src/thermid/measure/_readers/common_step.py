@@ -128,19 +128,18 @@ class LogCourse:
 
         Their `count` time constants run from `fine` to `longest` by equal factors. [s], [W]
         """
-        from scipy.signal import lfilter
+        from scipy.linalg import solve_banded
 
         times, constants = np.arange(0.0, self.times[-1] + fine, fine), np.geomspace(fine, longest, count)
-        out, sizes = [], []
-        for course in (self, *self.beside):
-            held = (
-                course.values[np.clip(np.searchsorted(course.times, times, side="right") - 1, 0, course.times.size - 1)] - course.values[0]
-            )
-            for constant in constants:
-                decay = float(np.exp(-fine / constant))
-                out.append(lfilter([0.0, 1.0 - decay], [1.0, -decay], held))  # the value of an interval acts at its end
-                sizes.append(float(np.ptp(course.values)))
-        return Explanation(times, np.column_stack(out), np.tile(constants, 1 + len(self.beside)), np.array(sizes))
+        courses = (self, *self.beside)
+        held = np.column_stack(
+            [c.values[np.clip(np.searchsorted(c.times, times, side="right") - 1, 0, c.times.size - 1)] - c.values[0] for c in courses]
+        )
+        sizes, out = np.array([float(np.ptp(c.values)) for c in courses]), np.zeros((len(courses), count, times.size))
+        for k, decay in enumerate(np.exp(-fine / constants)):  # y_i - decay y_(i-1) = (1 - decay) x_(i-1): an interval acts at its end
+            bands = np.vstack([np.ones(times.size), np.full(times.size, -decay)])
+            out[:, k, 1:] = solve_banded((1, 0), bands[:, 1:], (1.0 - decay) * held[:-1]).T
+        return Explanation(times, out.reshape(-1, times.size).T, np.tile(constants, len(courses)), np.repeat(sizes, count))
 
     @property
     def switched(self) -> FloatArray:
@@ -339,7 +338,7 @@ def _explanations(effect: LogCourse, cause: LogCourse) -> list[Explanation]:
 def _refined_offset(effect: LogCourse, responses: Explanation, best: float, spacing: float, step: float) -> float:
     """Return the offset that leaves least, looked for within four spacings of `best` in finer and finer steps. [s]"""
     for _ in range(FINER):
-        tried = best + np.linspace(-4.0, 4.0, 33) * spacing
+        tried = best + np.linspace(-4.0, 4.0, 17) * spacing
         best = float(tried[int(np.argmin([_part_unexplained(effect, responses, o) for o in tried]))])
         spacing /= 8.0
         if spacing < 0.05 * step:
@@ -380,7 +379,9 @@ def _rows(effect: LogCourse, responses: Explanation, offset: float) -> tuple[Flo
     times, target = effect.times[thin], effect.values[thin]
     inside = (times >= offset) & (times <= offset + responses.times[-1])
     times, target = times[inside], target[inside]
-    moved = [np.interp(times - offset, responses.times, column) for column in responses.columns.T]
+    after = np.clip(np.searchsorted(responses.times, times - offset), 1, responses.times.size - 1)
+    part = (times - offset - responses.times[after - 1]) / (responses.times[after] - responses.times[after - 1])
+    moved = responses.columns[after - 1] + part[:, None] * (responses.columns[after] - responses.columns[after - 1])
     since = times - (times[0] if times.size else 0.0)
     decays = (
         np.unique(responses.constants)[np.linspace(1, np.unique(responses.constants).size - 1, DECAYS).astype(int)]
@@ -388,7 +389,7 @@ def _rows(effect: LogCourse, responses: Explanation, offset: float) -> tuple[Flo
         else np.zeros(0)
     )
     own = [np.exp(-since / constant) for constant in decays] or [times / max(effect.times[-1], 1e-9)]
-    return np.column_stack([np.ones(times.size), *own, *moved]), target
+    return np.column_stack([np.ones(times.size), *own, moved]), target
 
 
 def _solved(rows: FloatArray, target: FloatArray) -> tuple[float, FloatArray]:

@@ -203,11 +203,12 @@ class Look(Result):
         for c in self.columns:
             if c.guess in _SHOWN:
                 out += self._channel(c)
-        for supply, pair in self.supplies.items():
-            volts, amperes = (json.dumps(c.name, ensure_ascii=False) for c in pair)
-            power = f"power = {{ volts = {volts}, amperes = {amperes} }}"
-            shared_voltage = "common " if sum(other[0] is pair[0] for other in self.supplies.values()) > 1 else ""
-            out.append(f'{self.again.get(supply, supply)} = {{ load = "{supply}", {power} }}  # a {shared_voltage}voltage and a current')
+        for supply, columns in self.supplies.items():
+            keys = ("volts", "amperes") if len(columns) == 2 else ("energy",)
+            power = ", ".join(f"{key} = {json.dumps(c.name, ensure_ascii=False)}" for key, c in zip(keys, columns, strict=True))
+            common = "common " if sum(other[0] is columns[0] for other in self.supplies.values()) > 1 else ""
+            what = f"a {common}voltage and a current" if len(columns) == 2 else "a counter of energy"
+            out.append(f'{self.again.get(supply, supply)} = {{ load = "{supply}", power = {{ {power} }} }}  # {what}')
         return "\n".join(out) + "\n"
 
     def _channel(self, c: Column) -> list[str]:
@@ -231,7 +232,7 @@ class Look(Result):
         return [f'{key} = {{ {column}{role} = "{target}"{options} }}{why}']
 
     def courses(self) -> list[LogCourse]:
-        """Return temperatures, powers and duties over the clock of the log, and volts times amperes of its supplies."""
+        """Return temperatures, powers and duties over the clock of the log, and the powers of its supplies and counters of energy."""
         if self.times is None:
             return []
         times = self.times.values - self.times.values[0]
@@ -240,18 +241,27 @@ class Look(Result):
             LogCourse(c.name, power, times[c.good], in_si(c.values[c.good], c.unit or ("W" if power else "degC")), c.guess != "boundary")
             for c, power in shown
         ]
-        for pair in self.supplies.values():
-            watts = in_si(pair[0].values, pair[0].unit) * in_si(pair[1].values, pair[1].unit)
+        for columns in self.supplies.values():
+            sizes = [in_si(c.values, c.unit) for c in columns]
+            if len(columns) == 1:  # the mean power until the next reading
+                slopes = np.append(np.diff(sizes[0]) / np.diff(times), np.nan)
+                watts = np.where(slopes >= 0.0, slopes, np.nan)
+            else:
+                watts = sizes[0] * sizes[1]
             good = np.isfinite(watts)
-            out.append(LogCourse(f"{pair[0].name} * {pair[1].name}", True, times[good], watts[good]))
+            out.append(LogCourse(" * ".join(c.name for c in columns), True, times[good], watts[good]))
         return out
 
     @property
-    def supplies(self) -> dict[str, tuple[Column, Column]]:
-        """Name of a power -> its columns in volts and in amperes: the only ones, the only ones with the same other words, or one voltage.
+    def supplies(self) -> dict[str, tuple[Column, ...]]:
+        """Name of a power -> its columns in volts and in amperes, or that of a counter of energy where the log has no other power."""
+        if (pairs := self._pairs()) or any(c.guess == "power" for c in self.columns):
+            return pairs
+        counters = [c for c in self.columns if c.unit and _is(c.unit, "J") and c.values.size]
+        return {SUPPLY + (f"_{k}" if k > 1 else ""): (c,) for k, c in enumerate(counters, 1)}
 
-        Of one voltage and several currents, as of a bus and its consumers, each current has a power.
-        """
+    def _pairs(self) -> dict[str, tuple[Column, ...]]:
+        """Return a power for the only voltage and current, the only ones with the same other words, or every current of one voltage."""
         volts, amperes = ([c for c in self.columns if c.unit and _is(c.unit, slot) and c.values.size] for slot in ("V", "A"))
         if len(volts) == len(amperes) == 1:
             product = in_si(volts[0].values, volts[0].unit) * in_si(amperes[0].values, amperes[0].unit)
@@ -268,8 +278,8 @@ class Look(Result):
 
     @property
     def _of_supplies(self) -> list[Column]:
-        """The columns of voltage and current that make a power together."""
-        return [c for pair in self.supplies.values() for c in pair]
+        """The columns that powers follow from."""
+        return [c for columns in self.supplies.values() for c in columns]
 
     def as_object(self) -> dict[str, Any]:
         """Return the same as JSON holds it; values in the units of the columns, times in seconds."""
@@ -300,7 +310,7 @@ class Look(Result):
         }
 
 
-WHICH_ZONE: Final = "Stamps alone leave whole hours open, and no power with a temperature decides: which zone is it?"
+WHICH_ZONE: Final = "Stamps alone leave whole hours open, and no power with a temperature decides. "
 _OF_DAY = re.compile(r"(\d{1,2}):(\d{2})(?::(\d{2}(?:[.,]\d+)?))?(?:\s*([AaPp])\.?[Mm])?")
 
 
@@ -345,8 +355,12 @@ def _starts(looks: Sequence[Look], courses: Sequence[Sequence[LogCourse]]) -> tu
     said = f"check: no time zone is stated in {names}, but in {zones}. "
     if ahead is None:
         kept = local if stamped[0] in local else stated
+        late = (starts[(stated if kept is local else local)[0]] or 0.0) - (starts[stamped[0]] or 0.0)
         starts = [start if k in kept else None for k, start in enumerate(starts)]
-        return starts, said + WHICH_ZONE
+        said += (
+            f"{WHICH_ZONE}If {names} is h hours ahead of UTC, the offset is {late:.6g} {'+-'[kept is stated]} 3600 h s: which zone is it?"
+        )
+        return starts, said
     starts = [start - ahead if start is not None and k in local else start for k, start in enumerate(starts)]
     sign = "ahead of" if ahead >= 0.0 else "behind"
     return (
@@ -400,8 +414,8 @@ def clocks_of(looks: Sequence[Look]) -> list[dict[str, Any]]:
             entry["at"] = {"offset": place.at, "error": place.error, "stamps": place.stamped} | (after if step is None else {})
             entry["at"] |= {"candidate": place.candidate, "by_stamps": step is None or bool(away <= reach * place.error)}
     unstamped = [e for e in entries.values() if e["offset"] is None]
-    if said.endswith(WHICH_ZONE) and unstamped and all("at" in e and not e["at"]["candidate"] for e in unstamped):
-        said = f"{said.removesuffix(WHICH_ZONE)}The common steps below give the offsets, so no zone is needed"
+    if WHICH_ZONE in said and unstamped and all("at" in e and not e["at"]["candidate"] for e in unstamped):
+        said = f"{said.partition(WHICH_ZONE)[0]}The common steps below give the offsets, so no zone is needed"
         entries = {k: e | {"zone": said} for k, e in entries.items()}
     return [entries[k] for k in range(1, len(looks))]
 
@@ -535,7 +549,7 @@ def _by_step(clock: dict[str, Any], first: Look, other: Look) -> list[str]:
     return [
         text,
         f"    check: its stamps are {away:.3g} s from that, {away / error:.0f} errors, so a clock is wrong. The line below follows the "
-        f"step. If both clocks are right, heat arrives late: write {clock['offset']:.6g} s",
+        f"step. If both clocks are right, heat arrives late: write {clock['at']['offset'] - late + step['stamps']:.6g} s",
     ]
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 from pathlib import Path
 
 import pytest
@@ -239,8 +240,12 @@ class TestReport:
     ) -> None:
         monkeypatch.chdir(fitted_campaign.parent)
         said = call("report")
-        assert "campaign: campaign.toml, the only one of this folder" in said.out
+        assert "campaign: campaign.toml, the only one here" in said.out
         assert Path("report.html").is_file()
+        monkeypatch.chdir("..")  # as after `thermid example`, which writes a folder
+        folder = fitted_campaign.parent.name
+        assert f"campaign: {folder}{os.sep}campaign.toml, the only one here" in call("report").out
+        monkeypatch.chdir(folder)
         Path("second.toml").write_bytes(fitted_campaign.read_bytes())
         assert "campaigns of this folder: campaign.toml, second.toml. Name one" in call("report").err
 
