@@ -384,8 +384,8 @@ class ErrorModel(Result):
             return f"the readings ask for {times:.2g} times a usual departure: {SIZES[name].effect} ({asked})"
         if self.spot:
             return (
-                f"the thermometer of '{self.spot}' reads as if it sat at one end of its part, where the heat enters or opposite: the part needs "
-                "two nodes, or a contact between parts is missing (`thermid criticise` compares them)"
+                f"the thermometer of '{self.spot}' reads as if it sat at one end of its part, where the heat enters or opposite: the "
+                "part needs two nodes, or a contact between parts is missing (`thermid criticise` compares them)"
             )
         far = f"with all departures the readings still lie {self.misfit:.2g} times further from the network than is allowed"
         return far if self.misfit > OUTSIDE else ""
