@@ -415,17 +415,6 @@ class ErrorModel(Result):
         within = sum(w.weight * w.root[:size, :size] @ w.root[:size, :size].T for w in self.ways)
         return np.asarray(within + (weights[:, None] * apart).T @ apart)
 
-    def sample(self, count: int, seed: int = 0) -> Array:
-        """Return draws (values, count) of the values of the fit, in their fitted form."""
-        generator, size = np.random.default_rng(seed), len(self.seen)
-        which = generator.choice(len(self.ways), count, p=[w.weight for w in self.ways])
-        numbers = generator.standard_normal((size, count))
-        out = np.empty((size, count))
-        for k, way in enumerate(self.ways):
-            of_way = which == k
-            out[:, of_way] = np.array(list(way.values.values()))[:, None] + way.root[:size, :size] @ numbers[:, of_way]
-        return out
-
     @property
     def open_values(self) -> list[str]:
         """Values whose posterior is nearly as wide as what was known before, and wider than elements depart by; the widest first."""
@@ -638,8 +627,7 @@ def with_structural_errors(fit: Calibration, errors: ErrorsOfFit) -> Calibration
     """
     request = fit.request
     assert request is not None
-    table = errors.numbers["table"]
-    contradiction = ErrorModel.from_dict(table).contradiction
+    table, contradiction = errors.numbers["table"], ErrorModel.from_dict(errors.numbers["table"]).contradiction
     # with a stated `adequate` it is the user's to say what residuals may be
     if contradiction and fit.own.fair and not request.adequate:
         fit = replace(fit, own=Standing("not adequate", contradiction, fit.stage, request.accepted)).judged(fit.rests, fit.verdict)
@@ -648,8 +636,8 @@ def with_structural_errors(fit: Calibration, errors: ErrorsOfFit) -> Calibration
         return replace(fit, warnings=(*fit.warnings, words))
     if not request.structural_errors and errors.numbers["gain"] < MIN_LOG_BAYES_FACTOR:
         return fit  # what wanders is as likely noise
-    unfit = contradiction or fit.own.because * (fit.own.state == "not adequate")
-    fit = _widened(fit, errors.numbers["moved"], np.array(errors.numbers["covariance"]), unfit)
+    why = contradiction or fit.own.because * (fit.own.state == "not adequate")
+    fit = _widened(fit, errors.numbers["moved"], np.array(errors.numbers["covariance"]), why)
     return fit if fit.blame != LAW else _with_explanation(fit, ErrorModel.from_dict(table).exponents)
 
 
