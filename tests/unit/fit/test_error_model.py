@@ -197,11 +197,6 @@ def test_nothing_depends_on_whether_logs_are_called_synthetic(fit: td.Calibratio
     assert other.half_width == pytest.approx(_band(fit, 6.0).half_width, rel=1e-6)
 
 
-def test_draws_have_the_covariance(model: ErrorModel) -> None:
-    drawn = model.sample(4000)
-    assert np.cov(drawn) == pytest.approx(model.covariance, rel=0.2, abs=0.05 * model.covariance.max())
-
-
 def test_the_error_of_a_meter_cancels_where_the_scenario_is_what_it_reads(fit: td.Calibration) -> None:
     """1 % of the meter is 1 % of the coefficient, which is known no better from a log by itself."""
     logged, acting = _band(fit, 6.0, as_logged=True), _band(fit, 6.0)

@@ -383,8 +383,8 @@ class ErrorModel(Result):
             return f"the readings ask for {times:.2g} times a usual departure: {SIZES[name].effect} ({asked})"
         if self.spot:
             return (
-                f"the thermometer of '{self.spot}' does not read the mean of its part but one end of it, where the heat enters or "
-                "opposite. Give the part two nodes or more"
+                f"the thermometer of '{self.spot}' reads as if it sat at one end of its part, where the heat enters or opposite: the "
+                "part needs two nodes, or a contact between parts is missing (`thermid criticise` compares them)"
             )
         far = f"with all departures the readings still lie {self.misfit:.2g} times further from the network than is allowed"
         return far if self.misfit > OUTSIDE else ""
@@ -413,17 +413,6 @@ class ErrorModel(Result):
         apart = np.array([list(w.values.values()) for w in self.ways]) - self.mean
         within = sum(w.weight * w.root[:size, :size] @ w.root[:size, :size].T for w in self.ways)
         return np.asarray(within + (weights[:, None] * apart).T @ apart)
-
-    def sample(self, count: int, seed: int = 0) -> Array:
-        """Return draws (values, count) of the values of the fit, in their fitted form."""
-        generator, size = np.random.default_rng(seed), len(self.seen)
-        which = generator.choice(len(self.ways), count, p=[w.weight for w in self.ways])
-        numbers = generator.standard_normal((size, count))
-        out = np.empty((size, count))
-        for k, way in enumerate(self.ways):
-            of_way = which == k
-            out[:, of_way] = np.array(list(way.values.values()))[:, None] + way.root[:size, :size] @ numbers[:, of_way]
-        return out
 
     @property
     def open_values(self) -> list[str]:
@@ -637,8 +626,7 @@ def with_structural_errors(fit: Calibration, errors: ErrorsOfFit) -> Calibration
     """
     request = fit.request
     assert request is not None
-    table = errors.numbers["table"]
-    contradiction = ErrorModel.from_dict(table).contradiction
+    table, contradiction = errors.numbers["table"], ErrorModel.from_dict(errors.numbers["table"]).contradiction
     # with a stated `adequate` it is the user's to say what residuals may be
     if contradiction and fit.own.fair and not request.adequate:
         fit = replace(fit, own=Standing("not adequate", contradiction, fit.stage, request.accepted)).judged(fit.rests, fit.verdict)
@@ -647,8 +635,8 @@ def with_structural_errors(fit: Calibration, errors: ErrorsOfFit) -> Calibration
         return replace(fit, warnings=(*fit.warnings, words))
     if not request.structural_errors and errors.numbers["gain"] < MIN_LOG_BAYES_FACTOR:
         return fit  # what wanders is as likely noise
-    unfit = contradiction or fit.own.because * (fit.own.state == "not adequate")
-    fit = _widened(fit, errors.numbers["moved"], np.array(errors.numbers["covariance"]), unfit)
+    why = contradiction or fit.own.because * (fit.own.state == "not adequate")
+    fit = _widened(fit, errors.numbers["moved"], np.array(errors.numbers["covariance"]), why)
     return fit if fit.blame != LAW else _with_explanation(fit, ErrorModel.from_dict(table).exponents)
 
 
