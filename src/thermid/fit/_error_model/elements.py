@@ -364,8 +364,8 @@ def with_heats(network: Network, scenario: Scenario, heats: Iterable[DepartureHe
     """Return a network and its scenario with loads whose sizes are free."""
     loads, powers = [], {}
     for h in heats:
-        for node, watts in h.into:
-            loads.append(FlatLoad(f"{h.name} into {node}", node, node, {}, scale=h.name))
+        for k, (node, watts) in enumerate(h.into):
+            loads.append(FlatLoad(f"{h.name}, {k}, into {node}", node, node, {}, scale=h.name))
             powers[loads[-1].path] = watts
     return replace(network, flat=replace(network.flat, loads=(*network.flat.loads, *loads))), scenario.with_(loads=powers)
 
@@ -419,7 +419,7 @@ def entering_heat(network: Network, course: ElementCourse, node: str) -> Array:
     t, loads = course.times, {load.path for load in network.flat.loads if load.node == node}
     signals = [in_run(power, float(t[-1])) for load, (_, power) in course.powers.items() if load in loads]
     entering: Array = sum((0.5 * (s.at(np.maximum(t - 1.0, 0.0)) + s.at(np.minimum(t + 1.0, t[-1]))) for s in signals), np.zeros(t.size))
-    entering[0] -= course.stores[node][0][0]
+    entering[0] = -course.stores[node][0][0]
     return entering
 
 

@@ -199,9 +199,11 @@ class Departures:
         for path, c in ((p, c) for p, c in conductors_of(network, course).items() if p in self.smooth):
             name = f"{path} in this run"
             out.append((UnknownColumn(name, "run", 1.0, path), moved_heat(name, network, c.ends, course.times, course.flows[path])))
-        for node, (watts, _) in ((n, s) for n, s in course.stores.items() if n in self.nodes):
-            name = f"{node} in this run"
-            out.append((UnknownColumn(name, "run", 1.0, node), DepartureHeat(name, ((node, TableSignal(course.times, -watts, False)),))))
+        for node, (through, _) in ((n, s) for n, s in course.stores.items() if n in self.nodes):
+            name = f"{node} in this run"  # what jumps in the heat that it takes up are powers: given as they are, or the value would differ
+            powers = ((node, power.scaled(-1.0)) for at, power in course.powers.values() if at == node)
+            taken = DepartureHeat(name, ((node, TableSignal(course.times, -through, False)), *powers))
+            out.append((UnknownColumn(name, "run", 1.0, node), taken))
         for load, (node, power) in course.powers.items():
             name = f"{load} in this run"
             out.append((UnknownColumn(name, "run", 0.5, load), DepartureHeat(name, ((node, power),))))
@@ -234,7 +236,7 @@ def departures_of(
     heat = {p: sum(float(np.abs(r.flows[p]).mean()) for r in courses if p in r.flows) for p in every if p in points}
     several = {p: every[p] for p in sorted(heat, key=lambda p: -heat[p])[:CONDUCTORS]}
     several = {p: c for p, c in every.items() if p in several}
-    stored = {n: sum(float(np.abs(r.stores[n][0]).mean()) for r in courses if n in r.stores) for r in courses for n in r.stores}
+    stored = {n: sum(r.stores[n][1] * float(np.ptp(r.kelvin[n])) for r in courses if n in r.stores) for r in courses for n in r.stores}
     nodes = tuple(sorted(stored, key=lambda n: -stored[n])[:NODES])
     columns = min(COLUMNS, ALL_COLUMNS // max(len(several), 1))
     smooth = {}

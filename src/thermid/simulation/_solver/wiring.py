@@ -827,10 +827,13 @@ class Wiring:
             out.append((number, follow or signal))
         return out
 
-    def power(self, load: str, numbers: Numbers) -> Signal:
-        """Return the power of a load along the run, by its path: as the scenario or the deck gives it, with its gain. [W]"""
+    def power(self, load: str, numbers: Numbers, values: Mapping[str, Number] | None = None) -> Signal:
+        """Return the power of a load along the run, by its path: as the scenario or the deck gives it, with its gain. [W]
+
+        `values` of free names [SI] have its factor, where that is free.
+        """
         watts = next(row.coefficients[0] for row in numbers.loads if row.name == load)
-        signal, factor = self.signals[f"load {load}"], float(value_of(self._load_factor(load, watts, numbers, {})))
+        signal, factor = self.signals[f"load {load}"], float(value_of(self._load_factor(load, watts, numbers, values or {})))
         return signal if factor == 1.0 else signal.scaled(factor)  # a log in watts is not copied
 
     def _load_factor(self, load: str, watts: Number, numbers: Numbers, values: Mapping[str, Number]) -> Number:
