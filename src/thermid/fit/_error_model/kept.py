@@ -11,6 +11,7 @@ import math
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from itertools import groupby
 from typing import Any
 
 import numpy as np
@@ -18,7 +19,7 @@ import numpy as np
 from thermid.base.errors import IdentificationError, ThermidError, quoted
 from thermid.base.linear_algebra import Array
 from thermid.base.results import Result, Row
-from thermid.fit._calibration import FIRST, LAW, Calibration, far_from_sheet
+from thermid.fit._calibration import FIRST, LAW, Calibration, contradicted, far_from_sheet
 from thermid.fit._error_model.courses import FREE_AIR, OperatingPoint
 from thermid.fit._error_model.elements import (
     ANOTHER,
@@ -366,8 +367,8 @@ class ErrorModel(Result):
     @property
     def carriers(self) -> dict[str, float]:
         """What may carry the heat of surfaces, and with which finish -> its probability by the readings, whatever the deck lacks. [-]"""
-        names = [w.name.removesuffix(WITH_PATHS).removesuffix(WITH_ENTRIES) for w in self.ways]
-        return {n: sum(w.weight for w, other in zip(self.ways, names, strict=True) if other == n) for n in names}
+        names = sorted((w.name.removesuffix(WITH_PATHS).removesuffix(WITH_ENTRIES), w.weight) for w in self.ways)
+        return {n: sum(weight for _, weight in several) for n, several in groupby(names, lambda pair: pair[0])}
 
     @property
     def sizes(self) -> dict[str, float]:
@@ -636,7 +637,7 @@ def with_structural_errors(fit: Calibration, errors: ErrorsOfFit) -> Calibration
         return replace(fit, warnings=(*fit.warnings, words))
     if not request.structural_errors and errors.numbers["gain"] < MIN_LOG_BAYES_FACTOR:
         return fit  # what wanders is as likely noise
-    why = contradiction or fit.own.because * (fit.own.state == "not adequate")
+    why = contradiction or ("" if contradicted(fit.values) else fit.own.because)
     fit = _widened(fit, errors.numbers["moved"], np.array(errors.numbers["covariance"]), why)
     return fit if fit.blame != LAW else _with_explanation(fit, ErrorModel.from_dict(table).exponents)
 

@@ -28,7 +28,6 @@ from thermid.fit._error_model.elements import (
 from thermid.fit._error_model.gaussian import RunRows, Wander, features, innovations, pivots
 from thermid.fit._error_model.sizes import (
     ALL_COLUMNS,
-    ASIDE,
     COLUMNS,
     CONDUCTORS,
     EVERY,
@@ -98,7 +97,7 @@ class Smooth:
         """
         runs = [(r, thin) for r, thin in several if c.path in r.flows]
         most = max(float(np.abs(r.flows[c.path]).max()) for r, _ in runs)
-        aside = np.array(ASIDE) * np.array(LENGTHS)
+        aside = np.array(LENGTHS)
         pivots_of_gas: list[Array] = []
         gases: list[bool] = []
         for gas in dict.fromkeys(thin for _, thin in runs):

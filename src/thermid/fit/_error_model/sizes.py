@@ -80,9 +80,8 @@ SIZE_SETS: Final = {
 ROOM_TIME: Final = 3600.0
 """Time constant with which a room wanders; prior. [s]"""
 LENGTHS: Final = (0.7, 40.0)
-"""Lengths over which a departure changes: of ln(difference), a factor of two [-], and of the level [K]; prior."""
-ASIDE: Final = (1.0, 1.0)
-"""How far beyond the conditions of a fit features of departures reach, in lengths; what lies further off is independent. [-]"""
+"""Lengths over which a departure changes: of ln(difference), a factor of two [-], and of the level [K]; prior. Its features reach so far
+beyond the conditions of a fit, and what lies further off is independent."""
 LEFT_OVER, COLUMNS = 0.01, 10
 """Part of the variance of a departure that its features may leave, and how many there may be."""
 GROWTH_BEND: Final = 1.0 / 3.0**0.5
