@@ -19,7 +19,7 @@ import numpy as np
 from thermid.base.errors import IdentificationError, ThermidError, quoted
 from thermid.base.linear_algebra import Array
 from thermid.base.results import Result, Row
-from thermid.fit._calibration import FIRST, LAW, Calibration, contradicted, far_from_sheet
+from thermid.fit._calibration import FIRST, LAW, Calibration, far_from_sheet
 from thermid.fit._error_model.courses import FREE_AIR, OperatingPoint
 from thermid.fit._error_model.elements import (
     ANOTHER,
@@ -623,8 +623,7 @@ def with_structural_errors(fit: Calibration, errors: ErrorsOfFit) -> Calibration
 
     A value stays where its fit found it. Where the covariance by the model of error, and what that would move values by, say more than the
     fit, the difference becomes sources of its errors: they go into files and to the stages above with its values, and no error becomes
-    smaller. A fit whose readings contradict its model of error is not adequate, and of one that is not adequate the fitted values stand.
-    Where elements are not followed a warning says why.
+    smaller. A fit whose readings contradict its model of error is not adequate. Where elements are not followed a warning says why.
     """
     request = fit.request
     assert request is not None
@@ -637,8 +636,7 @@ def with_structural_errors(fit: Calibration, errors: ErrorsOfFit) -> Calibration
         return replace(fit, warnings=(*fit.warnings, words))
     if not request.structural_errors and errors.numbers["gain"] < MIN_LOG_BAYES_FACTOR:
         return fit  # what wanders is as likely noise
-    why = contradiction or ("" if contradicted(fit.values) else fit.own.because)
-    fit = _widened(fit, errors.numbers["moved"], np.array(errors.numbers["covariance"]), why)
+    fit = _widened(fit, errors.numbers["moved"], np.array(errors.numbers["covariance"]), contradiction)
     return fit if fit.blame != LAW else _with_explanation(fit, ErrorModel.from_dict(table).exponents)
 
 
@@ -677,7 +675,7 @@ def _widened(fit: Calibration, moved: Mapping[str, float], covariance: Array, un
         "stages above. The fitted values, which -v prints beside them, draw the curves, with wider errors."
     )
     if unexplained:
-        quote = f"Do not quote these values yet: {unexplained}. Find the cause first. Errors count what departures would move."
+        quote = f"No departure of its elements explains them: {unexplained}. Find the cause first. Errors count what departures would move."
     fit = replace(fit, expected=expected, unexplained=unexplained)
     at_fit, at_estimates = (far_from_sheet(fit.given_model, v) for v in (fit.values, fit.estimates))
     doubted = {w.split(" is ")[0] for w in at_fit} - {w.split(" is ")[0] for w in at_estimates}

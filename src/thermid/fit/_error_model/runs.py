@@ -20,7 +20,7 @@ from thermid.fit._error_model.elements import (
     conductors_of,
     entering_heat,
     gradient,
-    late_heat,
+    lagged,
     moved_heat,
     places,
     room_heats,
@@ -183,11 +183,16 @@ class Departures:
                     add(f"departure {k}", smooth_departure.kind, 1.0, heat * column)
         heated = {node for node, _ in course.powers.values()} if way.name.endswith(WITH_ENTRIES) else ()
         for node in (n for n in self.nodes if n in course.stores):
+            # a mass of the size C of the node's own takes up C (T - T_h) / tau, as if that course of heat were late
             whole = course.stores[node][1] * course.kelvin[node]
             late = [(f"mass ({time:.3g} s) of {node}", "hidden", 1.0, whole / time, time) for time in self.hidden]
             for time in (LATE_TIME * time for time in self.hidden if node in heated):
                 late.append((f"late heat ({time:.3g} s) of {node}", "", LATE_SHARE, entering_heat(network, course, node), time))
-            out += [(UnknownColumn(n, group, size, node), late_heat(n, course, node, w, time)) for n, group, size, w, time in late]
+            for name, group, size, watts, time in late:
+                more = lagged(watts, course.times, time) - watts
+                more[-1] *= not course.settled
+                signal = TableSignal(course.times, more, False)
+                out.append((UnknownColumn(name, group, size, node), DepartureHeat(name, ((node, signal),))))
         for node in way.spots:
             name = f"gradient of {node}"
             out.append((UnknownColumn(name, "", GRADIENT, node), gradient(name, network, course, node)))
