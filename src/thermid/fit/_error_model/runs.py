@@ -57,12 +57,14 @@ class UnknownColumn:
     group : str     Which size its prior's standard deviation is a multiple of; empty for none.
     size : float    That multiple, or the standard deviation itself.
     source : str    What a reader is told that it belongs to.
+    mean : float    Of its prior; those of laws have theirs in their laws.
     """
 
     name: str
     group: str
     size: float
     source: str
+    mean: float = 0.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -185,14 +187,15 @@ class Departures:
         for node in (n for n in self.nodes if n in course.stores):
             # a mass of the size C of the node's own takes up C (T - T_h) / tau, as if that course of heat were late
             whole = course.stores[node][1] * course.kelvin[node]
-            late = [(f"mass ({time:.3g} s) of {node}", "hidden", 1.0, whole / time, time) for time in self.hidden]
+            late = [(UnknownColumn(f"mass ({time:.3g} s) of {node}", "hidden", 1.0, node), whole / time, time) for time in self.hidden]
             for time in (LATE_TIME * time for time in self.hidden if node in heated):
-                late.append((f"late heat ({time:.3g} s) of {node}", "", LATE_SHARE, entering_heat(network, course, node), time))
-            for name, group, size, watts, time in late:
+                column = UnknownColumn(f"late heat ({time:.3g} s) of {node}", "", LATE_SHARE, node, LATE_SHARE)
+                late.append((column, entering_heat(network, course, node), time))
+            for column, watts, time in late:
                 more = lagged(watts, course.times, time) - watts
                 more[-1] *= not course.settled
                 signal = TableSignal(course.times, more, False)
-                out.append((UnknownColumn(name, group, size, node), DepartureHeat(name, ((node, signal),))))
+                out.append((column, DepartureHeat(column.name, ((node, signal),))))
         for node in way.spots:
             name = f"gradient of {node}"
             out.append((UnknownColumn(name, "", GRADIENT, node), gradient(name, network, course, node)))
