@@ -194,8 +194,7 @@ class Departures:
             for column, watts, time in late:
                 more = lagged(watts, course.times, time) - watts
                 more[-1] *= not course.settled
-                signal = TableSignal(course.times, more, False)
-                out.append((column, DepartureHeat(column.name, ((node, signal),))))
+                out.append((column, DepartureHeat(column.name, ((node, TableSignal(course.times, more, False)),))))
         for node in way.spots:
             name = f"gradient of {node}"
             out.append((UnknownColumn(name, "", GRADIENT, node), gradient(name, network, course, node)))
