@@ -480,7 +480,7 @@ def carrier_words(budget: Budget, bands: Mapping[str, Band]) -> list[str]:
     if share < MIN_CARRIER_PROBABILITY:
         return []
     carriers = {w.kept[0].carrier: sum(x.weight for x in budget.ways if x.kept[0].carrier == w.kept[0].carrier) for w in budget.ways}
-    finish, path, entry = (sum(w.weight for w in budget.ways if w.kept[0].beside_deck[k]) for k in range(3))
+    finish, path, entry = np.sum([w.weight * np.array(w.kept[0].beside_deck) for w in budget.ways], axis=0).tolist()
     named = ", ".join(f"{name} {100 * weight:.0f} %" for name, weight in carriers.items())
     words = {
         f"no deck states what carries the heat of its surfaces; the readings say {named}. State carried_by: the bands narrow": min(

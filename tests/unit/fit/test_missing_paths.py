@@ -97,15 +97,6 @@ def test_values_of_a_box_that_its_board_heats_are_inside_their_errors(tmp_path: 
     assert abs(fit.values["plate.capacitance"].value / truth["plate.capacitance"] - 1.0) > 0.2  # as fitted
 
 
-def test_a_fit_that_is_not_adequate_has_no_values_to_quote(tmp_path: Path) -> None:
-    fit, truth = _heated_by_its_board(11, tmp_path)  # its box is 8 standard deviations from its weight
-    assert fit.own.state == "not adequate"
-    assert fit.unexplained == fit.own.because
-    assert not fit.expected
-    for path, true in truth.items():
-        assert abs(fit[path].value - true) < 1.96 * fit[path].error, path
-
-
 def test_the_prior_is_one_of_several_paths_of_half_normal_size(fit: tuple[td.Calibration, float]) -> None:
     problem = fit[0].problem
     assert problem is not None

@@ -404,16 +404,6 @@ def lagged(x: Array, t: Array, time: float) -> Array:
     return out
 
 
-def late_heat(name: str, course: ElementCourse, node: str, watts: Array, time: float) -> DepartureHeat:
-    """Return what a course of heat (times,) that enters a node with a time constant [s] is more than at once. [W]
-
-    The heat of its loads enters so through a part; and a mass of the size C of the node's own behind it takes up ``C (T - T_h) / tau``.
-    """
-    more = lagged(watts, course.times, time) - watts
-    more[-1] *= not course.settled
-    return DepartureHeat(name, ((node, TableSignal(course.times, more, False)),))
-
-
 def entering_heat(network: Network, course: ElementCourse, node: str) -> Array:
     """Return the heat of all loads of a node (times,), with what leaves it at the beginning for the first: a run begins in balance. [W]"""
     t, loads = course.times, {load.path for load in network.flat.loads if load.node == node}

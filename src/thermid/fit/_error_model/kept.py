@@ -11,6 +11,7 @@ import math
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from itertools import groupby
 from typing import Any
 
 import numpy as np
@@ -365,8 +366,8 @@ class ErrorModel(Result):
     @property
     def carriers(self) -> dict[str, float]:
         """What may carry the heat of surfaces, and with which finish -> its probability by the readings, whatever the deck lacks. [-]"""
-        names = [w.name.removesuffix(WITH_PATHS).removesuffix(WITH_ENTRIES) for w in self.ways]
-        return {n: sum(w.weight for w, other in zip(self.ways, names, strict=True) if other == n) for n in names}
+        names = sorted((w.name.removesuffix(WITH_PATHS).removesuffix(WITH_ENTRIES), w.weight) for w in self.ways)
+        return {n: sum(weight for _, weight in several) for n, several in groupby(names, lambda pair: pair[0])}
 
     @property
     def sizes(self) -> dict[str, float]:
@@ -621,8 +622,7 @@ def with_structural_errors(fit: Calibration, errors: ErrorsOfFit) -> Calibration
 
     A value stays where its fit found it. Where the covariance by the model of error, and what that would move values by, say more than the
     fit, the difference becomes sources of its errors: they go into files and to the stages above with its values, and no error becomes
-    smaller. A fit whose readings contradict its model of error is not adequate, and of one that is not adequate the fitted values stand.
-    Where elements are not followed a warning says why.
+    smaller. A fit whose readings contradict its model of error is not adequate. Where elements are not followed a warning says why.
     """
     request = fit.request
     assert request is not None
@@ -635,8 +635,7 @@ def with_structural_errors(fit: Calibration, errors: ErrorsOfFit) -> Calibration
         return replace(fit, warnings=(*fit.warnings, words))
     if not request.structural_errors and errors.numbers["gain"] < MIN_LOG_BAYES_FACTOR:
         return fit  # what wanders is as likely noise
-    why = contradiction or fit.own.because * (fit.own.state == "not adequate")
-    fit = _widened(fit, errors.numbers["moved"], np.array(errors.numbers["covariance"]), why)
+    fit = _widened(fit, errors.numbers["moved"], np.array(errors.numbers["covariance"]), contradiction)
     return fit if fit.blame != LAW else _with_explanation(fit, ErrorModel.from_dict(table).exponents)
 
 
@@ -675,7 +674,7 @@ def _widened(fit: Calibration, moved: Mapping[str, float], covariance: Array, un
         "stages above. The fitted values, which -v prints beside them, draw the curves, with wider errors."
     )
     if unexplained:
-        quote = f"Do not quote these values yet: {unexplained}. Find the cause first. Errors count what departures would move."
+        quote = f"No departure of its elements explains them: {unexplained}. Find the cause first. Errors count what departures would move."
     fit = replace(fit, expected=expected, unexplained=unexplained)
     at_fit, at_estimates = (far_from_sheet(fit.given_model, v) for v in (fit.values, fit.estimates))
     doubted = {w.split(" is ")[0] for w in at_fit} - {w.split(" is ")[0] for w in at_estimates}

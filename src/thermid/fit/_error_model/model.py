@@ -300,7 +300,7 @@ def fitted_way(problem: Problem, fitted: Array, way: Way, points: Mapping[str, O
         place = {c.name: len(values) + k for k, c in enumerate(runs.columns)}
         shapes = {(p, w): place[n] for p, law in way.laws.items() for w in law.shape if (n := f"{w} of {p}") in place}
         # the prior's means, as seen from where the derivatives were taken
-        centre = np.concatenate([(fitted - at)[values], np.zeros(len(runs.columns))])
+        centre = np.concatenate([(fitted - at)[values], [c.mean for c in runs.columns]])
         for (path, what), k in shapes.items():
             centre[k] = way.laws[path].shape[what] - laws[path].shape[what]
         cost, step, spread = runs.likeliest([*range(len(values)), *shapes.values()], centre)

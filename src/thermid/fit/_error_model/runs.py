@@ -20,7 +20,7 @@ from thermid.fit._error_model.elements import (
     conductors_of,
     entering_heat,
     gradient,
-    late_heat,
+    lagged,
     moved_heat,
     places,
     room_heats,
@@ -28,7 +28,6 @@ from thermid.fit._error_model.elements import (
 from thermid.fit._error_model.gaussian import RunRows, Wander, features, innovations, pivots
 from thermid.fit._error_model.sizes import (
     ALL_COLUMNS,
-    ASIDE,
     COLUMNS,
     CONDUCTORS,
     EVERY,
@@ -57,12 +56,14 @@ class UnknownColumn:
     group : str     Which size its prior's standard deviation is a multiple of; empty for none.
     size : float    That multiple, or the standard deviation itself.
     source : str    What a reader is told that it belongs to.
+    mean : float    Of its prior; those of laws have theirs in their laws.
     """
 
     name: str
     group: str
     size: float
     source: str
+    mean: float = 0.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,7 +98,7 @@ class Smooth:
         """
         runs = [(r, thin) for r, thin in several if c.path in r.flows]
         most = max(float(np.abs(r.flows[c.path]).max()) for r, _ in runs)
-        aside = np.array(ASIDE) * np.array(LENGTHS)
+        aside = np.array(LENGTHS)
         pivots_of_gas: list[Array] = []
         gases: list[bool] = []
         for gas in dict.fromkeys(thin for _, thin in runs):
@@ -183,11 +184,16 @@ class Departures:
                     add(f"departure {k}", smooth_departure.kind, 1.0, heat * column)
         heated = {node for node, _ in course.powers.values()} if way.name.endswith(WITH_ENTRIES) else ()
         for node in (n for n in self.nodes if n in course.stores):
+            # a mass of the size C of the node's own takes up C (T - T_h) / tau, as if that course of heat were late
             whole = course.stores[node][1] * course.kelvin[node]
-            late = [(f"mass ({time:.3g} s) of {node}", "hidden", 1.0, whole / time, time) for time in self.hidden]
+            late = [(UnknownColumn(f"mass ({time:.3g} s) of {node}", "hidden", 1.0, node), whole / time, time) for time in self.hidden]
             for time in (LATE_TIME * time for time in self.hidden if node in heated):
-                late.append((f"late heat ({time:.3g} s) of {node}", "", LATE_SHARE, entering_heat(network, course, node), time))
-            out += [(UnknownColumn(n, group, size, node), late_heat(n, course, node, w, time)) for n, group, size, w, time in late]
+                column = UnknownColumn(f"late heat ({time:.3g} s) of {node}", "", LATE_SHARE, node, LATE_SHARE)
+                late.append((column, entering_heat(network, course, node), time))
+            for column, watts, time in late:
+                more = lagged(watts, course.times, time) - watts
+                more[-1] *= not course.settled
+                out.append((column, DepartureHeat(column.name, ((node, TableSignal(course.times, more, False)),))))
         for node in way.spots:
             name = f"gradient of {node}"
             out.append((UnknownColumn(name, "", GRADIENT, node), gradient(name, network, course, node)))
