@@ -314,10 +314,6 @@ class Identifiability(Named[KnownParameter]):
             lines.append("  All parameters can be separated.")
         return "\n".join(lines)
 
-    def _ipython_key_completions_(self) -> list[str]:
-        """Return the parameters."""
-        return [str(row["name"]) for row in self._as_rows() if "name" in row]
-
 
 def identifiability(
     model: Model | Calibration,

@@ -10,11 +10,11 @@ from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 import numpy as np
 
-from thermid.base.errors import MissingDataError, NameNotFoundError, RecordError, look_up, refuse_unknown
+from thermid.base.errors import MissingDataError, NameNotFoundError, RecordError, refuse_unknown
 from thermid.base.expression import amount
 from thermid.base.extensions import optional
 from thermid.base.files import was_read
-from thermid.base.results import Result
+from thermid.base.results import Named
 from thermid.base.units import TEMPERATURE, from_si, unit
 from thermid.measure.readers import read_plain
 from thermid.measure.records import FloatArray
@@ -97,7 +97,7 @@ class WeatherSeries(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class Weather(Result):
+class Weather(Named[WeatherSeries]):
     """What the weather was, or in a typical year is.
 
     Parameters
@@ -117,18 +117,11 @@ class Weather(Result):
     filled: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
 
-    def __getitem__(self, quantity: str) -> WeatherSeries:
-        """Return one quantity.
+    _refusal = "no '{}'. It has {known}."
 
-        Raises
-        ------
-        NameNotFoundError   When the weather has none of that name.
-        """
-        return look_up(quantity, self.series, "no '{}'. It has {known}.", self.name)
-
-    def __contains__(self, quantity: object) -> bool:
-        """Whether the weather has a quantity."""
-        return quantity in self.series
+    def _entries(self) -> Mapping[str, WeatherSeries]:
+        """Return quantity -> its times and values."""
+        return self.series
 
     @property
     def duration(self) -> float:
@@ -230,10 +223,6 @@ class Weather(Result):
     def _summary(self) -> str:
         """Return its name and quantities."""
         return f"{self.name}: {', '.join(self.series) or 'no quantities'}"
-
-    def _ipython_key_completions_(self) -> list[str]:
-        """Return the quantities."""
-        return list(self.series)
 
 
 def read_weather(
