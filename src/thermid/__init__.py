@@ -182,8 +182,8 @@ _NAMESPACES = {
     "site": {
         "OpenSky": "site.pad",
         "Site": "site.site",
-        "Weather": "site.weather",
-        "read_weather": "site.weather",
+        "Weather": "site.site",
+        "read_weather": "site.site",
         "pad_scenario": "site.pad",
         "Trajectory": "site.ascent",
         "read_trajectory": "site.ascent",

@@ -46,7 +46,7 @@ NO_INPUT = {
     "thermid.model._deck.modelfile": "a deck may be changed in its place",
     "thermid.app.cli.qualify": "the delivery of this command",
     "thermid.qualify._deliver": "the delivery of this command, or one that is checked",
-    "thermid.reporting._blocks.extras": "templates of the package, and what the browser printed",
+    "thermid.reporting._blocks.content": "templates of the package, and what the browser printed",
     "thermid.app.examples": "examples of the package; originals that were fetched, checked by their sums",
     "thermid.app.studio.server": "scripts of the package",
 }

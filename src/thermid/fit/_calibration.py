@@ -494,10 +494,6 @@ class Calibration(Named[FittedValue]):
             out.append(PlottedTrace(f"{name} simulated", b.times, b.predicted - ICE_POINT, channel=name))
         return out
 
-    def _ipython_key_completions_(self) -> list[str]:
-        """Return the paths of the fitted values."""
-        return list(self.values)
-
     @property
     def sensor_shares(self) -> tuple[SensorShare, ...]:
         """Return what the constant error of every sensor that has an accuracy means for a fit.

@@ -4,7 +4,6 @@ Its elements, their parameters, and what their laws are made of: signals, curves
 Which values of several places are one, and what a replaced part keeps.
 """
 
-from thermid.model._laws.curves import EXTENSION_REACH as EXTENSION_REACH, Curve as Curve
 from thermid.model._laws.law import law as law
 from thermid.model._laws.signal import (
     Constant as Constant,
@@ -24,7 +23,7 @@ from thermid.model._laws.signal import (
     signal as signal,
     together as together,
 )
-from thermid.model._laws.stores import HeatStore as HeatStore, Melt as Melt
+from thermid.model._laws.stores import EXTENSION_REACH as EXTENSION_REACH, Curve as Curve, HeatStore as HeatStore, Melt as Melt
 from thermid.model._parts.controls import COMPLEMENT as COMPLEMENT, named_control as named_control
 from thermid.model._parts.elements import (
     ACCOMMODATION as ACCOMMODATION,
@@ -66,7 +65,11 @@ from thermid.model._tree.flat import (
     streams_of as streams_of,
 )
 from thermid.model._tree.identity import (
+    COEFFICIENTS as COEFFICIENTS,
+    Dropped as Dropped,
     Identity as Identity,
+    PlaceStart as PlaceStart,
+    Replacement as Replacement,
     cuts_of as cuts_of,
     definition_of as definition_of,
     identity_of as identity_of,
@@ -75,17 +78,11 @@ from thermid.model._tree.identity import (
     local_identities as local_identities,
     made_to as made_to,
     outside as outside,
-)
-from thermid.model._tree.model import Model as Model, identities as identities
-from thermid.model._tree.replacement import (
-    COEFFICIENTS as COEFFICIENTS,
-    Dropped as Dropped,
-    PlaceStart as PlaceStart,
-    Replacement as Replacement,
     short_text as short_text,
     touching as touching,
     without_layers as without_layers,
 )
+from thermid.model._tree.model import Model as Model, identities as identities
 from thermid.model._tree.rules import Finding as Finding, unlumped as unlumped
 from thermid.model._tree.tree import (
     SET as SET,

@@ -372,10 +372,6 @@ class Prediction(Named[Band]):
         """Return every node with its last temperature, error and 95 % band."""
         return [{"node": n, "final_C": e.celsius, "error_K": e.error, "low_C": e.low, "high_C": e.high} for n, e in self.final.items()]
 
-    def _ipython_key_completions_(self) -> list[str]:
-        """Return the nodes."""
-        return list(self.bands)
-
 
 def centre_words(moved: Mapping[str, Mapping[str, Array]], times: Array) -> str:
     """Return how far the centre of a band lies from the run with the best values, where that is most, and why; empty where nobody minds.

@@ -205,10 +205,6 @@ class Qualification(Named[Trial]):
         """Return the title and the verdict."""
         return f"{self.plan.title}: {VERDICTS[self.passed]}, {counted(len(self.trials), 'test')}"
 
-    def _ipython_key_completions_(self) -> list[str]:
-        """Return the tests."""
-        return [t.test.name for t in self.trials]
-
 
 def _smallest(trials: Sequence[Trial], margins: Sequence[Margin]) -> SmallestMargin | None:
     """Return the smallest of margins and of the bare distances to limits in some tests; None without a finite one."""

@@ -40,8 +40,7 @@ from thermid.prediction.bands import Foresight, Knowledge, foresee
 from thermid.qualify._plan import Plan
 from thermid.qualify._profile_runs.conduct import run_profile
 from thermid.qualify._profile_runs.profile_run import ProfileRun, verdict_remarks
-from thermid.qualify._profiles.profile import ThermalProfile
-from thermid.qualify._profiles.standards import profile_from
+from thermid.qualify._profiles.profile import ThermalProfile, profile_from
 from thermid.qualify._steadiness.stabilisation import Stability, stability
 from thermid.simulation.runs import Solution
 from thermid.simulation.scenario_files import Scenario, load_scenario

@@ -132,10 +132,6 @@ class Moisture(Named[SurfaceMoisture]):
         """Return the margin of every surface."""
         return [PlottedTrace(n, s.times, s.margin) for n, s in self.surfaces.items()]
 
-    def _ipython_key_completions_(self) -> list[str]:
-        """Return the surfaces."""
-        return list(self.surfaces)
-
 
 def moisture(
     model: Model,

@@ -25,8 +25,7 @@ from thermid.physics.constants import STEFAN_BOLTZMANN
 from thermid.physics.correlations import forced_plate_nusselt
 from thermid.simulation.runs import Environment, Scenario, Sky
 from thermid.site.exposure import cloudless_sky, driving_rain, on_plane, sky_share
-from thermid.site.site import Site, ignore_future_warnings
-from thermid.site.weather import Weather
+from thermid.site.site import Site, Weather, ignore_future_warnings
 
 SUN_INTERVAL = 600.0
 """Interval at which the sun's path is worked out: it moves by 2.5 degrees. [s]"""

@@ -14,8 +14,7 @@ from thermid.simulation.scenario_files import LogColumns, Scenario
 from thermid.site.ascent import ascent_scenario, read_trajectory
 from thermid.site.orbit import Planet, orbit_fluxes
 from thermid.site.pad import pad_scenario
-from thermid.site.site import Site
-from thermid.site.weather import read_weather
+from thermid.site.site import Site, read_weather
 
 TABLES = ("site", "weather", "sun", "wind", "ascent", "orbit")
 

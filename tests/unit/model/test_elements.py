@@ -11,7 +11,7 @@ import pytest
 from by_code import raises_code
 from thermid.base.errors import DeckError
 from thermid.model._deck.modelfile import model_from_dict
-from thermid.model._laws.curves import curve
+from thermid.model._laws.stores import curve
 from thermid.model._parts.elements import KINDS
 from thermid.model._tree.areas import ledger
 from thermid.model._tree.model import Model

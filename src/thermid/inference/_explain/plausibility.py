@@ -119,10 +119,6 @@ class Plausibility(Named[RangeCheck]):
         lines += [f"  {words}" for words in self.undecided]
         return "\n".join(lines)
 
-    def _ipython_key_completions_(self) -> list[str]:
-        """Return the values."""
-        return [str(row["path"]) for row in self._as_rows() if "path" in row]
-
 
 def plausibility(fit: Calibration, *, weights: Mapping[str, str] | None = None, delivered: Mapping[str, str] | None = None) -> Plausibility:
     """Physical plausibility of fitted values: correlations for coefficients, ranges for contacts, capacitances and losses.

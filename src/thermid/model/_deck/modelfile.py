@@ -19,7 +19,7 @@ from thermid.base.extensions import by_grammar, grammar_of, refuse_another_kind
 from thermid.base.files import FileKinds, may_write, read_text, toml_key, toml_value, unsealed, write_text
 from thermid.base.toml_files import Places, read_toml, resolve_inside
 from thermid.model._deck.rows import written_out
-from thermid.model._laws.curves import refuse_first
+from thermid.model._laws.stores import refuse_first
 from thermid.model._parts.parameter import Parameter, parameter
 from thermid.model._tree.arrays import Instances, made_instances, merged
 from thermid.model._tree.flat import flatten

@@ -28,10 +28,9 @@ from thermid.model._deck.fields import (
     curve_of,
     plain,
 )
-from thermid.model._laws.curves import Curve, Rule, Where, limited, refuse_first
 from thermid.model._laws.options import Box, CarriedBy, StandsFor
 from thermid.model._laws.signal import literal
-from thermid.model._laws.stores import Supercooling, melting, tabulated
+from thermid.model._laws.stores import Curve, Rule, Supercooling, Where, limited, melting, refuse_first, tabulated
 from thermid.model._parts.controls import CONTROL_SLOTS, KINDS_OF_CONTROL, Control, ModeChange, check_modes, followed, of_difference
 from thermid.model._parts.elements import (
     CARRIED_BY,

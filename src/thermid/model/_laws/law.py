@@ -10,8 +10,8 @@ import numpy as np
 from thermid.base.errors import DeckError, errors_at, nearest
 from thermid.base.expression import si_value
 from thermid.base.linear_algebra import Array, Indices
-from thermid.model._laws.curves import Curve, hermite, refuse_first
 from thermid.model._laws.options import Source
+from thermid.model._laws.stores import Curve, hermite, refuse_first
 
 MIN_POINT_DISTANCE: Final = 1e-3
 """Points stand no closer than this: a kink is rounded over it. [K]"""

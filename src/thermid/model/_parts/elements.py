@@ -20,9 +20,8 @@ import numpy as np
 from thermid.base.errors import DeckError
 from thermid.base.linear_algebra import Number, value_of
 from thermid.base.units import TEMPERATURE
-from thermid.model._laws.curves import Curve
 from thermid.model._laws.signal import Signal, TableSignal, literal
-from thermid.model._laws.stores import Supercooling
+from thermid.model._laws.stores import Curve, Supercooling
 from thermid.model._parts.parameter import Parameter, parameter
 from thermid.physics import conduction, contact, convection, radiation
 from thermid.physics.constants import AMBIENT_DEFAULT, STANDARD_GRAVITY, STEFAN_BOLTZMANN

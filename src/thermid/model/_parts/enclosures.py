@@ -12,7 +12,7 @@ import numpy as np
 from thermid.base.errors import DeckError
 from thermid.base.linear_algebra import Array, Number, gradient_of, value_of
 from thermid.base.memo import Memo
-from thermid.model._laws.curves import refuse_first
+from thermid.model._laws.stores import refuse_first
 from thermid.model._parts.elements import Enclosure, Law, Surface, Take, exposed_area
 from thermid.physics.constants import STEFAN_BOLTZMANN
 from thermid.physics.enclosure import absorbing_areas, check_view_factors, exchange_areas_of

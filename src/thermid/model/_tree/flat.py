@@ -13,9 +13,8 @@ from thermid.base.codes import CodedText
 from thermid.base.errors import DeckError, NameNotFoundError, errors_at, quoted, refuse_unknown
 from thermid.base.linear_algebra import Number, value_of
 from thermid.base.units import require, require_unit
-from thermid.model._laws.curves import Curve
 from thermid.model._laws.signal import Signal
-from thermid.model._laws.stores import HeatStore, potential, store
+from thermid.model._laws.stores import Curve, HeatStore, potential, store
 from thermid.model._parts.controls import COMPLEMENT, Control, ModeChange, named_control, of_difference, slot_of
 from thermid.model._parts.elements import KINDS, LOAD_SLOTS, NODE_SLOTS, Facing, HeatLoad, Joint, Law, MadeIn, Surface, Take
 from thermid.model._parts.enclosures import Enclosed, Face, FaceExchange, pairs

@@ -7,8 +7,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from thermid.base.results import Row, Shown
-from thermid.model._tree.identity import Identity, cut, definition_of, identity_of, lay_values, local_identities
-from thermid.model._tree.replacement import Replacement, replaced
+from thermid.model._tree.identity import Identity, Replacement, cut, definition_of, identity_of, lay_values, local_identities, replaced
 from thermid.model._tree.rules import Finding, findings
 from thermid.model._tree.tree import Tree
 

@@ -41,9 +41,11 @@ from thermid.reporting._blocks.content import (
     PageBlock,
     Picture,
     Plot,
+    Sheets,
     Table,
     Words,
     capitalised,
+    check_page,
     duration,
     group_cell,
     number,
@@ -52,8 +54,8 @@ from thermid.reporting._blocks.content import (
     pretty,
     rounded,
     significant,
+    write_page,
 )
-from thermid.reporting._blocks.extras import Sheets, check_page, write_page
 from thermid.reporting._diagrams.map import fitting_map
 from thermid.reporting._pages import tables
 from thermid.reporting._pages.tables import glance

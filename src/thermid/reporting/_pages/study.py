@@ -23,15 +23,17 @@ from thermid.reporting._blocks.content import (
     Notes,
     PageBlock,
     Section,
+    Sheets,
     Table,
     Words,
+    check_page,
     folded,
     number,
     plain,
     pretty,
     signed,
+    write_page,
 )
-from thermid.reporting._blocks.extras import Sheets, check_page, write_page
 from thermid.reporting._pages import tables
 from thermid.reporting._pages.campaign import VERDICTS_TABLE, front
 from thermid.reporting._pages.tables import glance

@@ -20,7 +20,7 @@ from thermid.inference.intervals import Profile
 from thermid.measure.looks import Look
 from thermid.prediction.members import Hold, clock
 from thermid.qualify.profiles import ProfileRun
-from thermid.reporting._blocks.extras import extra
+from thermid.reporting._blocks.content import extra
 from thermid.reporting._pictures.chart import DASHES, SERIES, time_unit
 from thermid.reporting._pictures.figures import GRID, INK, RESIDUAL, SIMULATED, SOFT
 from thermid.reporting._pictures.log import log_drawing

@@ -31,10 +31,11 @@ from thermid.reporting._blocks.content import (
     Table,
     Words,
     capitalised,
+    check_page,
     folded,
     number,
+    write_page,
 )
-from thermid.reporting._blocks.extras import check_page, write_page
 from thermid.reporting._pages.campaign import SYNTHETIC
 from thermid.reporting._pages.tables import versions
 from thermid.reporting._pictures import figures

@@ -259,7 +259,7 @@ class TestReport:
     ) -> None:
 
         monkeypatch.setenv("PATH", str(tmp_path))
-        from thermid.reporting._blocks import extras
+        from thermid.reporting._blocks import content as extras
 
         monkeypatch.setattr(extras, "PLACES", ())
         said = call("report", campaign, "--to", tmp_path / "page.pdf")
@@ -269,7 +269,7 @@ class TestReport:
         assert list(tmp_path.glob("page*")) == []
 
     def test_a_pdf_alone_leaves_no_page_behind(self, call: Call, fitted_campaign: Path, tmp_path: Path) -> None:
-        from thermid.reporting._blocks import extras
+        from thermid.reporting._blocks import content as extras
 
         try:
             extras.browser()

@@ -23,7 +23,7 @@ from thermid.base.extensions import missing, modules_of, require
 from thermid.campaign.stages import run_stages
 from thermid.fit.calibration import Calibration, Input, InputTable
 from thermid.inference._explain.structures import EvaluationBudget
-from thermid.reporting._blocks import extras
+from thermid.reporting._blocks import content as extras
 from unit.app.cli.conftest import Call
 
 pty = pytest.importorskip("pty", reason="a pseudo-terminal needs a posix system")
