@@ -12,7 +12,6 @@ from thermid.model._tree.identity import (
     outside as outside,
 )
 from thermid.model._tree.replacement import (
-    COEFFICIENTS as COEFFICIENTS,
     Dropped as Dropped,
     PlaceStart as PlaceStart,
     Replacement as Replacement,
