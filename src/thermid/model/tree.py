@@ -65,7 +65,6 @@ from thermid.model._tree.flat import (
     streams_of as streams_of,
 )
 from thermid.model._tree.identity import (
-    COEFFICIENTS as COEFFICIENTS,
     Dropped as Dropped,
     Identity as Identity,
     PlaceStart as PlaceStart,

@@ -21,7 +21,6 @@ from thermid.base.linear_algebra import Array, symmetric_inverse
 from thermid.base.results import Row, Shown
 from thermid.base.units import counted
 from thermid.model.tree import (
-    COEFFICIENTS,
     SET,
     UNJUDGED,
     Dropped,
@@ -686,10 +685,9 @@ def graft(model: Model, below: Sequence[tuple[str, Store]], untied: Sequence[str
         ("" if part == "." else model.canonical(part), *store.in_decks(model.submodel(part) if part != "." else model))
         for part, store in below
     ]
-    parts = [(part, store) for part, store, _ in placed]
-    for part, store in parts:
+    for part, store, _ in placed:
         _refuse_misplaced(model, part, store)
-    parts = [(part, _among_nodes(model, part, store) if part else store) for part, store in parts]
+    parts = [(part, _among_nodes(model, part, store) if part else store) for part, store, _ in placed]
     sources = tuple({s.name: s for _, store in parts for s in store.sources}.values())
     place = {s.name: k for k, s in enumerate(sources)}
     offered: dict[str, list[tuple[str, State, Array]]] = {}
@@ -725,18 +723,17 @@ def _among_nodes(model: Model, part: str, store: Store) -> Store:
     Gas in a housing carries less than that of a room, by how much no reading of the part alone says. Values that are one have one source.
     """
     flat = flatten(model)
-    nodes = {n.path for n in flat.nodes}
-    faces = [c for c in flat.conductors if c.gas in nodes and inside(c.path, part) and not inside(c.gas, part)]
-    met = {c.fields[name] for c in faces for name in COEFFICIENTS if name in c.fields}
-    met_by: dict[str, list[int]] = {}
-    for k, s in enumerate(store.states.values()):
-        if s.known and met.intersection(s.under(part).paths):
-            met_by.setdefault(f"{s.origin.key[:16]}:{s.path.removeprefix(s.at).lstrip('.')} among nodes", []).append(k)
-    states, rows = [*store.states.values()], np.zeros((len(store.states), len(met_by)))
-    for column, places in enumerate(met_by.values()):
-        rows[places, column] = [SURROUNDINGS * (1.0 if states[k].log else states[k].value) for k in places]
-    sources = (Source(name, "structural", Normal(), "coefficients of a part that meet a node, and met a boundary") for name in met_by)
-    return replace(store, sources=(*store.sources, *sources), root=np.hstack([store.root, rows]))
+    around = {n.path for n in flat.nodes if not inside(n.path, part)}
+    fields = [c.fields for c in flat.conductors if c.gas in around and inside(c.path, part)]
+    met = {path for f in fields for name, path in f.items() if name.endswith(("htc", "coefficient"))}
+    names, sizes = [], []
+    for s in store.states.values():
+        names.append(f"{s.origin.key[:16]}:{s.path.removeprefix(f'{s.at}.')} among nodes")
+        sizes.append(SURROUNDINGS * (1.0 if s.log else s.value) if s.known and met.intersection(s.under(part).paths) else 0.0)
+    added = [*dict.fromkeys(names)]
+    rows = np.array(sizes)[:, None] * (np.array(names)[:, None] == np.array(added))
+    sources = (Source(n, "structural", Normal(), "coefficients of a part that meet a node, and met a boundary") for n in added)
+    return replace(store, sources=(*store.sources, *sources), root=np.hstack([store.root, rows])).trimmed()
 
 
 def _refuse_misplaced(model: Model, part: str, store: Store) -> None:
