@@ -302,8 +302,7 @@ def pad_scenario(
                 code="value.incomplete",
             )
         falling["*"] = open_sky(place, instant, seconds, weather, downward, air, albedo, turbidity, sun)
-    tables = (wind or {}).items()
-    coefficients = {p: _coefficient(weather, temperature, table, place.pressure, f"{title}, wind.{p}") for p, table in tables}
+    coefficients = {p: _coefficient(weather, temperature, t, place.pressure, f"{title}, wind.{p}") for p, t in (wind or {}).items()}
     return Scenario(
         title=title,
         duration=seconds,

@@ -12,7 +12,7 @@ from by_code import raises_code
 from thermid.base.errors import IdentificationError, NameNotFoundError, RecordError, ScenarioError
 from thermid.fit._calibrate import calibrate
 from thermid.fit._inputs import inputs_of
-from thermid.fit._problem.experiment import bind, first_reading
+from thermid.fit._problem.experiment import Inputs, bind, first_reading
 from thermid.fit._problem.gather import build_problem
 from thermid.fit._problem.request import Request
 from thermid.measure.readers import read_record
@@ -49,6 +49,14 @@ def test_automatic_roles_follow_what_the_target_is(model: Model, record: Record)
     assert isinstance(found.scenario.boundaries["air"], TableSignal)
     np.testing.assert_array_equal(found.scenario.loads["heat"].values, 3.0)
     assert found.scenario.loads["heat"].hold
+
+
+@pytest.mark.parametrize(("watts", "means"), [(10.0, {"scale.q": 0.02}), (0.0, {})])
+def test_the_error_of_a_mean_is_a_part_of_its_power_and_of_none_where_that_is_off(watts: float, means: dict[str, float]) -> None:
+    inputs = Inputs({"gains": {}, "loads": {}})
+    meter = Channel.from_array("P", np.full(5, watts), quantity="power", role="load", target="q", common=0.2)
+    inputs.take(meter, "load", "q", Constant(watts), None)
+    assert inputs.means == pytest.approx(means)
 
 
 def test_a_channel_without_a_target_is_bound_by_its_name(model: Model, record: Record) -> None:

@@ -141,16 +141,14 @@ def improve(path: Path, stage: str = "", evaluations: int = EVALUATIONS, data: P
     names = [s.name for s in source.content.stages]
     name = stage or names[-1]
     refuse_unknown([name], names, path.name, "no stage '{}'.", DeckError)
-    campaign = path.with_name(f"{path.stem}_{NEXT}.toml")
-    may_write(campaign, TEMPLATE.titled(campaign.stem))  # refused now, and not after the search
+    may_write(path.with_name(f"{path.stem}_{NEXT}.toml"), TEMPLATE.titled(f"{path.stem}_{NEXT}"))  # refused before the search
     before = run_stages(source.unjudged, cache=path.parent / "results", executor=executor).stages[name]
-    if before.request is None or not before.request.records:
+    if (request := before.request) is None or not request.records:
         raise DeckError(
             f"stage '{name}' has values tuned by hand and fits nothing, so structures cannot be compared. Give a stage that fits records.",
             path.name,
             code="campaign.refused",
         )
-    request = before.request
     refuse_unseen(request.model, "a search for another structure")
     may = _may_delay(source, request)
     first = search_structure(

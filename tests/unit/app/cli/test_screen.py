@@ -255,6 +255,16 @@ def test_the_time_left_of_a_stage_ends_with_it(monkeypatch: pytest.MonkeyPatch) 
     assert "left of this stage" not in progress.time_left()
 
 
+@pytest.mark.parametrize(("seconds", "said"), [(9.9, []), (10.0, ["a: a search"])])
+def test_what_takes_ten_seconds_is_said_beforehand(seconds: float, said: list[str], monkeypatch: pytest.MonkeyPatch) -> None:
+    """As long as a reader waits without a word; a line for each shorter search would fill the screen."""
+    heard: list[str] = []
+    progress = summary.CampaignProgress({"a": 3.0})
+    monkeypatch.setattr(progress, "say", heard.append)
+    progress.ahead("a", "a search", seconds)
+    assert heard == said
+
+
 @pytest.mark.parametrize(
     ("seconds", "words"), [(0.4, "0 s"), (59.4, "59 s"), (60, "1 min"), (61, "1 min 1 s"), (1234, "21 min"), (7322, "2 h 2 min")]
 )
