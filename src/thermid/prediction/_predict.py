@@ -459,15 +459,15 @@ def predict(
     IdentificationError     When a value is spread twice, or has no finite error; when a coefficient that must be separated cannot be.
     """
     knowledge = fit if isinstance(fit, Knowledge) else Knowledge.of_source(fit)
-    told = partial(budget_of, scenario=scenario, stated=spread, without=without, as_logged=as_logged)
+    budget = partial(budget_of, scenario=scenario, stated=spread, without=without, as_logged=as_logged)
     answer = partial(predicted, draws=draws, seed=seed, options=options, executor=executor)
-    plain = answer(told(knowledge.for_model(model) if model is not None else knowledge), nodes, times=times)
+    plain = answer(budget(knowledge.for_model(model) if model is not None else knowledge), nodes, times=times)
     if model is not None and (words := knowledge.replaced_values(model)):
         plain = replace(plain, warnings=(words, *plain.warnings))
     if knowledge.fit is None or model is not None or draws or DEFECTS in without:
         return plain
     others = explained(knowledge.fit)
-    explained_predictions = [answer(told(Knowledge.of_source(e.fit)), list(plain.bands), times=plain.times) for e in others]
+    explained_predictions = [answer(budget(Knowledge.of_source(e.fit)), list(plain.bands), times=plain.times) for e in others]
     return averaged(plain, others, explained_predictions, knowledge.fit)
 
 
