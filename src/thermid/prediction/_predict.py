@@ -8,7 +8,7 @@ from __future__ import annotations
 import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import cached_property, partial
 from statistics import NormalDist
 from typing import Any
 
@@ -407,7 +407,6 @@ def predict(
     *,
     model: Model | None = None,
     spread: Given | Sequence[Given] = (),
-    every: str | float | None = None,
     times: Any = None,
     nodes: Sequence[str] | None = None,
     without: Sequence[str] = (),
@@ -437,7 +436,7 @@ def predict(
     scenario : Scenario         What is done to the model; it is taken as exact but for what `spread` says.
     model : Model               Another model that holds the fitted paths, on which the fit's values are laid; the fitted one by default.
     spread : dict, Spread       What else is not known exactly: name -> spread as text, or `Spread`, or several of these.
-    every, times                When to store, as in `simulate`.
+    times                       When to store, as in `simulate`.
     nodes : sequence of str     Nodes to predict; all by default.
     without : sequence of str   Sources that are not counted: kinds (``structural``, ``misfit``) or causes; the result states this.
     draws : int                 Members drawn from the sources; bands are then quantiles. 0 for derivatives, as long as they do.
@@ -452,22 +451,16 @@ def predict(
     IdentificationError     When a value is spread twice, or has no finite error; when a coefficient that must be separated cannot be.
     """
     knowledge = fit if isinstance(fit, Knowledge) else Knowledge.of_source(fit)
-    workers = KeptTasks.of_workers(executor).workers  # of traces, which no folder keeps
-
-    def answer(by: Knowledge, of_nodes: Sequence[str] | None, at: Any) -> Prediction:
-        """Return the prediction of nodes at some times by what is known."""
-        budget = budget_of(by, scenario, spread, without=without, as_logged=as_logged)
-        return predicted(budget, of_nodes, every=every, times=at, draws=draws, seed=seed, options=options, executor=workers)
-
-    plain = answer(knowledge.for_model(model) if model is not None else knowledge, nodes, times)
+    budget = partial(budget_of, scenario=scenario, stated=spread, without=without, as_logged=as_logged)
+    answer = partial(predicted, draws=draws, seed=seed, options=options, executor=executor)
+    plain = answer(budget(knowledge.for_model(model) if model is not None else knowledge), nodes, times=times)
     if model is not None and (words := knowledge.replaced_values(model)):
         plain = replace(plain, warnings=(words, *plain.warnings))
     if knowledge.fit is None or model is not None or draws or DEFECTS in without:
         return plain
     others = explained(knowledge.fit)
-    explained_predictions = [answer(Knowledge.of_source(e.fit), list(plain.bands), plain.times) for e in others]
-    looked = replace(plain, warnings=tuple(w for w in plain.warnings if w != UNSOUGHT))
-    return averaged(plain, others, explained_predictions, knowledge.fit) if explained_predictions else looked
+    explained_predictions = [answer(budget(Knowledge.of_source(e.fit)), list(plain.bands), times=plain.times) for e in others]
+    return averaged(plain, others, explained_predictions, knowledge.fit)
 
 
 def carrier_words(budget: Budget, bands: Mapping[str, Band]) -> list[str]:
@@ -493,7 +486,7 @@ def carrier_words(budget: Budget, bands: Mapping[str, Band]) -> list[str]:
 
 
 def averaged(plain: Prediction, others: Sequence[ExplainedFit], explained: Sequence[Prediction], fit: Calibration) -> Prediction:
-    """Return the prediction by fits with hidden defects in place of that by the deck: their mixture by its mean and variance.
+    """Return the prediction by fits with hidden defects in place of that by the deck, if there are any: their mixture by mean and variance.
 
     Parameters
     ----------
@@ -501,6 +494,8 @@ def averaged(plain: Prediction, others: Sequence[ExplainedFit], explained: Seque
     others, told            Fits with a defect, and what each predicts.
     fit : Calibration       The fit of the deck.
     """
+    if not others:
+        return replace(plain, warnings=tuple(w for w in plain.warnings if w != UNSOUGHT))
     weights = np.array([e.weight for e in others])
     bands = {n: _mixture([t.bands[n] for t in explained], weights) for n in plain.bands}
     settled = {n: _mixed([t.settled[n] for t in explained], weights) for n in plain.settled if all(n in t.settled for t in explained)}
@@ -560,7 +555,6 @@ def predicted(
     budget: Budget,
     nodes: Sequence[str] | None = None,
     *,
-    every: str | float | None = None,
     times: Any = None,
     draws: int = 0,
     seed: int = 0,
@@ -568,7 +562,7 @@ def predicted(
     executor: Workers = None,
 ) -> Prediction:
     """Return what a budget says of its scenario; arguments as in `predict`."""
-    ways = [WayAnswer.of_budget(weight, budget_of_way, nodes, every, times, options) for weight, budget_of_way in budget.weighted_ways]
+    ways = [WayAnswer.of_budget(weight, budget_of_way, nodes, times, options) for weight, budget_of_way in budget.weighted_ways]
     first = max(ways, key=lambda w: w.weight)
     times = first.setting.ready.times
     best = simulate(budget.model, budget.scenario, times=times, options=options) if budget.ways else first.linear.run
@@ -646,13 +640,12 @@ class WayAnswer:
         weight: float,
         budget: Budget,
         nodes: Sequence[str] | None,
-        every: Any,
         times: Any,
         options: Options | None,
         scenario: Scenario | None = None,
     ) -> WayAnswer:
         """Return the answer of one way in the scenario of its budget, or in a variant of it."""
-        setting = Setting.of_budget(budget, scenario=scenario, every=every, times=times, options=options)
+        setting = Setting.of_budget(budget, scenario=scenario, times=times, options=options)
         return cls(weight, setting, setting.linear(nodes))
 
     def kelvin(self, node: str) -> Array:
@@ -738,7 +731,7 @@ def drawn_members(
         if straight:
             kelvin = {n: way.linear.run[n].kelvin[:, None] + c[:-1] @ sources_of_way for n, c in columns.items()}
         else:
-            drawn = _member_temperatures(way.setting, way.linear, sources_of_way, list(columns), executor)
+            drawn = _member_temperatures(way.setting, way.linear, sources_of_way, list(columns), KeptTasks.of_workers(executor).workers)
             rest |= _member_rest(way, sources_of_way, drawn, executor)
             kelvin = dict(drawn.kelvin)
             failed |= drawn.runs.failed if drawn.runs is not None else {}

@@ -341,7 +341,7 @@ class Before:
 
     def temperature(self, node: str, at: float) -> tuple[Array, float, dict[str, float]]:
         """Return how a temperature responds (sources,), its value, and cause -> error that no test takes away. [K]"""
-        ways = [WayAnswer.of_budget(w, budget_of_way, [node], None, [at], None) for w, budget_of_way in self.budget.weighted_ways]
+        ways = [WayAnswer.of_budget(w, budget_of_way, [node], [at], None) for w, budget_of_way in self.budget.weighted_ways]
         ways = [replace(w, linear=w.setting.secants(w.linear)) for w in ways]
         (columns,) = max(ways, key=lambda w: w.weight).linear.columns.values()
         parts, _, centre, _ = mixed_answer(ways, next(iter(ways[0].linear.columns)), np.zeros(1))

@@ -11,6 +11,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from itertools import chain
+from operator import itemgetter
 from time import process_time
 from types import SimpleNamespace
 from typing import Any, cast
@@ -27,7 +28,7 @@ from thermid.base.units import ICE_POINT
 from thermid.model.tree import Constant, Model
 from thermid.simulation._many.kept import JobFolder, digest
 from thermid.simulation._many.tally import PILOT, Counted, CountGrid, Tally, added
-from thermid.simulation._many.tasks import KeptTasks, Workers, in_tasks, results_in_order
+from thermid.simulation._many.tasks import KeptTasks, Workers, in_tasks
 from thermid.simulation._solution import Trace
 from thermid.simulation._solver.engine import Engine
 from thermid.simulation._solver.extremes import MemberTurnings
@@ -546,6 +547,9 @@ def run_members(
     if shares:
         counted = _all_counted(runs, values, members, KeptTasks.of_workers(executor))
         return ensemble(counted.failed, counted.statistics, network.find, dict[str, Array]().__getitem__, counted.tallies, {}, warnings)
+    if executor is None:
+        group = runs.group(values)
+        return ensemble(group.failed, group.statistics, network.find, group.temperature, {}, group.turnings, warnings)
     kept_tasks = KeptTasks.of_workers(executor)
     if kept_tasks.folder is not None:
         raise ScenarioError(
@@ -553,12 +557,14 @@ def run_members(
             where,
             code="value.incomplete",
         )
-    parts = (
-        results_in_order(
-            _Runs.group, [(f"members from {first} on", (runs, v)) for first, v in _tasks(values, members, LANES)], kept_tasks.workers
-        )
-        if kept_tasks.workers is not None
-        else [runs.group(values)]
+    calls = [(f"members from {first} on", (runs, v)) for first, v in _tasks(values, members, LANES)]
+    begun, parts = process_time(), [runs.group(calls[0][1][1])]
+    parts += map(
+        itemgetter(1),
+        sorted(
+            in_tasks(_Runs.group, calls[1:], kept_tasks.workers, (process_time() - begun) * (len(calls) - 1)),
+            key=itemgetter(0),
+        ),
     )
     # members are numbered through all groups; turning points of nodes that were not followed in each group are left out
     firsts = np.cumsum([0, *(p.members for p in parts)])[:-1].tolist()

@@ -9,12 +9,7 @@ from thermid.simulation._ensemble import Ensemble as Ensemble, run_members as ru
 from thermid.simulation._heat_map import margin_lines as margin_lines, margins as margins
 from thermid.simulation._many.kept import JobFolder as JobFolder, digest as digest
 from thermid.simulation._many.tally import PILOT as PILOT, Counted as Counted
-from thermid.simulation._many.tasks import (
-    KeptTasks as KeptTasks,
-    Workers as Workers,
-    in_tasks as in_tasks,
-    results_in_order as results_in_order,
-)
+from thermid.simulation._many.tasks import KeptTasks as KeptTasks, Workers as Workers, in_tasks as in_tasks
 from thermid.simulation._network.controls import control_names as control_names
 from thermid.simulation._network.environment import Environment as Environment
 from thermid.simulation._network.irradiation import MAX_IRRADIATION as MAX_IRRADIATION, Irradiation as Irradiation, Sky as Sky

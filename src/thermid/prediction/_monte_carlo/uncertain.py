@@ -278,7 +278,7 @@ class UncertainRuns(Result):
         if job.variant is not None or not self.reached.size:
             return ""
         ways = [
-            WayAnswer.of_budget(w, budget_of_way, self.nodes, None, job.times, job.options, job.scenarios[0])
+            WayAnswer.of_budget(w, budget_of_way, self.nodes, job.times, job.options, job.scenarios[0])
             for w, budget_of_way in job.budget.weighted_ways
         ]
         best = simulate(job.model, job.scenarios[0], times=job.times, options=job.options)

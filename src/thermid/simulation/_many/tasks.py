@@ -14,9 +14,8 @@ from concurrent.futures import BrokenExecutor, CancelledError, Executor, Future,
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass
 from math import inf
-from operator import itemgetter
 from pathlib import Path
-from time import process_time, sleep
+from time import sleep
 from typing import Any, TypeVar, Union
 
 import numpy as np
@@ -79,14 +78,6 @@ def in_tasks(
     else:
         with ExitStack() as stack:
             yield from _by(_pool(workers, stack), calls, f"of '{workers}'" if isinstance(workers, str) else "of the pool")
-
-
-def results_in_order(function: Callable[..., Made], tasks: Sequence[tuple[str, tuple[Any, ...]]], workers: Workers) -> list[Made]:
-    """Return the results of equal tasks in their order, as `in_tasks`; this process does the first one, which says what the others take."""
-    begun = process_time()
-    first = [result for _, result in in_tasks(function, tasks[:1], None)]
-    others = in_tasks(function, tasks[1:], workers, seconds=(process_time() - begun) * (len(tasks) - 1))
-    return first + [result for _, result in sorted(others, key=itemgetter(0))]
 
 
 @guard_methods
