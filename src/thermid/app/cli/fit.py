@@ -163,11 +163,8 @@ def _only_campaign() -> Path:
     ------
     ScenarioError   When it has none or several.
     """
-    here, below = (
-        [path for path in sorted(Path().glob(pattern)) if kind_of_text(read_bytes(path)) == "a campaign"]
-        for pattern in ("*.toml", "*/*.toml")
-    )
-    found = here or below
+    places = ([path for path in sorted(Path().glob(p)) if kind_of_text(read_bytes(path)) == "a campaign"] for p in ("*.toml", "*/*.toml"))
+    found = next(filter(None, places), [])
     if len(found) != 1:
         raise ScenarioError(
             f"campaigns of this folder: {', '.join(map(str, found)) or 'none'}. Name one: thermid report campaign.toml --to report.html.",

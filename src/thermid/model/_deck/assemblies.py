@@ -343,11 +343,11 @@ class CoolerTable(StrictTable):
         K = V_max I_max (T_hot - dT_max) / (2 T_hot dT_max), all times `size`.
         """
         t = plain(self.T_hot, "coolers.T_hot", "temperature", where("T_hot"))
-        values, sheet = _Values(COOLER_UNITS, where), {}
-        for key in ("V_max", "I_max", "dT_max"):
-            values.take(key, getattr(self, key), source="datasheet")
-            if key not in values.set:
-                sheet[key] = plain(values.parameters[key]["value"], f"coolers.{key}", COOLER_UNITS[key], where(key))
+        values, written = _Values(COOLER_UNITS, where), {key: getattr(self, key) for key in ("V_max", "I_max", "dT_max")}
+        for key, raw in written.items():
+            values.take(key, raw, source="datasheet")
+        numbers = {key: value_table(raw)["value"] for key, raw in written.items() if key not in values.set}
+        sheet = {key: plain(number, f"coolers.{key}", COOLER_UNITS[key], where(key)) for key, number in numbers.items()}
         if not sheet.get("dT_max", 0.0) < t:
             raise DeckError(
                 "dT_max must be below T_hot in kelvin: its cold side would be colder than absolute zero.",
