@@ -324,8 +324,9 @@ class ScheduledCoefficients:
                     )
                 other = np.zeros(0, dtype=bool) if course is None else _other_slopes(number, ratio, mine[r][c])
                 if other.any():
+                    path = next(p for p, n in free.items() if gradient_of(n, other.size)[other].any())
                     raise ScenarioError(
-                        f"in '{row.name}' the effect of '{next(p for p, n in free.items() if gradient_of(n, other.size)[other].any())}' is no product of a number and of what a schedule gives, so it cannot be "
+                        f"in '{row.name}' the effect of '{path}' is no product of a number and of what a schedule gives, so it cannot be "
                         "computed along a run. Do not fit it. A value with min and max counts as uncertain beside a fit too: write it as "
                         "one number.",
                         self.network.title,
