@@ -240,11 +240,12 @@ def _compared(a: LogCourse, b: LogCourse) -> CommonStep | None:
     rival = float(np.max(known[np.abs(offsets - first) > DISTINCT * length], initial=0.0))
     refined_offsets = [_refined_offset(effect, responses, first, spacing, step) for responses in ways]
     explained = 1.0 - _part_unexplained(effect, ways[0], refined_offsets[0])
-    mixed = a.power != b.power
+    mixed, at = a.power != b.power, refined_offsets[0]
+    inside = np.count_nonzero((cause.switched > -at) & (cause.switched < effect.times[-1] - at))  # any single rise looks like any other
     if (
-        (cause.power and not _enough_switches(effect, cause, refined_offsets[0]))
+        (cause.power and inside < min(2, cause.switched.size))
         or explained < MIN_EXPLAINED_SHARE[mixed]
-        or rival > RIVAL[mixed] * _information(effect, ways[0], refined_offsets[0])
+        or rival > RIVAL[mixed] * _information(effect, ways[0], at)
     ):
         return None
     error = max(_error(effect, responses, offset, step) for responses, offset in zip(ways, refined_offsets, strict=True))
@@ -272,12 +273,6 @@ def _quarter_time(course: LogCourse) -> float:
 def _scatter(course: LogCourse) -> float:
     """Return the standard deviation of readings from the line between their neighbours, by their median. [the course's unit]"""
     return float(DEVIATION_OF_MEDIAN * np.median(np.abs(np.diff(course.values, 2))) / np.sqrt(6.0))
-
-
-def _enough_switches(seen: LogCourse, cause: LogCourse, offset: float) -> bool:
-    """Whether a course covers two switches of a power, or all that it has: any single rise looks like any other."""
-    inside = np.count_nonzero((cause.switched > -offset) & (cause.switched < seen.times[-1] - offset))
-    return bool(inside >= min(2, cause.switched.size))
 
 
 def _explanations(effect: LogCourse, cause: LogCourse) -> list[Explanation]:
