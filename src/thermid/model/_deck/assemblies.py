@@ -377,7 +377,7 @@ class CoolerTable(StrictTable):
 
     def _size(self, sheet: Mapping[str, float], hot: float, where: Where) -> dict[str, Any]:
         """Return the parameter `size`: one, with Q_max over the one that the numbers of the sheet give at `hot` [K] as its range's end."""
-        if self.Q_max is None or len(sheet) < 3:
+        if self.Q_max is None or sheet.keys() < {"V_max", "I_max", "dT_max"}:
             return {"value": 1, "source": "datasheet", "basis": "V_max, I_max and dT_max at T_hot"}
         expected = sheet["V_max"] * sheet["I_max"] * (hot + sheet["dT_max"]) / (2.0 * hot)
         share = literal(self.Q_max, "W", where("Q_max")) / expected
