@@ -193,12 +193,9 @@ class RecordPrediction(Result):
 
     def _as_traces(self) -> list[PlottedTrace]:
         """Return predicted and measured readings of every sensor, with the 95 % band. [degC]"""
-        out = []
-        for name, b in self.bands.items():
-            predicted, measured, half = from_si(b.predicted, "degC"), from_si(b.measured, "degC"), b.half_width()
-            out.append(PlottedTrace(f"{name} predicted", b.times, predicted, predicted - half, predicted + half, channel=name))
-            out.append(PlottedTrace(name, b.times, measured, measured=True, channel=name))
-        return out
+        shown = [(n, b.times, from_si(b.predicted, "degC"), from_si(b.measured, "degC"), b.half_width()) for n, b in self.bands.items()]
+        predicted = [PlottedTrace(f"{n} predicted", t, mean, mean - half, mean + half, channel=n) for n, t, mean, _, half in shown]
+        return predicted + [PlottedTrace(n, t, readings, measured=True, channel=n) for n, t, _, readings, _ in shown]
 
     def to_dict(self) -> dict[str, Any]:
         """Return everything but the traces as plain numbers."""

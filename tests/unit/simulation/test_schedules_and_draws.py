@@ -98,7 +98,7 @@ def test_a_value_whose_effect_is_no_factor_of_what_is_scheduled_is_named() -> No
     speed = td.Channel.from_array("d", np.linspace(0.5, 1.0, times.size), quantity="command", unit="1", role="schedule", target="d")
     record = td.Record.from_arrays("log", times, {"n": warmer, "d": speed})
     scenario = td.Scenario("s", boundaries={"air": "20 [degC]"}, start="air", duration="30 [min]")
-    with raises_code("model.element-not-supported", ThermidError, match="in 'k' the effect of 'bend' is no product.*min and max"):
+    with raises_code("model.element-not-supported", ThermidError, match="'bend'"):
         td.calibrate(two_ways(), record, ["b", "bend"], scenario=scenario)
 
 

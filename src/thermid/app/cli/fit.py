@@ -157,17 +157,15 @@ def report(
 
 
 def _only_campaign() -> Path:
-    """Return the only campaign of the working folder, or of the folders in it where it has none itself.
+    """Return the only campaign of the working folder, or of the folders in it where it has no such file itself.
 
     Raises
     ------
     ScenarioError   When it has none or several.
     """
-    here, below = (
-        [path for path in sorted(Path().glob(pattern)) if kind_of_text(read_bytes(path)) == "a campaign"]
-        for pattern in ("*.toml", "*/*.toml")
-    )
-    found = here or below
+    found = [
+        path for path in sorted(Path().glob("*.toml")) or sorted(Path().glob("*/*.toml")) if kind_of_text(read_bytes(path)) == "a campaign"
+    ]
     if len(found) != 1:
         raise ScenarioError(
             f"campaigns of this folder: {', '.join(map(str, found)) or 'none'}. Name one: thermid report campaign.toml --to report.html.",

@@ -17,7 +17,7 @@ from thermid.base.linear_algebra import Array
 from thermid.base.results import Result
 from thermid.base.units import DAY, HOUR, MINUTE, counted, duration_text, in_si, short, unit
 from thermid.measure._readers.columns import decimal_sign
-from thermid.measure._readers.common_step import CLOCKS_APART, MIN_EXPLAINED_SHARE, CommonStep, LogCourse, common_step, zone_shared
+from thermid.measure._readers.common_step import CLOCKS_APART, MIN_EXPLAINED_SHARE, CommonStep, LogCourse, common_step
 from thermid.measure._readers.formats import log_cells
 from thermid.measure._readers.guess import Column, columns_of
 from thermid.measure._readers.headers import name_and_unit
@@ -310,7 +310,7 @@ class Look(Result):
         }
 
 
-WHICH_ZONE: Final = "Stamps alone leave whole hours open, and no power with a temperature decides. "
+WHICH_ZONE: Final = "Stamps alone leave whole hours open, and no common step decides. "
 _OF_DAY = re.compile(r"(\d{1,2}):(\d{2})(?::(\d{2}(?:[.,]\d+)?))?(?:\s*([AaPp])\.?[Mm])?")
 
 
@@ -337,36 +337,34 @@ def _zone(look: Look) -> str:
     return look.times.zone if look.times is not None else ""
 
 
-def _starts(looks: Sequence[Look], courses: Sequence[Sequence[LogCourse]]) -> tuple[list[float | None], str]:
+def _starts(looks: Sequence[Look], steps: Mapping[tuple[int, int], CommonStep]) -> tuple[list[float | None], str]:
     """Return the times of day at which logs begin, on one clock [s], and what is to be checked where only some state their zone.
 
-    The zone of the others, taken as one, is that at which powers and temperatures fit. Where none does, their stamps do not count beside
-    those of the rest.
+    The zone of the others, taken as one, is the half hours that common steps leave between the stamps. Where none does, their stamps do
+    not count beside those of the rest.
     """
     starts = [_time_of_day(one) for one in looks]
     stamped = [k for k, start in enumerate(starts) if start is not None]
     local, stated = ([k for k in stamped if bool(_zone(looks[k])) is has] for has in (False, True))
     if not local or not stated:
         return starts, ""
-    ahead = zone_shared([(courses[j], courses[k], _late(starts[j], starts[k]) or 0.0) for j in local for k in stated])
     names, zones = (
         ", ".join(texts) for texts in ([looks[k].path.name for k in local], [f"{looks[k].path.name} {_zone(looks[k])}" for k in stated])
     )
     said = f"check: no time zone is stated in {names}, but in {zones}. "
-    if ahead is None:
-        kept = local if stamped[0] in local else stated
-        late = (starts[(stated if kept is local else local)[0]] or 0.0) - (starts[stamped[0]] or 0.0)
-        starts = [start if k in kept else None for k, start in enumerate(starts)]
-        said += (
-            f"{WHICH_ZONE}If {names} is h hours ahead of UTC, the offset is {late:.6g} {'+-'[kept is stated]} 3600 h s: which zone is it?"
-        )
+    shown = [(steps[j, k], _late(starts[j], starts[k]) or 0.0) for j in local for k in stated if (j, k) in steps]
+    step, late = min((pair for pair in shown if not pair[0].candidate), key=lambda pair: pair[0].error, default=(None, 0.0))
+    ahead = 0.5 * HOUR * round((step.offset - late) / (0.5 * HOUR)) if step is not None else 0.0
+    if step is not None and abs(step.offset - late - ahead) < CLOCKS_APART > step.error:
+        sign = "ahead of" if ahead >= 0.0 else "behind"
+        starts = [start - ahead if start is not None and k in local else start for k, start in enumerate(starts)]
+        said += f"Common steps fit if {names} is {abs(ahead) / HOUR:g} h {sign} UTC, and the offsets below count that"
         return starts, said
-    starts = [start - ahead if start is not None and k in local else start for k, start in enumerate(starts)]
-    sign = "ahead of" if ahead >= 0.0 else "behind"
-    return (
-        starts,
-        said + f"Powers and temperatures fit best if {names} is {abs(ahead) / HOUR:g} h {sign} UTC, and the offsets below count that",
-    )
+    kept, others, sign = (local, stated, "+") if stamped[0] in local else (stated, local, "-")
+    late = (starts[others[0]] or 0.0) - (starts[stamped[0]] or 0.0)
+    asked = f"If {names} is h hours ahead of UTC, the offset is {late:.6g} {sign} 3600 h s: which zone is it?"
+    said += "The common steps below give the offsets, so no zone is needed" if step is not None else WHICH_ZONE + asked
+    return [start if k in kept else None for k, start in enumerate(starts)], said
 
 
 def clocks_of(looks: Sequence[Look]) -> list[dict[str, Any]]:
@@ -386,9 +384,9 @@ def clocks_of(looks: Sequence[Look]) -> list[dict[str, Any]]:
     loggers of temperatures meet by way of the supply that both follow.
     """
     courses = [one.courses() for one in looks]
-    starts, said = _starts(looks, courses)
     steps = {(j, k): f for k in range(len(looks)) for j in range(k) if (f := common_step(courses[j], courses[k])) is not None}
     steps |= {(k, j): replace(f, offset=-f.offset, first=f.second, second=f.first) for (j, k), f in steps.items()}
+    starts, said = _starts(looks, steps)
     places = {0: _OffsetSoFar(0.0)}
     entries: dict[int, dict[str, Any]] = {
         k: {"file": further.path.name, "record": further.name, "offset": _late(starts[0], starts[k])} | ({"zone": said} if said else {})
@@ -413,10 +411,6 @@ def clocks_of(looks: Sequence[Look]) -> list[dict[str, Any]]:
             reach = MAX_OFFSET_ERRORS if place.error > STAMPS_APART else 1.0
             entry["at"] = {"offset": place.at, "error": place.error, "stamps": place.stamped} | (after if step is None else {})
             entry["at"] |= {"candidate": place.candidate, "by_stamps": step is None or bool(away <= reach * place.error)}
-    unstamped = [e for e in entries.values() if e["offset"] is None]
-    if WHICH_ZONE in said and unstamped and all("at" in e and not e["at"]["candidate"] for e in unstamped):
-        said = f"{said.partition(WHICH_ZONE)[0]}The common steps below give the offsets, so no zone is needed"
-        entries = {k: e | {"zone": said} for k, e in entries.items()}
     return [entries[k] for k in range(1, len(looks))]
 
 
@@ -546,10 +540,11 @@ def _by_step(clock: dict[str, Any], first: Look, other: Look) -> list[str]:
         used = f"{better}, and are used where no fit finds the offset" if clock.get("at", {}).get("by_stamps") else ""
         near = f"; its stamps are {away:.3g} s from that, within {MAX_OFFSET_ERRORS:g} errors{used}"
         return [text if step["stamps"] is None else text + near]
+    by_stamps = clock["at"]["offset"] - late + step["stamps"] if clock["offset"] is None else clock["offset"]
     return [
         text,
         f"    check: its stamps are {away:.3g} s from that, {away / error:.0f} errors, so a clock is wrong. The line below follows the "
-        f"step. If both clocks are right, heat arrives late: write {clock['at']['offset'] - late + step['stamps']:.6g} s",
+        f"step. If both clocks are right, heat arrives late: write {by_stamps:.6g} s",
     ]
 
 

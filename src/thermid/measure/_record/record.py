@@ -529,10 +529,9 @@ class Record(Samples, Result):
                 f"{self.name}, {other.name}",
                 code="value.excludes-another",
             )
-        environment = {**self.environment, **other.environment}
         return replace(
             self,
-            environment=environment,
+            environment={**self.environment, **other.environment},
             times=times,
             channels=channels,
             origin=origin,

@@ -343,11 +343,11 @@ class CoolerTable(StrictTable):
         K = V_max I_max (T_hot - dT_max) / (2 T_hot dT_max), all times `size`.
         """
         t = plain(self.T_hot, "coolers.T_hot", "temperature", where("T_hot"))
-        values, sheet = _Values(COOLER_UNITS, where), {}
-        for key in ("V_max", "I_max", "dT_max"):
-            values.take(key, getattr(self, key), source="datasheet")
-            if key not in values.set:
-                sheet[key] = plain(values.parameters[key]["value"], f"coolers.{key}", COOLER_UNITS[key], where(key))
+        values, written = _Values(COOLER_UNITS, where), {key: getattr(self, key) for key in ("V_max", "I_max", "dT_max")}
+        for key, raw in written.items():
+            values.take(key, raw, source="datasheet")
+        numbers = {key: value_table(raw)["value"] for key, raw in written.items() if key not in values.set}
+        sheet = {key: plain(number, f"coolers.{key}", COOLER_UNITS[key], where(key)) for key, number in numbers.items()}
         if not sheet.get("dT_max", 0.0) < t:
             raise DeckError(
                 "dT_max must be below T_hot in kelvin: its cold side would be colder than absolute zero.",
@@ -377,7 +377,7 @@ class CoolerTable(StrictTable):
 
     def _size(self, sheet: Mapping[str, float], hot: float, where: Where) -> dict[str, Any]:
         """Return the parameter `size`: one, with Q_max over the one that the numbers of the sheet give at `hot` [K] as its range's end."""
-        if self.Q_max is None or len(sheet) < 3:
+        if self.Q_max is None or sheet.keys() < {"V_max", "I_max", "dT_max"}:
             return {"value": 1, "source": "datasheet", "basis": "V_max, I_max and dT_max at T_hot"}
         expected = sheet["V_max"] * sheet["I_max"] * (hot + sheet["dT_max"]) / (2.0 * hot)
         share = literal(self.Q_max, "W", where("Q_max")) / expected
