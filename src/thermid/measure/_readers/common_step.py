@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from thermid.base.units import DAY, DEVIATION_OF_MEDIAN, HOUR
+from thermid.base.units import DEVIATION_OF_MEDIAN
 from thermid.measure._readers.questions import SWITCH
 from thermid.measure._record.channel import FloatArray
 
