@@ -105,7 +105,7 @@ def copy(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("bolts")
     shutil.copytree(PACKAGE, folder / "src" / "thermid", ignore=shutil.ignore_patterns("*.so"))
     shutil.copy(str(thermid._kernel.__file__), folder / "src" / "thermid")
-    kinds = folder / "src" / "thermid" / "model" / "_parts" / "kinds.py"
+    kinds = folder / "src" / "thermid" / "model" / "_parts" / "elements.py"
     kinds.write_text(with_bolts(kinds.read_text(encoding="utf-8")), encoding="utf-8")
     ranges = folder / "src" / "thermid" / "model" / "_parts" / "ranges.py"
     ranges.write_text(lengthened(ranges.read_text(encoding="utf-8"), "RANGES: Final", EXAMPLE["range"]), encoding="utf-8")
@@ -115,7 +115,7 @@ def copy(tmp_path_factory: pytest.TempPathFactory) -> Path:
         walk = (ROOT / "tests" / "unit" / name).read_text(encoding="utf-8")
         (folder / "tests" / "unit" / name).parent.mkdir(parents=True)
         (folder / "tests" / "unit" / name).write_text(lengthened(walk, table, EXAMPLE[row], end), encoding="utf-8")
-    metrics = folder / "src" / "thermid" / "campaign" / "_judge" / "criteria.py"
+    metrics = folder / "src" / "thermid" / "campaign" / "_judge" / "verdict.py"
     source = metrics.read_text(encoding="utf-8")
     metrics.write_text(added(source, "metric", "@dataclass(frozen=True)\nclass Metric:", "METRICS: Final", "}\n"), encoding="utf-8")
     formats = folder / "src" / "thermid" / "measure" / "_readers" / "formats.py"
