@@ -633,9 +633,11 @@ def with_structural_errors(fit: Calibration, errors: ErrorsOfFit) -> Calibration
     if why := table["why"]:
         words = f"the errors do not count what the structure may lack ({why.rstrip('.')}). Look for it with `thermid criticise`."
         return replace(fit, warnings=(*fit.warnings, words))
-    if not request.structural_errors and errors.numbers["gain"] < MIN_LOG_BAYES_FACTOR:
-        return fit  # what wanders is as likely noise
-    fit = _widened(fit, errors.numbers["moved"], np.array(errors.numbers["covariance"]), contradiction)
+    moved, covariance = errors.numbers["moved"], np.array(errors.numbers["covariance"])
+    if not request.structural_errors and (gain := errors.numbers["gain"]) < MIN_LOG_BAYES_FACTOR:
+        # what wanders may be noise: that nothing departs is as likely before the readings, and the errors are those of the mixture
+        return _with_sources_of_structure(fit, covariance, moved, "", 1.0 / (1.0 + math.exp(-gain)))
+    fit = _widened(fit, moved, covariance, contradiction)
     return fit if fit.blame != LAW else _with_explanation(fit, ErrorModel.from_dict(table).exponents)
 
 
@@ -693,10 +695,13 @@ def _others(fit: Calibration) -> list[bool]:
     return [s.name not in own and not s.name.startswith(key) for s in fit.store.sources]
 
 
-def _with_sources_of_structure(fit: Calibration, covariance: Array, moved: Mapping[str, float], unexplained: str) -> Calibration:
+def _with_sources_of_structure(
+    fit: Calibration, covariance: Array, moved: Mapping[str, float], unexplained: str, probability: float = 1.0
+) -> Calibration:
     """Return a fit whose sources say what the stages above may take as prior, and what its own values err by beyond that.
 
-    Where readings are `unexplained` the fitted values stand, and all that they err by is in the prior of a stage above.
+    Where readings are `unexplained` the fitted values stand, and all that they err by is in the prior of a stage above. So it is where
+    elements depart with a `probability` below one: the covariance is then that of the mixture about the fitted values.
 
     Legend: B own covariance of the fit, C that of the model of error, ``B = L L'``, ``L^-1 C L^-T = W D W'``. Responses become
     ``L W min(D, 1)^1/2 W' L^-1`` times themselves, and sources for the rest make C; what B holds beyond C, within bounds, and the moves
@@ -708,13 +713,17 @@ def _with_sources_of_structure(fit: Calibration, covariance: Array, moved: Mappi
     paths = [n for n in moved if fit.store[n].known]
     places, own = np.array([[*fit.store.states].index(n) for n in paths], dtype=int), np.flatnonzero(~np.array(_others(fit), dtype=bool))
     responses, moves = fit.store.root[np.ix_(places, own)], np.array([moved[n] for n in paths])
-    lower = _triangular(responses @ responses.T)
+    own_covariance, covariance = responses @ responses.T, covariance[np.ix_(at, at)]
+    if probability < 1.0:
+        covariance = (1.0 - probability) * own_covariance + probability * (covariance + np.outer(moves, moves))
+        moves = np.zeros(len(moves))
+    lower = _triangular(own_covariance)
     inverse = np.linalg.inv(lower)
-    ratios, ways = np.linalg.eigh(inverse @ covariance[np.ix_(at, at)] @ inverse.T)
+    ratios, ways = np.linalg.eigh(inverse @ covariance @ inverse.T)
     ratios = np.maximum(ratios, 0.0)  # rounding leaves a variance of nothing below it
     directions = lower @ ways
     more, less = (directions * np.sqrt(np.maximum(x, 0.0)) for x in (ratios - 1.0, 1.0 - ratios))
-    expected, beyond = np.diag(covariance)[at] + moves**2, np.sum(less**2, axis=1)
+    expected, beyond = np.diag(covariance) + moves**2, np.sum(less**2, axis=1)
     within = [square_between(unknowns[n], fit.fitted[n], x) for n, x in zip(paths, (expected + beyond).tolist(), strict=True)]
     least = np.maximum(np.maximum(within, np.sum(responses**2, axis=1)) - expected, 0.0)
     root = np.zeros((len(fit.store.states), len(fit.store.sources) + 2 * len(at) + 1))
