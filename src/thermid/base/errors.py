@@ -12,6 +12,8 @@ from __future__ import annotations
 import math
 import os
 import re
+import time
+import warnings
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from difflib import get_close_matches
@@ -153,6 +155,35 @@ def spoken(seconds: float) -> str:
         return f"{minutes} min {rest} s" if minutes < 10 and rest else f"{round(whole / 60)} min"
     hours, minutes = divmod(round(whole / 60), 60)
     return f"{hours} h {minutes} min"
+
+
+LONG_WAIT: Final = 30.0
+"""What is left of long work, from which it is told. [s]"""
+
+
+def foretell(words: str, seconds: float) -> None:
+    """Warn of what follows where it takes longer than `LONG_WAIT`."""
+    if seconds > LONG_WAIT:
+        warnings.warn(ThermidWarning(words, code="fit.takes-long"), stacklevel=3)
+
+
+class Wait:
+    """Progress of work that nobody watches: says once what is left, as soon as what is done tells it; see `foretell`.
+
+    Parameters
+    ----------
+    work : str      What is being done.
+    """
+
+    def __init__(self, work: str) -> None:
+        self.work, self._begun, self._told = work, time.perf_counter(), False
+
+    def __call__(self, words: str, share: float) -> None:
+        """Take what is done next, and the share of all that is finished."""
+        left = (time.perf_counter() - self._begun) * (1.0 - share) / share if share > 0.0 else 0.0
+        if not self._told and left > LONG_WAIT:
+            self._told = True
+            foretell(f"{self.work} goes on with {words}, about {spoken(left)} in all.", left)
 
 
 CAPS: Final[Mapping[str, tuple[float, str]]] = {

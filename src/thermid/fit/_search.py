@@ -151,7 +151,7 @@ def searched(
                             another end at a bound, or where residuals contradict the stated noise at all. ``differential evolution``: a
                             population over the box, then one descent.
     loss, loss_scale, progress    As in `minimise`. What further starts will cost is told before they are made: to ``progress.ahead(words,
-                            seconds)`` where there is one, else as a warning from `WARNED_SEARCH_TIME` on.
+                            seconds)`` where there is one, else as a warning, see `foretell`.
     stoppable : bool        Whether the interrupt key ends it with the best fit so far: `Fit.stopped`, not converged.
     executor : see `Workers`    Who makes the descents from several starts; one process for few seconds.
 
@@ -295,9 +295,8 @@ class Search:
         )
         if ahead is not None:
             ahead(words, seconds)
-        elif loud and seconds > WARNED_SEARCH_TIME:
-            text = f"a fit goes on with {words}"
-            warnings.warn(ThermidWarning(text, code="fit.takes-long"), stacklevel=2)
+        elif loud:
+            foretell(f"a fit goes on with {words}", seconds)
 
     def affordable(self, first: Fit, why: str) -> Fit:
         """Return the best of as many descents as an automatic search makes; a first one that took long is said to stand alone."""

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thermid.base.arguments import takes_objects
-from thermid.base.errors import IdentificationError, NameNotFoundError, SolverError, refuse_unknown
+from thermid.base.errors import IdentificationError, NameNotFoundError, SolverError, Wait, refuse_unknown
 from thermid.base.linear_algebra import Array, covariance
 from thermid.base.results import PlottedTrace, Result
 from thermid.base.units import from_si
@@ -220,6 +220,7 @@ class _Walk:
         self.step = fit.values[u.name].error / u.slope(self.best)
         self.bounds = u.fitted_bounds()
         self.log = u.log
+        self.wait, self.points = Wait("profile"), 0
         self.farthest = MAX_LOG_STEP if u.log else 1e3 * self.step
 
     def rise(self, x: float, start: Array) -> tuple[float, Array]:
@@ -228,6 +229,8 @@ class _Walk:
         values[self.k] = x
         fixed = PartlyFixed.with_fixed(self.problem, values, (self.k,), self.spread)
         minimum = minimise(fixed, self.loss, self.loss_scale, values[fixed.free_places])
+        self.points += 1
+        self.wait("further points of a profile", min(self.points / USUAL_POINTS, 1.0))
         return max(0.0, 2.0 * (minimum.cost - self.cost)), fixed.full(minimum.fitted)
 
     def side(self, sign: float) -> tuple[float, list[tuple[float, float]], bool]:

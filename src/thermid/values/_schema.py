@@ -209,6 +209,7 @@ class StructuralTable(StrictTable):
     separated: list[str]
     assumed: dict[str, list[Real]] = {}
     of_assumed: dict[str, Pair] = {}
+    scheduled: dict[str, Pair] = {}
 
 
 class MadeTable(StrictTable):

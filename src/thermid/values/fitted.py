@@ -107,6 +107,22 @@ class FittedValue:
         return self.converted(self.value)
 
 
+class Draws(dict[str, Array]):
+    """Path -> value of every member (members,) [SI], as `ensemble` takes them, with the standing of the fits that they were drawn from."""
+
+    def __init__(self, values: Mapping[str, Array], standing: Standing) -> None:
+        super().__init__(values)
+        self.standing = standing
+
+    def __or__(self, other: Mapping[str, Any]) -> Draws:  # type: ignore[override]
+        """Return these and others beside them."""
+        return Draws({**self, **other}, worst([self.standing, other.standing]) if isinstance(other, Draws) else self.standing)
+
+    def __ror__(self, other: Mapping[str, Any]) -> Draws:  # type: ignore[override]
+        """Return others and these beside them."""
+        return Draws({**other, **self}, self.standing)
+
+
 @dataclass(frozen=True, eq=False)
 class FittedValues(Named[FittedValue], Mapping[str, FittedValue]):
     """The fitted values of a stage, by path, with their joint covariance.
@@ -164,7 +180,7 @@ class FittedValues(Named[FittedValue], Mapping[str, FittedValue]):
         store = self.store.only(lambda s: (s.acts or (s.path,))[0] in items) if self.store is not None else None
         return FittedValues(self.stage, items, self.covariance[np.ix_(kept, kept)], self.provenance, store)
 
-    def draws(self, members: int, seed: int) -> dict[str, Array]:
+    def draws(self, members: int, seed: int) -> Draws:
         """Return path -> value of every member (members,) for `ensemble`, normal in the fitted forms with their covariance.
 
         With L L' the covariance and z standard normal from `seed`, values are v exp(L z) where fitted by the logarithm, else v + L z.
@@ -191,7 +207,7 @@ class FittedValues(Named[FittedValue], Mapping[str, FittedValue]):
             ends = domain(*v.bounds, v.unit == "1")
             values = deviated(v.value, v.value * np.expm1(row) if v.log else row, (-np.inf if v.log else ends[0], ends[1]))
             out |= dict.fromkeys((path, *v.also), values)
-        return out
+        return Draws(out, self.standing)
 
     @property
     def standing(self) -> Standing:

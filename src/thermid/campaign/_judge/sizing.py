@@ -10,13 +10,15 @@ from typing import Any, Final
 import numpy as np
 
 from thermid.base.arguments import takes_objects
-from thermid.base.errors import NameNotFoundError, ScenarioError, refuse_unknown
+from thermid.base.errors import NameNotFoundError, ScenarioError, Wait, refuse_unknown
 from thermid.base.expression import amount
 from thermid.base.results import Result
 from thermid.base.units import counted, si_unit
 from thermid.campaign._judge.limits import STATES, Limits, text_of
+from thermid.fit.calibration import Calibration
+from thermid.model.elements import UNJUDGED, Standing
 from thermid.model.tree import Model, ParameterSet
-from thermid.prediction.bands import Knowledge, predict
+from thermid.prediction.bands import Knowledge, known_of, predict
 from thermid.simulation.runs import Scenario, simulate, steady
 
 RANGE_SAMPLES: Final = 33
@@ -59,6 +61,7 @@ class Sizing(Result):
     windows : tuple         Of (`Bound`, `Bound`), from the least value on; none where no value meets all limits.
     best : (value, spare)   Where the worst limit has most to spare [SI], [K]; negative where none meets all: the least violation.
     worst : str             The limit that is worst there.
+    standing : Standing     Of the values that it rests on.
     """
 
     path: str
@@ -67,6 +70,7 @@ class Sizing(Result):
     windows: tuple[tuple[Bound, Bound], ...]
     best: tuple[float, float]
     worst: str
+    standing: Standing = UNJUDGED
 
     def __str__(self) -> str:
         """Return it as text, a line an end."""
@@ -82,12 +86,12 @@ class Sizing(Result):
                 lines.append(f"  {word} {end.value:.6g} {self.unit}{error}: {end.by}")
             if window[0].assured > window[1].assured:
                 lines.append("  no value holds at both ends in 95 %: the window is narrower than the errors of its ends")
-        return "\n".join(lines)
+        return self.standing.over("\n".join(lines))
 
     def to_dict(self) -> dict[str, Any]:
         """Return it for a file."""
         rows = [{key: None if value != value else value for key, value in row.items()} for row in self._as_rows()]
-        return {"value": self.path, "unit": self.unit, "ends": rows, "best": list(self.best), "worst": self.worst}
+        return {"value": self.path, "unit": self.unit, "ends": rows, "best": list(self.best), "worst": self.worst, "standing": self.standing.to_dict()}
 
     def _as_rows(self) -> list[Mapping[str, object]]:
         """Return both ends of every window with their standard errors and the limits that bind there."""
@@ -100,7 +104,7 @@ class Sizing(Result):
 
 @takes_objects
 def size(
-    knowledge: Knowledge | Model,
+    knowledge: Calibration | Knowledge | Model,
     path: str,
     limits: Sequence[Limits],
     scenarios: Sequence[Scenario] | Mapping[str, Sequence[Scenario]],
@@ -117,7 +121,7 @@ def size(
 
     Parameters
     ----------
-    knowledge : Known or Model  The model; with `Known.of(fit)` the ends have errors.
+    knowledge : Calibration, Knowledge, Model   What is known; of a fit or its knowledge the ends have errors.
     path : str                  The value: an area, conductance, power, duty, emissivity or mass flow.
     limits : sequence           As from `load_limits`.
     scenarios : sequence        All of the state operating; or state -> scenarios: ``{"operating": [hot], "non-operating": [cold]}``.
@@ -130,14 +134,18 @@ def size(
     ScenarioError   Without a range, a limit or a scenario.
     SolverError     When a run does not come out.
     """
-    source = knowledge if isinstance(knowledge, Knowledge) else Knowledge.of_source(knowledge)
+    source = known_of(knowledge)
     task = _Task(source.model, source.model.canonical(path), margin)
     low, high = task.searched(between)
     items = list(_items(task, limits, scenarios))
     if not items:
         raise ScenarioError("no limit applies to a scenario. Give limits of the state of the scenarios.", path, code="value.incomplete")
     grid = np.linspace(low, high, RANGE_SAMPLES)
-    spare = np.array([[item.spare(float(x)) for x in grid] for item in items])
+    wait, columns = Wait("size"), []
+    for k, x in enumerate(grid.tolist(), 1):
+        columns.append([item.spare(x) for item in items])
+        wait("further values of the range", k / RANGE_SAMPLES)
+    spare = np.array(columns).T
     ends = [(x, item) for item, row in zip(items, spare, strict=True) for x in _crossings(item, grid, row)]
     edges: list[tuple[float, _LimitSide | None]] = [(low, None), *sorted(ends, key=lambda end: end[0]), (high, None)]
     least: Spare = lambda x: min(item.spare(x) for item in items)  # noqa: E731
@@ -154,7 +162,7 @@ def size(
     windows_found = tuple(
         (task.bound(a, 1.0, source, spread, high - low), task.bound(b, -1.0, source, spread, high - low)) for a, b in windows
     )
-    return Sizing(task.path, task.unit, (low, high), windows_found, (value, spare_there), str(worst))
+    return Sizing(task.path, task.unit, (low, high), windows_found, (value, spare_there), str(worst), source.standing)
 
 
 def extremes(model: Model, scenario: Scenario) -> Mapping[str, tuple[float, float]]:

@@ -23,9 +23,11 @@ from thermid.base.results import Result
 from thermid.base.units import TEMPERATURE, si_unit
 from thermid.campaign._judge.limits import Limits, text_of
 from thermid.campaign._judge.sizing import extremes
+from thermid.model.elements import UNJUDGED, Standing
 from thermid.model.tree import Model
 from thermid.simulation.network import Network, compile_network
 from thermid.simulation.runs import Scenario
+from thermid.values.store import model_standing
 
 SHARE_WORSE: Final = 0.01
 """Share of what is searched that may be worse than the result, in 95 % of searches (Wilks 1941). [-]"""
@@ -74,6 +76,7 @@ class WorstCases(Result):
     searched : tuple                Names that were searched.
     declined : str                  Why the corner rule does not apply; empty where it does.
     runs : int                      Runs that it took.
+    standing : Standing             Of the values of the model.
     """
 
     hot: WorstCase | None
@@ -83,6 +86,7 @@ class WorstCases(Result):
     searched: tuple[str, ...] = ()
     declined: str = ""
     runs: int = 0
+    standing: Standing = UNJUDGED
 
     def __str__(self) -> str:
         """Return both cases, then how they were found and what may have been missed."""
@@ -103,7 +107,7 @@ class WorstCases(Result):
                 f"  searched in {self.runs} runs: {', '.join(self.searched)}; in {100 * CONFIDENCE:.0f} % of such searches at most "
                 f"{100 * SHARE_WORSE:.0f} % of their ranges is worse"
             )
-        return "\n".join(lines)
+        return self.standing.over("\n".join(lines))
 
     def _as_rows(self) -> list[Mapping[str, object]]:
         """Return the hot and the cold case: what is spare to the limit [K], where, and the values that make it."""
@@ -113,8 +117,8 @@ class WorstCases(Result):
     def to_dict(self) -> dict[str, Any]:
         """Return it for a file."""
         bound = {"share_worse": SHARE_WORSE, "confidence": CONFIDENCE} if self.searched else {}
-        search = {"one_way": list(self.one_way), "searched": list(self.searched), "declined": self.declined, "runs": self.runs}
-        return {"cases": self._as_rows(), "units": dict(self.units)} | search | bound
+        search = {"one_way": [*self.one_way], "searched": [*self.searched], "declined": self.declined, "runs": self.runs}
+        return {"cases": self._as_rows(), "units": dict(self.units), "standing": self.standing.to_dict()} | search | bound
 
 
 @takes_objects
@@ -163,7 +167,7 @@ def worst_case(
     hot, cold = (task.worst(upper, runs // 2, seed) for upper in (True, False))
     if hot is None and cold is None:
         raise ScenarioError("no operating limit is finite. Give a lower one, an upper one, or both.", "limits", code="value.incomplete")
-    return WorstCases(hot, cold, task.units, task.one_way, task.searched, task.declined, task.count)
+    return WorstCases(hot, cold, task.units, task.one_way, task.searched, task.declined, task.count, model_standing(model))
 
 
 class _Ranges:

@@ -231,7 +231,7 @@ def criticise(
         refuse_unseen(fit.given_model, "a search for missing elements")
     if not wanted:
         return Criticism(fit.stage, traces, (), checks)
-    candidates, wander = _tried(fit, fit.request, executor, progress or (lambda words, share: None))
+    candidates, wander = _tried(fit, fit.request, executor, progress or Wait("criticise"))
     return Criticism(fit.stage, traces, tuple(candidates), checks, wander)
 
 

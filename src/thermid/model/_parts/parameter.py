@@ -218,6 +218,10 @@ class Parameter:
     spread: str = ""
     standing: Standing | None = field(default=None, compare=False, repr=False)
 
+    def __repr__(self) -> str:
+        """Return its kind, the value as written, and its source."""
+        return f"<Parameter: {self.text}{self.source and f', {self.source}'}>"
+
     @property
     def text(self) -> str:
         """The value as written."""
