@@ -185,6 +185,12 @@ class Wait:
             self._told = True
             foretell(f"{self.work} goes on with {words}, about {spoken(left)} in all.", left)
 
+    def over(self, items: Iterable[V], count: int, words: str) -> Iterator[V]:
+        """Yield `count` items; each is finished when the next one is asked for."""
+        for k, item in enumerate(items, 1):
+            yield item
+            self(words, k / count)
+
 
 CAPS: Final[Mapping[str, tuple[float, str]]] = {
     "text": (4e6, "bytes of a deck, scenario, campaign or another TOML or JSON file that people write"),

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import math
 import time
-import warnings
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
 from itertools import islice, product
@@ -19,7 +18,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from thermid.base.errors import IdentificationError, ScenarioError, SolverError, ThermidWarning, refuse_unknown, spoken
+from thermid.base.errors import IdentificationError, ScenarioError, SolverError, foretell, refuse_unknown, spoken
 from thermid.base.linear_algebra import NOTHING, Array, pseudo_inverse
 from thermid.base.units import counted
 from thermid.fit._minimisation import Fit, ended, minimise
@@ -46,8 +45,6 @@ PROVED = 9.0
 GENERATIONS = 300
 BATCH = 16
 """Members that run at once; the interrupt key acts between batches."""
-WARNED_SEARCH_TIME = 30.0
-"""What a search may take before plain Python is warned of it. [s]"""
 UNASKED = 6e9
 """What further descents may take that nobody asked for, in temperatures and derivatives of integrator steps: some ten minutes of a
 processor, whichever computes."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
@@ -9,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thermid.base.arguments import takes_objects
-from thermid.base.errors import IdentificationError, NameNotFoundError, SolverError, Wait, refuse_unknown
+from thermid.base.errors import IdentificationError, NameNotFoundError, SolverError, foretell, refuse_unknown, spoken
 from thermid.base.linear_algebra import Array, covariance
 from thermid.base.results import PlottedTrace, Result
 from thermid.base.units import from_si
@@ -18,6 +19,9 @@ from thermid.simulation.runs import Workers, in_tasks
 
 MAX_POINTS_PER_SIDE, FIRST_LOG_STEP, MAX_LOG_STEP = 14, 0.7, 7.0
 """Points on one side; how far a logarithm goes at first, and at most (a factor of 1100)."""
+
+USUAL_EVALUATIONS = 64
+"""Evaluations that a profile takes: some 16 points, each fitted anew in four."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -214,13 +218,15 @@ class _Walk:
         request = fit.request
         self.loss, self.loss_scale = (request.loss, request.loss_scale) if request is not None else ("linear", 1.0)
         self.problem, self.k, self.spread, self.threshold = problem, k, spread, threshold
+        begun = time.perf_counter()
         whole = minimise(PartlyFixed.with_fixed(problem, at, (), spread), self.loss, self.loss_scale, at)
+        seconds = USUAL_EVALUATIONS * (time.perf_counter() - begun) / max(whole.evaluations, 1)
+        foretell(f"profile goes on with some {USUAL_EVALUATIONS} evaluations, about {spoken(seconds)}.", seconds)
         self.at, self.cost, self.best = whole.fitted, whole.cost, float(whole.fitted[k])
         u: Unknown = problem.unknowns[k]
         self.step = fit.values[u.name].error / u.slope(self.best)
         self.bounds = u.fitted_bounds()
         self.log = u.log
-        self.wait, self.points = Wait("profile"), 0
         self.farthest = MAX_LOG_STEP if u.log else 1e3 * self.step
 
     def rise(self, x: float, start: Array) -> tuple[float, Array]:
@@ -229,8 +235,6 @@ class _Walk:
         values[self.k] = x
         fixed = PartlyFixed.with_fixed(self.problem, values, (self.k,), self.spread)
         minimum = minimise(fixed, self.loss, self.loss_scale, values[fixed.free_places])
-        self.points += 1
-        self.wait("further points of a profile", min(self.points / USUAL_POINTS, 1.0))
         return max(0.0, 2.0 * (minimum.cost - self.cost)), fixed.full(minimum.fitted)
 
     def side(self, sign: float) -> tuple[float, list[tuple[float, float]], bool]:

@@ -550,11 +550,9 @@ def next_test(
     wanted = _goal(goal, slot, value)
     todo = tuple(actions) or usual_actions(model, base, instruments)
     tasks = [(f"action '{a.name}'", (before, a, a.sensors or instruments, every, gradient, wanted)) for a in todo]
-    options, wait = dict[int, Option](), Wait("next_test")
-    for k, option in in_tasks(_option, tasks, executor):
-        options[k] = option
-        wait("further actions", len(options) / len(tasks))
-    ranked = sorted((options[k] for k in range(len(tasks))), key=lambda o: _rank(o, wanted))
+    done = Wait("next_test").over(in_tasks(_option, tasks, executor), len(tasks), "further actions")
+    options = [option for _, option in sorted(done, key=lambda numbered: numbered[0])]
+    ranked = sorted(options, key=lambda o: _rank(o, wanted))
     remarks = (*_remarks(before, instruments), *_repeat_remarks(ranked, slot, value))
     not_counted = next((SWITCHING_REMARK.format(a.name) for a in todo if _switches(model, a.scenario)), "")
     return Advice(label, value, now, slot, wanted, tuple(ranked), beside, remarks, not_counted)

@@ -91,7 +91,14 @@ class Sizing(Result):
     def to_dict(self) -> dict[str, Any]:
         """Return it for a file."""
         rows = [{key: None if value != value else value for key, value in row.items()} for row in self._as_rows()]
-        return {"value": self.path, "unit": self.unit, "ends": rows, "best": list(self.best), "worst": self.worst, "standing": self.standing.to_dict()}
+        return {
+            "value": self.path,
+            "unit": self.unit,
+            "ends": rows,
+            "best": list(self.best),
+            "worst": self.worst,
+            "standing": self.standing.to_dict(),
+        }
 
     def _as_rows(self) -> list[Mapping[str, object]]:
         """Return both ends of every window with their standard errors and the limits that bind there."""
@@ -141,11 +148,8 @@ def size(
     if not items:
         raise ScenarioError("no limit applies to a scenario. Give limits of the state of the scenarios.", path, code="value.incomplete")
     grid = np.linspace(low, high, RANGE_SAMPLES)
-    wait, columns = Wait("size"), []
-    for k, x in enumerate(grid.tolist(), 1):
-        columns.append([item.spare(x) for item in items])
-        wait("further values of the range", k / RANGE_SAMPLES)
-    spare = np.array(columns).T
+    samples = Wait("size").over(grid.tolist(), RANGE_SAMPLES, "further values of the range")
+    spare = np.array([[item.spare(x) for item in items] for x in samples]).T
     ends = [(x, item) for item, row in zip(items, spare, strict=True) for x in _crossings(item, grid, row)]
     edges: list[tuple[float, _LimitSide | None]] = [(low, None), *sorted(ends, key=lambda end: end[0]), (high, None)]
     least: Spare = lambda x: min(item.spare(x) for item in items)  # noqa: E731

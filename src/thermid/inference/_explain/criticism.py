@@ -9,7 +9,7 @@ from typing import Any, TypeVar
 import numpy as np
 
 from thermid.base.arguments import takes_objects
-from thermid.base.errors import IdentificationError, ThermidError
+from thermid.base.errors import IdentificationError, ThermidError, Wait
 from thermid.base.linear_algebra import Array, one_thread
 from thermid.base.results import Result
 from thermid.fit.calibration import Calibration, Request, SensorStatistics, fit as refit
