@@ -49,11 +49,16 @@ def test_names_that_docstrings_quote_exist(modules: Mapping[str, Module]) -> Non
         return False
 
     known = classes(modules)
-    code = {w for m in modules.values() for line in re.findall(r"^ *(?:from|import|[A-Z]\w+:? ).*", m.text, re.MULTILINE) for w in CLASS.findall(line)}
+    code = {
+        w
+        for m in modules.values()
+        for line in re.findall(r"^ *(?:from|import|[A-Z]\w+:? ).*", m.text, re.MULTILINE)
+        for w in CLASS.findall(line)
+    }
     wrong = []
     for where, text in docstrings(modules):
         wrong += [(where, f"td{name}") for name in PUBLIC.findall(text) if lacks(name)]
         wrong += [(where, f"{name}.{of}") for name, of in MEMBER.findall(text) if of not in known.get(name, {of} if name in code else ())]
         typed = {w for line in TYPED.findall(text) for w in CLASS.findall(re.sub(r"[`'\"].*?[`'\"]|\(.*?\)", "", line))}
         wrong += [(where, w) for w in sorted(typed) if w not in known and w not in code and not hasattr(builtins, w)]
-    assert not wrong, '\n'.join(map(str, wrong))
+    assert not wrong, "\n".join(map(str, wrong))

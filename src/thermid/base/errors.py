@@ -176,14 +176,14 @@ class Wait:
     """
 
     def __init__(self, work: str) -> None:
-        self.work, self._begun, self._told = work, time.perf_counter(), False
+        self.work, self._begun = work, time.perf_counter()
 
     def __call__(self, words: str, share: float) -> None:
         """Take what is done next, and the share of all that is finished."""
         left = (time.perf_counter() - self._begun) * (1.0 - share) / share if share > 0.0 else 0.0
-        if not self._told and left > LONG_WAIT:
-            self._told = True
-            foretell(f"{self.work} goes on with {words}, about {spoken(left)} in all.", left)
+        if left > LONG_WAIT:
+            self._begun = math.inf
+            foretell(f"{self.work} goes on with {words}: about {spoken(left)} left.", left)
 
     def over(self, items: Iterable[V], count: int, words: str) -> Iterator[V]:
         """Yield `count` items; each is finished when the next one is asked for."""

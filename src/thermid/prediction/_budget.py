@@ -130,14 +130,11 @@ class Spread(Shown):
 
 def never_logged(discrepancies: Sequence[Discrepancy], network: Network, scenario: Scenario) -> str:
     """Return a remark on scheduled values, such as a fan's speed, that a scenario takes where no record of the fits did; else nothing."""
-    logged: dict[str, list[float]] = {}
-    for path, ends in (item for k in discrepancies for item in k.scheduled.items()):
-        logged.setdefault(path, []).extend(ends)
-    schedule = read_schedule(network, scenario)
-    courses = schedule.signals if schedule is not None else {}
-    words, values = [], network.flat.parameters.evaluate({})
-    for path, ends in logged.items():
-        asked = courses[path].bounds if path in courses else (float(values[path]),)
+    schedule, values = read_schedule(network, scenario), network.flat.parameters.evaluate({})
+    words = []
+    for path in dict.fromkeys(p for k in discrepancies for p in k.scheduled):
+        ends = [x for k in discrepancies for x in k.scheduled.get(path, ())]
+        asked = schedule.signals[path].bounds if schedule is not None and path in schedule.signals else (float(values[path]),)
         far = [x for x in asked if max(min(ends) - x, x - max(ends)) > SCHEDULE_SLACK * max(map(abs, ends))]
         if far:
             unit = network.flat.parameters.table[path].parameter.unit
