@@ -13,9 +13,8 @@ from scipy.optimize import brentq
 from typer.testing import CliRunner
 
 import thermid as td
-from by_code import warns_code
 from thermid.app.cli.app import app
-from thermid.base.errors import ScenarioError
+from thermid.base.errors import ScenarioError, ThermidWarning
 from thermid.campaign._judge.sizing import size
 from thermid.model.tree import ParameterSet
 
@@ -100,7 +99,7 @@ def test_windows_agree_with_bisection() -> None:
 def test_long_work_says_once_what_is_left(monkeypatch: pytest.MonkeyPatch) -> None:
     model, scenarios, limits, _ = _random(0)
     monkeypatch.setattr("thermid.base.errors.LONG_WAIT", 0.0)
-    with warns_code("fit.takes-long", match="size goes on with further values of the range: about .* left") as told:
+    with pytest.warns(ThermidWarning, match="size goes on with further values of the range: about .* left") as told:
         size(model, "glow.area", limits, scenarios, between=("0.005 [m^2]", "0.6 [m^2]"))
     assert len(told) == 1
 
