@@ -220,7 +220,7 @@ def predictions() -> Answers:
             "hot, spread": lambda fit=fit: td.predict(fit, HOT, spread=SPREAD),
             "hot, drawn": lambda fit=fit: td.predict(fit, HOT, spread=SPREAD, draws=120, seed=3),
             "hot, the fit alone": lambda fit=fit: td.predict(fit, HOT, without=("structural", "misfit")),
-            "swings": lambda fit=fit: td.predict(fit, SWINGS, every="5 [min]"),
+            "swings": lambda fit=fit: td.predict(fit, SWINGS, times=np.arange(0.0, SWINGS.seconds + 1.0, 300.0)),
             "swings, drawn": lambda fit=fit: td.predict(fit, SWINGS, spread=SPREAD, draws=60, seed=4),
             "bench, cool": lambda fit=fit: td.predict(fit, BENCH.with_(loads={"heat": "0 [W]"}, start="40 [degC]")),
         }

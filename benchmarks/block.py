@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 import thermid as td
-from thermid.model.elements import Sine
+from thermid.model.tree import Sine
 
 CELLS = {1_000: (10, 10, 10), 10_000: (20, 20, 25), 100_000: (40, 50, 50), 1_000_000: (100, 100, 100)}
 EDGE = 0.2

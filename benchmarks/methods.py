@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import thermid as td
-from thermid.model.elements import TableSignal
+from thermid.model.tree import TableSignal
 
 Array = NDArray[np.float64]
 HOUR = 3600.0

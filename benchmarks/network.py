@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import thermid as td
-from thermid.model.elements import TableSignal
+from thermid.model.tree import TableSignal
 
 Array = NDArray[np.float64]
 T0 = 297.15

@@ -10,7 +10,7 @@ from work import BENCH, HERE, Vacuum, Work
 
 import thermid as td
 from thermid.reporting._blocks.content import Figures, Graphic, Plot
-from thermid.reporting._pages.front import course_of, drives
+from thermid.reporting._pages.campaign import course_of, drives
 from thermid.reporting._pictures.chart import Area
 from thermid.reporting._pictures.figures import curve, curves
 

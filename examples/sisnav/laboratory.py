@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import thermid as td
-from thermid.model.elements import TableSignal
+from thermid.model.tree import TableSignal
 from thermid.physics.radiation import radiation_coefficient, radiation_conductance
 
 Array = NDArray[np.float64]

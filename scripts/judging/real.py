@@ -53,7 +53,7 @@ def apmonitor(data: Path, bands: rr.Bands = predict_record) -> rr.RealSet:
         asked = Request(
             model, tuple(record(n) for n in names), free, {"*": start}, {}, own, untie=True, loss="soft_l1", loss_scale=5.0, name="board"
         )
-        return fit(replace(asked, effective=True, priors=priors_of(model, priors, "board")))
+        return fit(replace(asked, priors=priors_of(model, priors, "board")))
 
     def predicted(found: Calibration, name: str, mode: str) -> RecordPrediction:
         if mode == "room fitted":

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import runpy
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -115,7 +115,7 @@ def tclabsp(data: Path, bands: Bands = predict_record) -> RealSet:
         taken = tuple(records[n].resample(15.0) for n in names)
         own, given = {n: local(n) for n in names}, {n: warm for n in names if hot(n)}
         asked = Request(model, taken, FREE, {"*": start, **given}, {}, own, untie=True, loss="soft_l1", loss_scale=5.0, name="board")
-        return fit(replace(asked, effective=True))
+        return fit(asked)
 
     def predicted(found: Calibration, name: str, mode: str) -> RecordPrediction:
         if mode == "room fitted":

@@ -10,7 +10,7 @@ import numpy as np
 
 import thermid as td
 from thermid.measure.records import Channel, Record
-from thermid.model.elements import TableSignal
+from thermid.model.tree import TableSignal
 from thermid.simulation.runs import Scenario
 
 from . import benches as b

@@ -17,7 +17,7 @@ import numpy as np
 
 import thermid as td
 from thermid.fit.calibration import Calibration, LocalSpec, Request, fit, priors_of
-from thermid.model.elements import TableSignal
+from thermid.model.tree import TableSignal
 from thermid.simulation.runs import Scenario
 
 Array = np.ndarray
@@ -120,7 +120,7 @@ class TestSet:
         own = {c.name: c.local for c in chosen if c.local}
         model = td.model_from_dict(dict(self.deck))
         priors = priors_of(model, {p: ("", "30 [%]") for p in self.stated if p in self.free}, self.name)
-        return fit(Request(model, tuple(c.record for c in chosen), self.free, scenarios, {}, own, priors, name=self.name, effective=True))
+        return fit(Request(model, tuple(c.record for c in chosen), self.free, scenarios, {}, own, priors, name=self.name))
 
     def __getitem__(self, name: str) -> Condition:
         """Return a condition."""

@@ -9,7 +9,7 @@ from __future__ import annotations
 import sys
 from difflib import get_close_matches
 from importlib import import_module
-from types import ModuleType
+from types import FunctionType, ModuleType
 
 _TOP = {
     "celsius": "base.expression",
@@ -51,19 +51,19 @@ _TOP = {
 
 _NAMESPACES = {
     "model": {
-        "Identity": "model.identity",
-        "Replacement": "model.identity",
+        "Identity": "model.tree",
+        "Replacement": "model.tree",
         "identities": "model.tree",
-        "law": "model.elements",
+        "law": "model.tree",
         "ledger": "model.tree",
-        "Standing": "model.elements",
+        "Standing": "model.tree",
     },
     "simulation": {
-        "compile_network": "simulation.network",
-        "state_space": "simulation.network",
-        "modes": "simulation.network",
-        "Environment": "simulation.network",
-        "Irradiation": "simulation.network",
+        "compile_network": "simulation.runs",
+        "state_space": "simulation.runs",
+        "modes": "simulation.runs",
+        "Environment": "simulation.runs",
+        "Irradiation": "simulation.runs",
         "Simulator": "simulation.runs",
         "draw": "simulation.runs",
         "steady_levels": "simulation.runs",
@@ -180,10 +180,10 @@ _NAMESPACES = {
         "picture": "reporting.pictures",
     },
     "site": {
-        "OpenSky": "site.sky",
+        "OpenSky": "site.pad",
         "Site": "site.site",
-        "Weather": "site.weather",
-        "read_weather": "site.weather",
+        "Weather": "site.site",
+        "read_weather": "site.site",
         "pad_scenario": "site.pad",
         "Trajectory": "site.ascent",
         "read_trajectory": "site.ascent",
@@ -213,6 +213,9 @@ _NAMESPACES = {
 }
 """Namespace -> its names -> their modules, in the order of work."""
 
+_GUARD = "base.arguments"
+"""Module of the checks that every public function passes its arguments through; loaded with the first of them."""
+
 _WITHOUT_ROOM = ("design",)
 """Namespaces that are activities; the others have the name of the room whose package serves them."""
 
@@ -223,6 +226,8 @@ __all__ = [*_TOP, "errors", *_NAMESPACES]
 
 class _Namespace(ModuleType):
     """A package that serves public names when they are first asked for, so that ``import thermid`` stays quick.
+
+    Public functions refuse arguments of a wrong kind here, at the door: what the package calls itself passes no check.
 
     The import system binds a module to its package when it is loaded. Where a public function has the name of its module, the function
     stays: `td.site.moisture` is callable whatever was imported before.
@@ -238,6 +243,9 @@ class _Namespace(ModuleType):
         top = self.__name__ == "thermid"
         if name in (names := _names_of(self)):
             value = getattr(import_module(f"thermid.{names[name]}"), name)
+            if isinstance(value, FunctionType):
+                value = import_module(f"thermid.{_GUARD}").takes_objects(value)
+                setattr(import_module(value.__module__), value.__name__, value)  # so that it is pickled by its name
             self.__dict__[name] = value
             return value
         if top and name == "__version__":

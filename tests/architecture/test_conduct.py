@@ -18,7 +18,7 @@ PICKLES = {"pickle", "_pickle", "marshal", "shelve", "dill", "cloudpickle"}
 PICKLE_CALLS = {"read_pickle", "to_pickle", "allow_pickle"}
 OWN_PROCESS = {
     "thermid.interop._fmu.child:imports pickle": "requests of the session to the process that it started; answers are plain bytes",
-    "thermid.interop._fmu.host:imports pickle": "it writes these requests, and restores nothing",
+    "thermid.interop._fmu.as_model:imports pickle": "it writes these requests, and restores nothing",
     "thermid.interop._fmu.child:ends the process": "its own, once the session is gone",
 }
 """Module and what it may do: why."""

@@ -43,10 +43,10 @@ NO_INPUT = {
     "thermid.measure._readers.confined": "the system's word on the memory of the process",
     "thermid.interop.c99": "a text of the package",
     "thermid.base.toml_files": "locks and verdicts are carried on",
-    "thermid.model._deck.save": "a deck may be changed in its place",
+    "thermid.model._deck.modelfile": "a deck may be changed in its place",
     "thermid.app.cli.qualify": "the delivery of this command",
     "thermid.qualify._deliver": "the delivery of this command, or one that is checked",
-    "thermid.reporting._blocks.extras": "templates of the package, and what the browser printed",
+    "thermid.reporting._blocks.content": "templates of the package, and what the browser printed",
     "thermid.app.examples": "examples of the package; originals that were fetched, checked by their sums",
     "thermid.app.studio.server": "scripts of the package",
 }

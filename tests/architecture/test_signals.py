@@ -9,7 +9,7 @@ import pytest
 from .source import Module
 
 HOME = "thermid.model._laws.signal"
-DOOR = "thermid.model.elements"
+DOOR = "thermid.model.tree"
 WRITERS = {
     "thermid.simulation._solver.problem": "writes signals as the kernel's arrays",
     "thermid.simulation._solver.engine": "counts the samples that the kernel will meet, to choose a method",

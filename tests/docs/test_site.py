@@ -1,14 +1,16 @@
-"""The documentation site: built strictly, complete, whole without any other host."""
+"""The documentation site: its pages as they are written; in the campaign built strictly, complete, whole without any other host."""
 
 from __future__ import annotations
 
 import json
 import os
+import pkgutil
 import re
 import shlex
 import subprocess
 import sys
 from html.parser import HTMLParser
+from itertools import pairwise
 from pathlib import Path
 
 import pytest
@@ -17,8 +19,8 @@ import typer
 import thermid as td
 from thermid.app.cli import app as cli
 
-from .hooks import commands, gallery, mathml, notebooks, rooms, turned
-from .pages import ROOT, tables
+from .hooks import commands, gallery, mathml, notebooks, rooms, turned, virtual_pages
+from .pages import DESIGN, PAGES, ROOT, headings, tables
 
 ASKED = {
     "link": "href",
@@ -80,6 +82,7 @@ def pages(site: Path) -> dict[str, Found]:
     return {str(path.relative_to(site)): Found(path) for path in sorted(site.rglob("*.html"))}
 
 
+@pytest.mark.campaign
 def test_the_site_shows_the_product(site: Path, pages: dict[str, Found]) -> None:
     def pictures(page: str) -> list[str]:
         return [a for a in pages[page].asked if a.rpartition(".")[2] in ("svg", "png") and "pictures/" in a]
@@ -88,6 +91,24 @@ def test_the_site_shows_the_product(site: Path, pages: dict[str, Found]) -> None
     assert len(pictures("gallery.html")) >= 12
     assert len(pictures("studio.html")) >= 6
     assert len(notebooks.notebooks()) >= 6
+
+
+def test_pages_begin_with_one_title_and_no_heading_is_skipped() -> None:
+    """As they are written and as the hooks write them; those of the built site in the campaign."""
+    written = {page: (ROOT / page).read_text(encoding="utf-8") for page in [*PAGES, *DESIGN] if page.startswith("docs/")}
+    for name, text in {**written, **virtual_pages()}.items():
+        depths = [depth for depth, _ in headings(text)]
+        assert (depths[0], depths.count(1)) == (1, 1), name
+        assert all(b <= a + 1 for a, b in pairwise(depths)), f"{name}: {depths}"
+
+
+def test_public_names_of_the_reference_are_there_by_the_path_that_it_asks() -> None:
+    """Every one is on a page; the strict build of the site in the campaign shows that each is rendered."""
+    text = "\n".join(text for page, text in virtual_pages().items() if page.startswith("reference/"))
+    asked = re.findall(r"^::: thermid\.(\S+)$", text, re.MULTILINE)
+    assert {path.rpartition(".")[2] for path in asked} >= set(td._PUBLIC)
+    for path in asked:
+        pkgutil.resolve_name(f"thermid.{path}")
 
 
 def test_commands_of_the_gallery_are_understood() -> None:
@@ -99,6 +120,7 @@ def test_commands_of_the_gallery_are_understood() -> None:
         assert all((ROOT / path).is_file() for path in given if "/" in path and "/logs/" not in path), card.title
 
 
+@pytest.mark.campaign
 def test_a_howto_is_found_before_everything_else(site: Path) -> None:
     """The index weighs how-tos, and pages of the design less than others; the site in a browser answers to words (test_site_browser)."""
     index = json.loads((site / "search" / "search_index.json").read_text(encoding="utf-8"))["docs"]
@@ -107,6 +129,7 @@ def test_a_howto_is_found_before_everything_else(site: Path) -> None:
     assert {d.get("boost", 1) for d in index if d["location"].startswith("tutorial")} == {1}
 
 
+@pytest.mark.campaign
 def test_every_public_name_is_in_the_reference(site: Path, pages: dict[str, Found]) -> None:
     by_room = rooms()
     assert sorted(name for names in by_room.values() for name in names) == sorted(td._PUBLIC)
@@ -117,6 +140,7 @@ def test_every_public_name_is_in_the_reference(site: Path, pages: dict[str, Foun
         ] == []
 
 
+@pytest.mark.campaign
 def test_no_page_asks_another_host(site: Path, pages: dict[str, Found]) -> None:
     for name, page in pages.items():
         assert [target for target in page.asked if re.match(r"(?:\w+:)?//", target)] == [], name
@@ -124,6 +148,7 @@ def test_no_page_asks_another_host(site: Path, pages: dict[str, Found]) -> None:
         assert re.findall(r"(?:url\(|@import)\s*[\"']?(?:\w+:)?//[^)\"']*", style.read_text(encoding="utf-8")) == [], style
 
 
+@pytest.mark.campaign
 def test_links_of_the_site_lead_somewhere(site: Path, pages: dict[str, Found]) -> None:
     for name, page in pages.items():
         if name == "404.html":  # its links are those of a server's root
@@ -139,6 +164,7 @@ def test_links_of_the_site_lead_somewhere(site: Path, pages: dict[str, Found]) -
                 assert anchor in pages[str(found.relative_to(site))].anchors, f"{name}: {target}"
 
 
+@pytest.mark.campaign
 def test_headings_are_in_order(pages: dict[str, Found]) -> None:
     for name, page in pages.items():
         if name == "404.html":

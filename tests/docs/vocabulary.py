@@ -18,15 +18,15 @@ import thermid as td
 from thermid import errors
 from thermid.base.units import TEMPERATURE
 from thermid.campaign import _schema as campaign_schema
-from thermid.campaign._judge.criteria import METRICS, PLAIN
 from thermid.campaign._judge.schema import LimitTable
+from thermid.campaign._judge.verdict import METRICS, PLAIN
 from thermid.measure._readers.bindings import _KEYS as CHANNEL_KEYS
 from thermid.measure._record.record import STEPS
 from thermid.measure._record.sensor import _NUMBERS as PART_NUMBERS
 from thermid.model._deck import assemblies, fields, schema
 from thermid.model._parts.controls import CONTROL_SLOTS, TEMPERATURE_SLOT
 from thermid.model._parts.elements import NODE_SLOTS
-from thermid.model.elements import KINDS, LOAD_SLOTS, Sine, TableSignal
+from thermid.model.tree import KINDS, LOAD_SLOTS, Sine, TableSignal
 from thermid.qualify import _plan_schema as plan_schema
 from thermid.qualify._profiles.numbers import SLOTS
 from thermid.qualify._profiles.schema import ProfileTable, StepTable

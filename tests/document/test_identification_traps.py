@@ -13,7 +13,7 @@ import pytest
 
 import thermid as td
 from by_code import raises_code
-from thermid.model.elements import Sine
+from thermid.model.tree import Sine
 
 DECK = Path(__file__).parents[2] / "examples" / "01_accelerometer" / "accelerometer.toml"
 HTC, MASS, TAU, RISE = "skin.effective_htc", "case.mass", 1027.2604, 8.917191
@@ -139,7 +139,7 @@ def test_a_coefficient_of_air_is_not_carried_into_vacuum_as_it_is(part: td.Model
 def test_in_vacuum_emissivity_and_area_are_one(part: td.Model, emissivity: str, rise: float) -> None:
     from dataclasses import replace
 
-    from thermid.model.elements import parameter
+    from thermid.model.tree import parameter
 
     skin = part.surfaces["skin"]
     shiny = replace(part, surfaces={"skin": replace(skin, fields={**skin.fields, "emissivity": parameter(emissivity, "emissivity")})})

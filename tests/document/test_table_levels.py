@@ -17,7 +17,7 @@ from by_code import raises_code
 from thermid.base.errors import DeckError, NameNotFoundError
 from thermid.model.deck import load_model, model_from_dict, save_model
 from thermid.model.tree import Model, flatten, ledger
-from thermid.simulation.network import compile_network, modes, state_space
+from thermid.simulation.runs import compile_network, modes, state_space
 
 pytestmark = pytest.mark.document
 EXAMPLES = Path(__file__).parents[2] / "examples"

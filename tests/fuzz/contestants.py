@@ -11,7 +11,7 @@ import numpy as np
 import thermid as td
 from fuzz.networks import SIGMA, Case
 from thermid import _kernel as k
-from thermid.model.elements import Constant, Curve, Sine, TableSignal
+from thermid.model.tree import Constant, Curve, Sine, TableSignal
 from unit.kernel.reference import PROPORTIONAL, THERMOSTAT, Net
 
 STATUS = (

@@ -8,7 +8,7 @@ import numpy as np
 
 import thermid as td
 from strategies import DURATION, LINEAR, SWITCHED, TIGHT, Case, Deck, build, cases, number, random_models
-from thermid.model.elements import Constant
+from thermid.model.tree import Constant
 
 TIMES = np.linspace(0.0, DURATION, 13)
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 import thermid as td
-from thermid.model.elements import TableSignal
+from thermid.model.tree import TableSignal
 
 DECK = {
     "title": "Box on a plate",

@@ -19,8 +19,7 @@ from thermid.base.errors import ThermidError
 from thermid.fit.calibration import Calibration, fit
 from thermid.inference.criticism import criticise, search_structure
 from thermid.measure.records import Channel, Record
-from thermid.model.elements import TableSignal
-from thermid.model.tree import Model
+from thermid.model.tree import Model, TableSignal
 from thermid.simulation.runs import Scenario, simulate
 
 TIMES = np.arange(0.0, 21600.0 + 1.0, 60.0)

@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 
 import thermid as td
-from thermid.model.elements import TableSignal
+from thermid.model.tree import TableSignal
 
 Array = np.ndarray
 ICE = 273.15

@@ -14,7 +14,7 @@ import numpy as np
 
 import thermid as td
 from thermid.base.errors import ThermidError
-from thermid.model.elements import TableSignal
+from thermid.model.tree import TableSignal
 
 Z95 = 1.959964
 ICE = 273.15

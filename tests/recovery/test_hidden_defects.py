@@ -16,8 +16,8 @@ import numpy as np
 import pytest
 
 import thermid as td
+from thermid.base.units import ICE_POINT
 from thermid.inference._explain import defects
-from thermid.physics.constants import ICE_POINT
 from thermid.prediction.bands import predict, predict_record
 
 TIMES = np.linspace(0.0, 18000.0, 151)

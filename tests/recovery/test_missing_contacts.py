@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import thermid as td
-from thermid.model.elements import TableSignal
+from thermid.model.tree import TableSignal
 
 SEED = 20261129
 TIMES = np.arange(0.0, 10801.0, 60.0)

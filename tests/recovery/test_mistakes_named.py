@@ -36,6 +36,12 @@ def named(path: Path) -> tuple[str, str]:
     return ("", "") if found is None else (found.kind, found.name)
 
 
+def from_the_deck_alone(path: Path) -> Path:
+    """Let the stages of a campaign descend from the deck's values alone, which takes half the time; the campaign's forms search."""
+    path.write_text(path.read_text().replace("[[stages]]\n", '[[stages]]\nsearch = "local"\n'))
+    return path
+
+
 def judged(case: Planted, found: tuple[str, str]) -> str:
     """Return 'named', or what was said in place of the planted mistake."""
     kind, name = found
@@ -47,7 +53,7 @@ def judged(case: Planted, found: tuple[str, str]) -> str:
 def test_a_planted_mistake_is_named_first(k: int, tmp_path: Path) -> None:
     """A power in per cent under [W]; a sensor on another part, by a refusal. Another name than the planted one does not count."""
     case = planted(k, SEED, tmp_path)
-    found = named(case.path)
+    found = named(from_the_deck_alone(case.path))
     assert judged(case, found) == "named"
     assert judged(replace(case, name="T_AIR"), found) == f"{case.kind} T_AIR: {case.kind} {case.name}"
 
@@ -71,7 +77,7 @@ def test_at_most_3_of_100_clean_campaigns_name_a_mistake(tmp_path: Path) -> None
 
 def test_exchanged_temperatures_are_named_where_the_clock_of_a_joined_log_is_left_to_the_fit(tmp_path: Path) -> None:
     case = swapped(0, SEED, tmp_path)
-    assert judged(case, named(case.path)) == "named"
+    assert judged(case, named(from_the_deck_alone(case.path))) == "named"
 
 
 @pytest.mark.campaign

@@ -99,8 +99,9 @@ class TestSamples:
         assert td.inference.posterior(fit).interval("inner.conductance") == pytest.approx((low, high), abs=0.15 * (high - low))
 
     def test_workers_give_the_same_draws(self, fit: td.Calibration, short: td.inference.Posterior) -> None:
+        """And of few parameters twelve chains are made, as the page says."""
         with ThreadPoolExecutor(2) as pool:
-            found = td.inference.posterior(fit, steps=20, executor=pool)
+            found = td.inference.posterior(fit, steps=20, walkers=12, executor=pool)
         assert all(np.array_equal(found.draws[n], short.draws[n]) for n in short.draws)
         assert found.evaluations == short.evaluations
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import inspect
 import pickle
 from collections.abc import Mapping
-from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +13,7 @@ import pytest
 
 import thermid as td
 from by_code import raises_code
-from thermid.base.arguments import TYPES_WITH_OWN_MESSAGE, takes_objects
+from thermid.base.arguments import takes_objects
 from thermid.base.errors import DeckError, ScenarioError
 
 PART = td.model_from_dict({"title": "Part", "needs": ["air"], "nodes": {"case": {"capacitance": "9 [J/K]"}}})
@@ -65,12 +64,12 @@ def test_what_is_mixed_up_is_said(call: Any, words: str) -> None:
 
 
 def test_every_public_function_that_takes_an_object_is_guarded() -> None:
-    for name, module in td._PUBLIC.items():
-        function = getattr(import_module(f"thermid.{module}"), name)
-        if inspect.isfunction(function):
-            told = [a for n, a in inspect.unwrap(function).__annotations__.items() if n != "return" and isinstance(a, str)]
-            if any(word in TYPES_WITH_OWN_MESSAGE for a in told for word in a.replace("[", " ").replace("]", " ").split()):
-                assert hasattr(function, "__wrapped__"), f"td.{name} takes an object; decorate it with takes_objects"
+    for space, names in {"": td._TOP, **td._NAMESPACES}.items():
+        for name in names:
+            function = getattr(getattr(td, space) if space else td, name)
+            if inspect.isfunction(function):
+                assert hasattr(function, "__wrapped__"), f"td.{space}.{name}"
+                assert pickle.loads(pickle.dumps(function)) is function, f"td.{space}.{name}"
 
 
 def test_methods_of_what_is_shown_are_guarded() -> None:

@@ -166,3 +166,12 @@ def test_a_fit_has_a_plot(fit: Any) -> None:
     drawn = {tuple(np.round(np.asarray(line.get_ydata(), dtype=float)[:3], 2)) for line in lines}
     measured = tuple(np.round(fit.blocks[0].measured[:3] - 273.15, 2))
     assert measured in drawn
+
+
+def test_a_table_takes_arrays_as_a_pair_does() -> None:
+    """Its times, plain numbers of an array, had to be texts."""
+    times, values = np.array([0.0, 600.0, 1200.0]), np.array([1.0, 2.0, 0.0])
+    table, pair = ({"heat": {"times": times, "values": values, "hold": True}}, {"heat": (times, values)})
+    steps, lines = (td.Scenario("s", {"air": "20 [degC]"}, loads).loads["heat"] for loads in (table, pair))
+    np.testing.assert_array_equal([steps.times, steps.values], [lines.times, lines.values])
+    assert (steps.hold, lines.hold) == (True, False)

@@ -46,7 +46,7 @@ def test_a_namespace_serves_its_names(space: str) -> None:
 
 def test_a_function_stays_one_whatever_is_imported_before() -> None:
     code = (
-        "import thermid.prediction.advice, thermid.site.moisture, thermid.inference._profile\nimport thermid as td\n"
+        "import thermid.prediction.advice, thermid.site.moisture, thermid.inference._identifiability\nimport thermid as td\n"
         "import thermid.qualify._deliver, thermid.inference._explain.plausibility, thermid.interop.equations\n"
         "for f in (td.design.next_test, td.site.moisture, td.inference.profile, td.qualify.deliver, td.inference.plausibility):\n"
         "    assert callable(f), f\n"

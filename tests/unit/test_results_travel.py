@@ -21,8 +21,8 @@ import thermid
 import thermid as td
 from thermid.base.memo import Memo
 from thermid.fit.calibration import Experiment, Problem
-from thermid.model.elements import Constant
-from thermid.simulation.network import Media, Network
+from thermid.model.tree import Constant
+from thermid.simulation.runs import Media, Network
 from unit.results import numbers, of_a_fit, of_a_run, that_take_longer
 
 ELSEWHERE = {"Estimation", "Evidence", "HoldQuestion", "Study", "Posterior", "Equations", "ErrorModel", "ErrorBand"}

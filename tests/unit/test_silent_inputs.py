@@ -20,7 +20,7 @@ from thermid.base.errors import DeckError
 from thermid.campaign.stages import check_campaign
 from thermid.measure.records import Channel
 from thermid.model.deck import load_model
-from thermid.model.elements import TableSignal
+from thermid.model.tree import TableSignal
 
 ZERO = 273.15
 NOISE = 0.05

@@ -12,8 +12,7 @@ from scipy.integrate import solve_ivp
 import thermid as td
 from by_code import raises_code
 from thermid.base.errors import DeckError, SolverError
-from thermid.model._laws.curves import curve
-from thermid.model._laws.stores import store
+from thermid.model._laws.stores import curve, store
 from thermid.model._tree.identity import to_dict
 
 CONDUCTANCE = [(0.0, 0.1), (10.0, 0.1), (20.0, 0.5), (40.0, 0.3)]

@@ -170,6 +170,7 @@ void Integrator::apply_event(int l, double rate) {
     if (np > 0 && rate != 0.0) gap_slope(g, rate);  // zero: at the instant of the switching before
     step_.e.on[g.machine] = outputs_.view.on[g.machine] = static_cast<uint8_t>(g.to);
     state_.entered[g.machine] = state_.t;
+    state_.most_switched = std::max(state_.most_switched, ++state_.switched[g.machine]);
     r_->events.push_back({state_.t, g.machine, g.to, g.from});
     std::copy(state_.T.begin(), state_.T.end(), step_.e.t.begin());
     if (!slaved_.massless.nodes.empty()) slaved_.solve(slaved_.massless, step_.e);

@@ -10,6 +10,7 @@ namespace thermid {
 namespace {
 constexpr double ROUGH = 1e-2;   // accuracy of an estimate, relative to it
 constexpr double CLOSED = 1e-6;  // of the change that closes the heat balance
+constexpr double ROUNDING = 1e-11;  // no finer for switchings: of temperatures near 300 K 6e-14 is noise [K]
 }  // namespace
 
 Errors::Errors(Setup& setup, State& state, Step& step, Slaved& slaved)
@@ -206,8 +207,11 @@ void Errors::close_balance(double factored) {
 
 // The jumps of projected inputs show in the estimate, although improve() takes most of what they do away: no finer than those inputs are
 // followed, and finer where sensitivities are wanted, whose errors are up to twice as large. Least squares only take directions from them.
+// What a step errs by moves the next switching, and the phase of a switch that cycles is not damped: errors of its switchings add up over the whole
+// run. The k-th may err by a k-th of what a step may, so that a thousand err by seven times that.
 double Errors::tolerance() const {
-    const double tol = o_.atol + o_.rtol * (state_.high - state_.low);
+    const double whole = o_.atol + o_.rtol * (state_.high - state_.low);
+    const double tol = std::max(whole / static_cast<double>(1 + state_.most_switched), std::min(whole, ROUNDING));
     return step_.leftover ? std::max(tol, (np_ > 0 && !setup_.squares ? 0.25 : 0.32) * o_.input_atol) : tol;
 }
 

@@ -74,7 +74,7 @@ void Setup::capacity_term(double* y, const double* v, double scale) const {
 
 State::State(const Setup& s)
     : T(s.n, 0.0), S(static_cast<size_t>(s.n) * s.np, 0.0), entered(s.p.switches(), 0.0), entered_s(s.p.switches() * static_cast<size_t>(s.np), 0.0),
-      drift(s.n, 0.0), E_con(s.p.con.size(), 0.0), E_load(s.p.load.size(), 0.0), sampled(s.p.samplers.size(), 0) {}
+      drift(s.n, 0.0), E_con(s.p.con.size(), 0.0), E_load(s.p.load.size(), 0.0), sampled(s.p.samplers.size(), 0), switched(s.p.switches(), 0) {}
 
 Step::Step(const Setup& s) : e(s.p, s.coef), factors(s), in(s.nk), hint(s.nk, -1), noise(s.nk) {
     const size_t n = s.n, m = n * s.np;

@@ -5,6 +5,7 @@
 //   S          dT/dp (n, np)
 //   low, high  range of temperatures so far, boundaries included [K]
 //   entered    when each switch came to its state [s]; entered_s: d/dp of that (switches, np)
+//   switched   how often each switch has switched; most_switched: the largest of these
 //   sampled    of each sampler, how many samples it has taken
 //   drift      what the laws' curvature has made of the noise of inputs (n) [K]
 //   E_con, E_load      heat through conductors and of loads since the start [J]
@@ -19,7 +20,8 @@ namespace thermid {
 struct State {
     double t = 0.0, low = 0.0, high = 0.0;
     std::vector<double> T, S, entered, entered_s, drift, E_con, E_load;
-    std::vector<long> sampled;
+    std::vector<long> sampled, switched;
+    long most_switched = 0;
     explicit State(const Setup& setup);
 };
 

@@ -15,7 +15,7 @@ import ast
 import keyword
 import math
 import re
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from datetime import UTC, datetime, timedelta
 from fractions import Fraction
@@ -26,9 +26,8 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from thermid.base.arguments import takes_objects
-from thermid.base.dual import Dual, real_power
-from thermid.base.errors import ExpressionError, ThermidError, UnitError, cap, errors_at, raising
+from thermid.base.errors import ExpressionError, RecordError, ScenarioError, ThermidError, UnitError, cap, errors_at, raising
+from thermid.base.linear_algebra import Dual, real_power
 from thermid.base.units import (
     DIMENSIONLESS,
     TEMPERATURE,
@@ -530,7 +529,6 @@ class Quantity:
         return Quantity(np.atleast_1d(self.si)[index], self.unit, None if self.times is None else self.times[index], self.stamp)
 
 
-@takes_objects
 def quantity(values: Any, *, unit: str) -> Quantity:
     """Return numbers with their unit, to be given wherever a value is taken.
 
@@ -822,3 +820,41 @@ def _shown(value: Any) -> str:
     """Return a value as messages quote it: its text, or its kind where that is long."""
     text = repr(value)
     return text if len(text) < 60 and "\n" not in text else f"this {type(value).__name__}"
+
+
+def positive_seconds(written: object, what: str) -> float:
+    """Return a time above zero, such as a window, from a number or a text with a unit. [s]
+
+    Raises
+    ------
+    RecordError   When it is zero or negative.
+    """
+    value = amount(written, "s", what)
+    if value <= 0:
+        raise RecordError(f"{format_value(value, 's')} is not above zero.", what, code="value.outside-range")
+    return value
+
+
+def pairs(texts: Iterable[str], option: str) -> dict[str, str]:
+    """Return ``NAME=VALUE`` texts as a dictionary; `option` is their place for messages.
+
+    Raises
+    ------
+    ScenarioError   When one is of another form.
+    """
+    out = {}
+    for text in texts:
+        path, equals, value = text.partition("=")
+        if not equals or not path.strip() or not value.strip():
+            raise ScenarioError(f"'{text}' must be written as PATH=VALUE, such as air=24 [degC].", option, code="value.wrong-kind")
+        out[path.strip()] = value.strip()
+    return out
+
+
+def with_unit(value: str, unit: str) -> str:
+    """Return a value as text with `unit` behind it, unless it has a unit or is no number.
+
+    >>> with_unit("5", "min"), with_unit("5 [h]", "min"), with_unit("end", "min")
+    ('5 [min]', '5 [h]', 'end')
+    """
+    return value if "[" in value or not value.replace(".", "").replace("-", "").replace("e", "").isdigit() else f"{value} [{unit}]"

@@ -8,9 +8,11 @@ generated table; pint, which takes half a second to load, is asked for the rest.
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import lru_cache
+from math import floor, isfinite, log10
 from typing import Final, TypeVar
 
 import numpy as np
@@ -21,6 +23,14 @@ from thermid.base.errors import UnitError, cap, nearest, raising
 
 Dimension = tuple[Fraction, ...]
 """Exponents of metre, kilogram, second, ampere and kelvin."""
+
+ICE_POINT: Final = 273.15
+"""Zero of the Celsius scale. [K]"""
+
+MINUTE, HOUR, DAY = 60.0, 3600.0, 86400.0
+"""[s]"""
+DEVIATION_OF_MEDIAN = 1.4826
+"""Standard deviation of normal samples over the median of their absolute values (Hampel, J. Am. Stat. Assoc. 69 (1974) 383-393). [-]"""
 
 TEMPERATURE: Final = "temperature"
 """The slot of a temperature on the scale (``24 [degC]`` or ``297.15 [K]``); the slot ``K`` is a difference of temperatures."""
@@ -323,3 +333,46 @@ def format_value(value: float, text: str, digits: int = 6) -> str:
     '24 [degC]'
     """
     return f"{from_si(value, text):.{digits}g} [{unit(text).text}]"
+
+
+def duration_text(value: float) -> str:
+    """Return a time [s] as text in h from 2 h, in min from 2 min, else in s, with four digits.
+
+    >>> duration_text(18000.0)
+    '5 h'
+    """
+    for size, name in ((HOUR, "h"), (MINUTE, "min")):
+        if value >= 2.0 * size:
+            return f"{value / size:.4g} {name}"
+    return f"{value:.4g} s"
+
+
+def digits(value: float, error: float) -> str:
+    """Return a number with the decimals that give its error two digits; with six digits where the error is zero or not finite.
+
+    >>> digits(1.23456, 0.012)
+    '1.235'
+    """
+    if not isfinite(error) or error <= 0:
+        return f"{value:.6g}"
+    decimals = max(0, 1 - floor(log10(error)))
+    return f"{value:.{decimals}f}" if abs(value) < 1e6 and decimals < 12 else f"{value:.6g}"
+
+
+def short(number: float, digits: int = 2) -> str:
+    """Return a number with some significant digits, without a power of ten below ten million.
+
+    >>> short(557.3), short(0.05574), short(1027.26, 3), short(3e9)
+    ('560', '0.056', '1030', '3e+09')
+    """
+    text = f"{number:.{digits}g}"
+    return f"{float(text):.0f}" if "e+" in text and abs(number) < 1e7 else text
+
+
+def some(names: Sequence[str], noun: str) -> str:
+    """Return up to four names joined by commas; of more the first, the last and the number.
+
+    >>> some(["a", "b", "c", "d", "e"], "records")
+    'a ... e (5 records)'
+    """
+    return ", ".join(names) if len(names) <= 4 else f"{names[0]} ... {names[-1]} ({len(names)} {noun})"

@@ -9,13 +9,11 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-from thermid.base.arguments import takes_objects
 from thermid.base.files import FileKinds, write_text
 from thermid.base.results import Named
-from thermid.base.units import NAMES, counted, from_si, unit
+from thermid.base.units import NAMES, counted, from_si, short, unit
 from thermid.campaign._stages import Campaign
 from thermid.fit.calibration import Calibration
-from thermid.measure.amounts import short
 from thermid.model.tree import ParameterSet
 
 
@@ -117,7 +115,6 @@ class CredibilityRecord(Named[ValueRecord], Mapping[str, ValueRecord]):
         return "\n".join(lines)
 
 
-@takes_objects
 def credibility(campaign: Campaign) -> CredibilityRecord:
     """Credibility record: what every value of a campaign's uppermost model rests on; with a joint fit, as that left it.
 

@@ -18,14 +18,13 @@ from thermid.fit.calibration import LocalSpec
 from thermid.measure.readers import read_record
 from thermid.measure.records import ROLES, Channel, Record
 from thermid.model.deck import load_model
-from thermid.model.elements import TableSignal, literal
-from thermid.model.tree import Model
+from thermid.model.tree import Model, TableSignal, literal
 from thermid.simulation.runs import Scenario
 from thermid.simulation.scenario_files import LogColumns, environments_of
 
 if TYPE_CHECKING:
     from thermid.campaign._schema import CampaignFile, RecordTable, ScenarioTable, StageTable, VerdictTable
-    from thermid.simulation.network import Environment
+    from thermid.simulation.runs import Environment
 
 
 DATA = "THERMID_DATA"

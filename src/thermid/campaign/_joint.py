@@ -31,8 +31,7 @@ from thermid.fit.calibration import (
     part_of,
     prior_of,
 )
-from thermid.model.identity import definition_of, instances, local_identities, without_layers
-from thermid.model.tree import Model, ParameterSet
+from thermid.model.tree import Model, ParameterSet, definition_of, instances, local_identities, without_layers
 from thermid.values.fitted import FittedValue, FittedValues
 from thermid.values.store import LeftOut, Store, graft
 

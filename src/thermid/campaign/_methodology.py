@@ -9,22 +9,19 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from thermid.base.arguments import takes_objects
 from thermid.base.errors import DeckError, NameNotFoundError, nearest, refuse_unknown
 from thermid.base.expression import Kelvin
 from thermid.base.extensions import by_grammar
 from thermid.base.files import FileKinds, write_text
 from thermid.base.results import Shown
 from thermid.base.toml_files import Places, read_toml, resolve_inside
-from thermid.base.units import TEMPERATURE
+from thermid.base.units import ICE_POINT, TEMPERATURE
 from thermid.campaign._file import read_campaign
-from thermid.campaign._judge.criteria import Residuals, metric
+from thermid.campaign._judge.verdict import Residuals, metric
 from thermid.campaign._stages import Campaign
 from thermid.fit.calibration import SensorTrace
 from thermid.model.deck import load_model
-from thermid.model.elements import literal
-from thermid.model.tree import Model, Names
-from thermid.physics.constants import ICE_POINT
+from thermid.model.tree import Model, Names, literal
 from thermid.simulation.runs import Solution
 from thermid.simulation.solver import Options
 
@@ -262,7 +259,6 @@ def _entry(action: str, stage: str, block: SensorTrace, held_out: bool = False) 
     return LogEntry(action, stage, block.record, block.sensor, Residuals.equally_weighted(block.times, block.residuals), held_out)
 
 
-@takes_objects
 def load_study(path: str | os.PathLike[str]) -> Study:
     """Return the study that a file describes, with the model it names; its campaign is checked, not run.
 

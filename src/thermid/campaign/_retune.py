@@ -11,23 +11,33 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from thermid.base.arguments import takes_objects
-from thermid.base.dual import value_of
 from thermid.base.errors import DeckError, IdentificationError, MissingDataError, SolverError, errors_at
+from thermid.base.linear_algebra import value_of
 from thermid.base.results import Result
-from thermid.base.units import counted
+from thermid.base.units import ICE_POINT, counted
 from thermid.campaign._file import CampaignSource, read_campaign
 from thermid.campaign._joint import Level, places_of
 from thermid.campaign._stages import Campaign, Notice, progress_of, request_of
 from thermid.fit.calibration import MOVED, Calibration, Request, as_found, fit, moved_instruments
 from thermid.fit.error_model import KEY as ERRORS, errors_after, errors_without
 from thermid.model.deck import load_model
-from thermid.model.elements import Constant, Standing, exact, parameter
-from thermid.model.identity import PlaceStart, Replacement, definition_of, inside, instances, short_text, touching
-from thermid.model.tree import Model, Names, ParameterSet
-from thermid.physics.constants import ICE_POINT
-from thermid.simulation.network import compile_network
-from thermid.simulation.runs import Scenario, Workers, steady
+from thermid.model.tree import (
+    Constant,
+    Model,
+    Names,
+    ParameterSet,
+    PlaceStart,
+    Replacement,
+    Standing,
+    definition_of,
+    exact,
+    inside,
+    instances,
+    parameter,
+    short_text,
+    touching,
+)
+from thermid.simulation.runs import Scenario, Workers, compile_network, steady
 from thermid.values.fitted import view
 from thermid.values.store import Normal, Source, State, Store, ValueOrigin, graft
 
@@ -248,7 +258,6 @@ class RetunePlan(Result):
         return "\n".join(lines)
 
 
-@takes_objects
 def plan_retune(
     campaign: Campaign, part: str, new: Model | str | os.PathLike[str], *, sensors: Mapping[str, str] | None = None
 ) -> RetunePlan:

@@ -124,7 +124,7 @@ class StageTable(StrictTable):
     scenario: ScenarioTable = ScenarioTable()
     readings: dict[str, str | ReadingTable] = {}
     courses: dict[str, CourseTable] = {}
-    weights: dict[str, float] | Literal["effective"] = {}
+    weights: dict[str, float] = {}
     loss: Literal["linear", "soft_l1", "huber", "cauchy"] = "linear"
     knee: float = Field(1.0, gt=0.0)
     search: Literal["auto", "local", "multistart", "differential evolution"] = "auto"

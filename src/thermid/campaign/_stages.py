@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from thermid.base.arguments import takes_objects
 from thermid.base.errors import (
     DeckError,
     IdentificationError,
@@ -26,12 +25,11 @@ from thermid.base.errors import (
 )
 from thermid.base.results import Named, Row
 from thermid.base.toml_files import resolve_inside
-from thermid.base.units import counted
+from thermid.base.units import counted, duration_text, short
 from thermid.campaign._cache import changed_since, errors_kept, file_name, forget, recall, remember
 from thermid.campaign._file import CampaignSource, accepting, local_of, read_campaign, scenario_of
 from thermid.campaign._joint import JointFit, fit_jointly, joint_key
-from thermid.campaign._judge.criteria import Criteria
-from thermid.campaign._judge.verdict import Verdict, look, not_judged, validate
+from thermid.campaign._judge.verdict import Criteria, Verdict, look, not_judged, validate
 from thermid.fit.calibration import (
     FIRST,
     Calibration,
@@ -46,16 +44,12 @@ from thermid.fit.calibration import (
     freed,
     priors_of,
     shared_paths,
-    weighing,
 )
 from thermid.fit.error_model import Keeping
 from thermid.fit.power import SHAPES, recovered
 from thermid.inference.criticism import Mistakes, find_mistakes
-from thermid.measure.amounts import duration_text, short
 from thermid.measure.records import Record, stray_readings
-from thermid.model.elements import Standing, literal, worst
-from thermid.model.identity import definition_of, instances
-from thermid.model.tree import Model, ParameterSet
+from thermid.model.tree import Model, ParameterSet, Standing, definition_of, instances, literal, worst
 from thermid.simulation.runs import STEADY, KeptTasks, Scenario, Workers, in_tasks
 from thermid.values.store import Store, graft
 from thermid.values.value_files import hand_values
@@ -172,7 +166,7 @@ def request_of(source: CampaignSource, stage: StageTable, k: int, done: Mapping[
         priors=priors_of(model, {p: t if isinstance(t, str) else (t.mean, t.sd) for p, t in stage.priors.items()}, where),
         store=store,
         prior=prior,
-        **weighing(stage.weights, where),
+        weights=stage.weights,
         loss_scale=stage.knee,
         untie=stage.untie is True,
         loss=stage.loss,
@@ -512,7 +506,6 @@ class Campaign(Named[Calibration]):
         return out
 
 
-@takes_objects
 def run_stages(
     campaign: str | os.PathLike[str] | CampaignSource,
     *,
@@ -622,7 +615,6 @@ def judge(campaign: Campaign, folder: Path | None = None, notice: Notice | None 
     return _with_verdict_standing(replace(campaign, verdicts=tuple(_looked(folder, v, campaign) for v in verdicts)))
 
 
-@takes_objects
 def joint(
     campaign: str | os.PathLike[str] | CampaignSource | Campaign,
     *,

@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from thermid.base.codes import code_of
-from thermid.base.dual import value_of
 from thermid.base.errors import DeckError, IdentificationError, NameNotFoundError, RecordError, ThermidError, errors_at, refuse_unknown
 from thermid.base.expression import kelvin
+from thermid.base.linear_algebra import value_of
 from thermid.base.toml_files import resolve_inside
 from thermid.campaign._file import CampaignSource, bound_by, local_of, read_campaign, scenario_of
 from thermid.campaign._judge.limits import Limits
@@ -38,8 +38,7 @@ from thermid.inference.intervals import Identifiability, identifiability, identi
 from thermid.measure.records import Record, open_questions, stray_readings
 from thermid.model.tree import Finding, Model
 from thermid.prediction.bands import predict
-from thermid.simulation.network import Environment, compile_network
-from thermid.simulation.runs import Scenario, Workers
+from thermid.simulation.runs import Environment, Scenario, Workers, compile_network
 from thermid.simulation.scenario_files import load_scenario
 from thermid.values.store import Normal, Source, State, Store, ValueOrigin
 
@@ -399,10 +398,11 @@ def _refuse_shared(source: CampaignSource, requests: dict[str, Request]) -> None
             of[record.name] = unit
 
 
-def campaign_predictions(campaign: Campaign) -> tuple[tuple[CampaignPrediction, ...], dict[str, ThermidError]]:
+def campaign_predictions(campaign: Campaign, executor: Workers = None) -> tuple[tuple[CampaignPrediction, ...], dict[str, ThermidError]]:
     """Predictions that the file of a campaign names, by its fitted stages, in the order of the file; none of a campaign made in Python.
 
-    Beside them stand name and error of each whose scenario is missing or does not fit the model: it does not lose the others.
+    Beside them stand name and error of each whose scenario is missing or does not fit the model: it does not lose the others. `executor`
+    is as in `predict`.
     """
     source, out, failed = campaign.source, list[CampaignPrediction](), dict[str, ThermidError]()
     if source is None:
@@ -411,7 +411,7 @@ def campaign_predictions(campaign: Campaign) -> tuple[tuple[CampaignPrediction, 
         stage = table.stage or source.content.stages[-1].name
         try:
             with errors_at(source.where(f"predictions.{name}"), ": "):
-                predicted = predict(campaign[stage], scenario_asked(source, name, table))
+                predicted = predict(campaign[stage], scenario_asked(source, name, table), executor=executor)
                 limits = {predicted[limit.node].path: limit.operating for limit in limits_of(table)}
                 out.append(CampaignPrediction(name, stage, predicted, limits))
         except ThermidError as error:

@@ -11,31 +11,30 @@ from thermid.campaign._judge.correlation import (
     overlays as overlays,
     paired as paired,
 )
-from thermid.campaign._judge.criteria import (
+from thermid.campaign._judge.limits import (
+    POLICIES as POLICIES,
+    HeaterDuty as HeaterDuty,
+    LimitCheck as LimitCheck,
+    Limits as Limits,
+    Margin as Margin,
+    check_limits as check_limits,
+    check_readings as check_readings,
+    heater_duty as heater_duty,
+    load_limits as load_limits,
+    margins as margins,
+    read_limits as read_limits,
+    spans as spans,
+)
+from thermid.campaign._judge.predictions import CampaignPrediction as CampaignPrediction
+from thermid.campaign._judge.verdict import (
     CRITERIA as CRITERIA,
     Check as Check,
     Criteria as Criteria,
     CriteriaSet as CriteriaSet,
+    Verdict as Verdict,
+    compare as compare,
     heading as heading,
     metric as metric,
+    validate as validate,
 )
-from thermid.campaign._judge.limits import (
-    LimitCheck as LimitCheck,
-    Limits as Limits,
-    check_limits as check_limits,
-    check_readings as check_readings,
-    load_limits as load_limits,
-    read_limits as read_limits,
-    spans as spans,
-)
-from thermid.campaign._judge.margins import (
-    POLICIES as POLICIES,
-    HeaterDuty as HeaterDuty,
-    Margin as Margin,
-    heater_duty as heater_duty,
-    margins as margins,
-)
-from thermid.campaign._judge.predictions import CampaignPrediction as CampaignPrediction
-from thermid.campaign._judge.sizing import Sizing as Sizing, size as size
-from thermid.campaign._judge.verdict import Verdict as Verdict, compare as compare, validate as validate
-from thermid.campaign._judge.worst import WorstCases as WorstCases, worst_case as worst_case
+from thermid.campaign._judge.worst import Sizing as Sizing, WorstCases as WorstCases, size as size, worst_case as worst_case

@@ -13,10 +13,9 @@ from typing import Any
 
 import numpy as np
 
-from thermid.base.arguments import takes_objects
 from thermid.base.errors import IdentificationError, SolverError, quoted
 from thermid.base.linear_algebra import HALF_WIDTH_95, Array, null_space, one_thread, symmetric_inverse
-from thermid.base.units import NAMES, counted, unit
+from thermid.base.units import NAMES, counted, short, some, unit
 from thermid.fit._calibration import (
     FIRST,
     LOUD,
@@ -34,20 +33,17 @@ from thermid.fit._error_model.kept import KEY as ERRORS, ErrorsOfFit, Keeping, w
 from thermid.fit._error_model.sizes import OUTSIDE
 from thermid.fit._inputs import inputs_of
 from thermid.fit._minimisation import Fit, KeptFit, covariances, ended, minimise
-from thermid.fit._problem.experiment import ALL_INSTANTS, CHANCE_DEVIATIONS, LEAST_NOISE, UNSAID_NOISE, Experiment, role_and_target
+from thermid.fit._problem.experiment import ALL_INSTANTS, CHANCE_DEVIATIONS, LEAST_NOISE, UNSAID_NOISE, role_and_target
 from thermid.fit._problem.gather import build_problem
-from thermid.fit._problem.request import LocalSpec, Request, counted_twice, freed, mean_of, priors_of, weighing
+from thermid.fit._problem.request import LocalSpec, Request, counted_twice, freed, mean_of, priors_of
 from thermid.fit._problem.residuals import Bench, Predictions, Problem, Unknown, pooled, starting_point, wanders
 from thermid.fit._search import CHANCE, Progress, at_clocks, in_turns, searched, widened_by_noise_of_powers, with_clocks
 from thermid.fit._uncertainty.groups import SHARE, Group, percent, structural_groups, together
 from thermid.fit._uncertainty.information import Information, Responses, elsewhere, responses
 from thermid.fit._uncertainty.moved import Moves, moves_above
 from thermid.fit._uncertainty.noise import Autocorrelation, TraceNoise, autocorrelation, own_switches, shifts_by_lags
-from thermid.measure.amounts import short, some
 from thermid.measure.records import COLUMN_UNITS, Record, open_questions
-from thermid.model.elements import CREDIBLE, Standing, TableSignal, worst
-from thermid.model.identity import identity_of
-from thermid.model.tree import Model, unlumped
+from thermid.model.tree import CREDIBLE, Model, Standing, TableSignal, identity_of, unlumped, worst
 from thermid.simulation.runs import Scenario, Workers
 from thermid.values.fitted import FittedValue, FittedValues, view
 from thermid.values.store import INPUT, LaterTable, State, Store, ValueOrigin, graft
@@ -719,7 +715,6 @@ def _far_from_prior(problem: Problem, minimum: Fit) -> dict[str, float]:
     return {name: size for name, size in sorted(apart.items(), key=lambda item: -item[1]) if size > ASIDE}
 
 
-@takes_objects
 def calibrate(
     model: Model,
     records: Record | Sequence[Record],
@@ -731,7 +726,7 @@ def calibrate(
     inherit: Mapping[str, Any] | None = None,
     loss: str = "linear",
     search: str = "auto",
-    weights: Mapping[str, float] | str | None = None,
+    weights: Mapping[str, float] | None = None,
     name: str = "",
     executor: Workers = None,
 ) -> Calibration:
@@ -751,8 +746,7 @@ def calibrate(
                                 path of their file. Values stay there with their errors; those that are free too have them as prior.
     loss : str                  linear, soft_l1, huber or cauchy.
     search : str                local, multistart, differential evolution; or auto: further starts where one descent is doubtful.
-    weights : dict or str       Sensor -> weight of its residuals, 1 where none is given; or ``"effective"``: after a first fit readings
-                                count as many as residuals that wander are worth, so that priors and local values have the width stated.
+    weights : dict              Sensor -> weight of its residuals, 1 where none is given. [-]
     name : str                  Of the fit, as a stage of a campaign has one; the model's title by default.
     executor                    Who makes descents from several starts, as in `ensemble`: the same values from all.
 
@@ -788,7 +782,7 @@ def requested(
     inherit: Mapping[str, Any] | None = None,
     loss: str = "linear",
     search: str = "auto",
-    weights: Mapping[str, float] | str | None = None,
+    weights: Mapping[str, float] | None = None,
     name: str = "",
 ) -> Request:
     """Return the request that the arguments of `calibrate` stand for."""
@@ -806,7 +800,7 @@ def requested(
     prior = tuple(p for p, s in store.parameters.items() if s.known and {*s.acts} & {*wanted})
     remarks = (*remarks, *counted_twice(store, prior, records))
     priors_by_path = priors_of(model, priors or {}, where)
-    more: dict[str, Any] = {"loss": loss, "search": search, "name": name, **weighing(weights or {}, where)}
+    more: dict[str, Any] = {"loss": loss, "search": search, "name": name, "weights": weights or {}}
     inherited: dict[str, Any] = {"store": store, "prior": prior, "seen": store.seen, "remarks": remarks}
     return Request(model, records, tuple(wanted), scenarios, specs, priors=priors_by_path, **inherited, **more)
 
@@ -855,7 +849,7 @@ def _fitted(
 ) -> tuple[Calibration, Autocorrelation]:
     """Return the calibration of a problem and the autocorrelation of its residuals: searched, or evaluated at the end that was kept."""
     stated = all(o.noise is not None for o in problem.observations())
-    if recalled is not None and not request.effective and list(recalled.fitted) == [u.name for u in problem.unknowns]:
+    if recalled is not None and list(recalled.fitted) == [u.name for u in problem.unknowns]:
         minimum = ended(problem, np.array(list(recalled.fitted.values())), request.loss, request.loss_scale, recalled.evaluations)
         minimum = replace(minimum, search=recalled.search, remarks=recalled.remarks)
     else:
@@ -872,8 +866,6 @@ def _fitted(
             weighed = replace(problem, noise=_measured_noise(problem, minimum, request.loss))
             again = minimise(weighed, request.loss, request.loss_scale, minimum.fitted, progress, stoppable=stoppable)
             minimum = replace(again, evaluations=minimum.evaluations + again.evaluations, search=minimum.search, remarks=minimum.remarks)
-    if request.effective and not minimum.stopped:
-        problem, minimum = _as_they_are_worth(request, problem, minimum, progress, stoppable)
     if problem.clocked:
         problem = at_clocks(problem, minimum.fitted)
     if not stated:
@@ -944,32 +936,6 @@ def _suspect(fit: Calibration, spread: Autocorrelation) -> bool:
         (stated and fit.chi_square > fit.freedom + CHANCE_DEVIATIONS * (2.0 * max(fit.freedom, 1)) ** 0.5)
         or sum(squares) > count + CHANCE_DEVIATIONS * (2.0 * count) ** 0.5
     )
-
-
-def _as_they_are_worth(request: Request, problem: Problem, minimum: Fit, progress: Progress | None, stoppable: bool) -> tuple[Problem, Fit]:
-    """Return the problem and its fit with readings that count as many as their residuals were worth in a fit.
-
-    Residuals that wander together say together what few say that do not. Counted one by one they outweigh every prior: the room of a
-    run then follows them and takes up what the model lacks.
-    """
-    slow = _slow(autocorrelation(problem, minimum, request.loss, request.loss_scale))
-    if not slow:
-        return problem, minimum
-    # one share for all: a single trace says little of how long residuals wander
-    share = sum(t.effective_samples for t in slow) / sum(t.samples for t in slow)
-
-    def weighed(e: Experiment) -> Experiment:
-        """Return an experiment whose observations count a share of their weight."""
-        return replace(e, observations=tuple(replace(o, weight=o.weight * share**0.5) for o in e.observations))
-
-    problem = replace(problem, experiments=tuple(map(weighed, problem.experiments)))
-    again = minimise(problem, request.loss, request.loss_scale, minimum.fitted, progress, stoppable=stoppable)
-    remark = (
-        f"weights = 'effective': each reading weighs as {short(share)} of an independent one, the effective sample size of autocorrelated "
-        "residuals. Priors and local values count for more than with all readings"
-    )
-    count = minimum.evaluations + again.evaluations
-    return problem, replace(again, evaluations=count, search=minimum.search, remarks=(*minimum.remarks, remark))
 
 
 def _refuse_without_errors(request: Request, problem: Problem, total: Array) -> None:

@@ -14,7 +14,7 @@ import numpy as np
 
 from thermid.base.errors import DeckError
 from thermid.base.results import Named, PlottedTrace, Row
-from thermid.base.units import counted, from_si, unit
+from thermid.base.units import ICE_POINT, counted, digits, from_si, short, unit
 from thermid.fit._inputs import InputTable, input_lines, inputs_of
 from thermid.fit._minimisation import KeptFit
 from thermid.fit._problem.experiment import Experiment
@@ -22,11 +22,7 @@ from thermid.fit._problem.request import Request
 from thermid.fit._problem.residuals import Predictions, Problem, SensorStatistics, SensorTrace, Sums, pooled
 from thermid.fit._uncertainty.moved import MOVED, Moves
 from thermid.fit._uncertainty.noise import Autocorrelation
-from thermid.measure.amounts import digits, short
-from thermid.model.elements import UNJUDGED, Standing, worst
-from thermid.model.identity import cuts_of
-from thermid.model.tree import Model
-from thermid.physics.constants import ICE_POINT
+from thermid.model.tree import UNJUDGED, Model, Standing, cuts_of, worst
 from thermid.values.fitted import FittedValue, FittedValues, load_values, save_store
 from thermid.values.ranges import bracketed, range_shares, without_spread
 from thermid.values.store import AS_FITTED, EXPECTED, INPUT, State, Store
@@ -497,10 +493,6 @@ class Calibration(Named[FittedValue]):
             out.append(PlottedTrace(f"{name} measured", b.times, b.measured - ICE_POINT, measured=True, channel=name))
             out.append(PlottedTrace(f"{name} simulated", b.times, b.predicted - ICE_POINT, channel=name))
         return out
-
-    def _ipython_key_completions_(self) -> list[str]:
-        """Return the paths of the fitted values."""
-        return list(self.values)
 
     @property
     def sensor_shares(self) -> tuple[SensorShare, ...]:

@@ -9,13 +9,12 @@ from typing import Any, Literal
 import numpy as np
 
 from thermid.base.errors import quoted
+from thermid.base.units import ICE_POINT, short
 from thermid.fit._problem.experiment import Experiment, role_and_target
 from thermid.fit._problem.request import Request
 from thermid.fit._problem.residuals import Unknown
-from thermid.measure.amounts import short
 from thermid.measure.records import Channel
-from thermid.model.elements import Signal
-from thermid.physics.constants import ICE_POINT
+from thermid.model.tree import Signal
 
 Source = Literal["assumed", "deck", "scenario", "log"]
 SOURCES: tuple[Source, ...] = ("assumed", "deck", "scenario", "log")

@@ -25,7 +25,7 @@ from thermid.fit._minimisation import Fit, ended, minimise
 from thermid.fit._problem.experiment import ALL_INSTANTS, OFFSET, SCALE, Experiment
 from thermid.fit._problem.residuals import Problem, Unknown, clock_at, loss_of, starting_point
 from thermid.fit._uncertainty.noise import autocorrelation
-from thermid.model.elements import TableSignal
+from thermid.model.tree import TableSignal
 from thermid.simulation.runs import Workers, in_tasks, run_members
 
 Progress = Callable[[int, float], None]

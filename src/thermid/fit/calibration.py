@@ -50,7 +50,6 @@ from thermid.fit._problem.request import (
     matching as matching,
     priors_of as priors_of,
     shared_paths as shared_paths,
-    weighing as weighing,
 )
 from thermid.fit._problem.residuals import (
     Bench as Bench,

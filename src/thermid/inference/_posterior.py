@@ -11,7 +11,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from thermid.base.arguments import takes_objects
 from thermid.base.errors import IdentificationError, NameNotFoundError, SolverError, refuse_unknown
 from thermid.base.extensions import optional
 from thermid.base.linear_algebra import HALF_WIDTH_95, Array, covariance
@@ -89,7 +88,6 @@ class Posterior(Result):
         ]
 
 
-@takes_objects
 def posterior(
     fit: Calibration,
     *,
@@ -117,7 +115,7 @@ def posterior(
     fit : Calibration
     steps : int         Of every walker at first, up to 16 times as many where these are too few; the first fifth is left out. A step
                         simulates all records once for each walker.
-    walkers : int       Twice the parameters and at least 12 by default.
+    walkers : int       Two more than twice the parameters, and at least 12, by default.
     seed : int
     executor            Who simulates the records at the proposals of one step, as in `ensemble`: the same draws from all. It pays where one
                         simulation takes a tenth of a second or more. Proposals are too many to be kept in a folder.

@@ -1,4 +1,3 @@
 """Fleets: the population of the units of one design."""
 
-from thermid.inference._fleet.fleet import Fleet as Fleet
-from thermid.inference._fleet.units import fleet as fleet, fleet_of as fleet_of
+from thermid.inference._fleet.units import Fleet as Fleet, fleet as fleet, fleet_of as fleet_of

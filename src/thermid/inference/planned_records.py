@@ -10,8 +10,7 @@ import numpy as np
 
 from thermid.base.errors import IdentificationError, nearest
 from thermid.measure.records import Channel, Record
-from thermid.model.elements import literal
-from thermid.model.tree import Model
+from thermid.model.tree import Model, literal
 from thermid.simulation.runs import Scenario, network_for, output_times, simulate
 
 

@@ -15,14 +15,12 @@ from typing import Any, Final
 
 import numpy as np
 
-from thermid.base.dual import real_power, value_of
 from thermid.base.errors import DeckError, ScenarioError
 from thermid.base.files import FileKinds, write_text
+from thermid.base.linear_algebra import real_power, value_of
 from thermid.base.units import si_unit
-from thermid.model.elements import HINGES, Constant, Curve, Drawn, TableSignal
-from thermid.model.tree import Model
-from thermid.simulation.network import SMOOTHING, ConductorRow, Network, Numbers, signal_of
-from thermid.simulation.runs import Scenario, network_for
+from thermid.model.tree import HINGES, Constant, Curve, Drawn, Model, TableSignal
+from thermid.simulation.runs import SMOOTHING, ConductorRow, Network, Numbers, Scenario, network_for, signal_of
 from thermid.simulation.solver import Engine, Wiring
 
 MOVING = tuple(HINGES.values())

@@ -15,14 +15,11 @@ from pathlib import Path
 
 import numpy as np
 
-from thermid.base.arguments import takes_objects
 from thermid.base.errors import DeckError, SolverError
 from thermid.base.linear_algebra import Array
 from thermid.interop._wired import Text, Wired, Writer, distinct, exported, file_and_name, identifiers, one_line, resting, wired
-from thermid.model.elements import Curve, Drawn, Sine, TableSignal
-from thermid.model.tree import Model
-from thermid.simulation.network import curve_arrays, tables_behind
-from thermid.simulation.runs import Scenario
+from thermid.model.tree import Curve, Drawn, Model, Sine, TableSignal
+from thermid.simulation.runs import Scenario, curve_arrays, tables_behind
 from thermid.simulation.solver import Engine, Options, Wiring
 
 C = Writer("C", gas=True, hinges=True, smooth=True, loads=True, schedules=True)
@@ -172,7 +169,6 @@ static inline void @_scenario(double t, int before, @_inputs *u) {{
 """
 
 
-@takes_objects
 def to_c(
     model: Model,
     scenario: Scenario,

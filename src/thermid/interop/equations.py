@@ -13,14 +13,13 @@ from functools import cached_property
 from itertools import combinations
 from typing import Any
 
-from thermid.base.arguments import takes_objects
-from thermid.base.dual import value_of
 from thermid.base.errors import DeckError, NameNotFoundError, ThermidError, refuse_unknown
 from thermid.base.extensions import optional
+from thermid.base.linear_algebra import value_of
 from thermid.base.results import Shown
 from thermid.interop._wired import identifiers
 from thermid.model.tree import Model
-from thermid.simulation.network import Network, compile_network
+from thermid.simulation.runs import Network, compile_network
 
 Expr = Any
 """An expression of sympy, which is an optional package."""
@@ -183,7 +182,6 @@ class Equations(Shown):
         return "\n".join([*lines, *(f"  {n}: {what}" for n, what in self.symbols.items())])
 
 
-@takes_objects
 def equations(model: Model, names: Mapping[str, str] | None = None) -> Equations:
     """Return the state equations of a linear model as symbols, derived from its network.
 

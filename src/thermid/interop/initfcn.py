@@ -19,13 +19,12 @@ from keyword import iskeyword
 from pathlib import Path
 from typing import Any
 
-from thermid.base.arguments import takes_objects
 from thermid.base.errors import DeckError, ExpressionError, ThermidError, UnitError, cap, raising
 from thermid.base.expression import parse
 from thermid.base.files import read_text
 from thermid.base.results import Shown
 from thermid.base.units import DIMENSIONLESS, Dimension, counted, describe, in_si, unit
-from thermid.model.elements import Parameter, parameter
+from thermid.model.tree import Parameter, parameter
 
 _CELSIUS = re.compile(r"(deg\.?\s*|degrees?\s+|°\s*)?(C|celsius)\Z", re.IGNORECASE)
 PI = "3.141592653589793"
@@ -240,7 +239,6 @@ def _hint(comment: str) -> str:
     return f" in brackets (is it [{unit_text}]?)" if unit_text is not None else ""
 
 
-@takes_objects
 def read_initfcn(source: str | os.PathLike[str]) -> InitFcn:
     """Return the parameters that an InitFcn script sets.
 

@@ -7,7 +7,6 @@ import os
 from collections.abc import Iterator
 from importlib.metadata import version
 
-from thermid.base.arguments import takes_objects
 from thermid.base.errors import DeckError, ScenarioError, refuse_unknown
 from thermid.interop._wired import (
     Formula,
@@ -24,11 +23,9 @@ from thermid.interop._wired import (
     table_points,
     wired,
 )
-from thermid.model.elements import Curve, Drawn, Sine, TableSignal
-from thermid.model.tree import Model
+from thermid.model.tree import Curve, Drawn, Model, Sine, TableSignal
 from thermid.physics.constants import STEFAN_BOLTZMANN
-from thermid.simulation.network import SMOOTHING, ConductorRow
-from thermid.simulation.runs import Scenario
+from thermid.simulation.runs import SMOOTHING, ConductorRow, Scenario
 
 MODELICA = Writer("Modelica", loads=True, schedules=True)
 LIBRARIES = {"modelica": "Modelica.Thermal.HeatTransfer", "none": "Library"}
@@ -145,7 +142,6 @@ RUN = """\
   end Run;"""
 
 
-@takes_objects
 def to_modelica(
     model: Model, scenario: Scenario, path: str | os.PathLike[str] | None = None, *, name: str = "", library: str = "modelica"
 ) -> str:

@@ -7,7 +7,7 @@ import re
 from collections.abc import Iterator, Sequence
 from importlib.metadata import version
 
-from thermid.base.arguments import takes_objects
+from thermid.base.units import ICE_POINT
 from thermid.interop._wired import (
     Text,
     Wired,
@@ -22,11 +22,8 @@ from thermid.interop._wired import (
     table_points,
     wired,
 )
-from thermid.model.elements import Constant, Curve, Drawn, Sine, TableSignal
-from thermid.model.tree import Model
-from thermid.physics.constants import ICE_POINT
-from thermid.simulation.network import ConductorRow
-from thermid.simulation.runs import Scenario
+from thermid.model.tree import Constant, Curve, Drawn, Model, Sine, TableSignal
+from thermid.simulation.runs import ConductorRow, Scenario
 
 FUNCTION_NAMES = ("parameters", "derived", "initial", "derivatives")
 """Names of the functions in the file."""
@@ -38,7 +35,6 @@ DEFAULT_INSTANTS = 301
 _WORDS_A_LINE = 8
 
 
-@takes_objects
 def to_octave(model: Model, scenario: Scenario, path: str | os.PathLike[str] | None = None, *, name: str = "") -> str:
     """Return a model in a scenario as the text of one function file for Octave or MATLAB.
 

@@ -6,9 +6,9 @@ import math
 import os
 from collections.abc import Iterator
 
-from thermid.base.arguments import takes_objects
-from thermid.base.dual import value_of
 from thermid.base.errors import DeckError
+from thermid.base.linear_algebra import value_of
+from thermid.base.units import ICE_POINT
 from thermid.interop._wired import (
     Wired,
     conductance_text,
@@ -20,11 +20,8 @@ from thermid.interop._wired import (
     table_points,
     wired,
 )
-from thermid.model.elements import EXTENSION_REACH, Constant, Curve, Drawn, Sine, TableSignal
-from thermid.model.tree import Model
-from thermid.physics.constants import ICE_POINT
-from thermid.simulation.network import ConductorRow
-from thermid.simulation.runs import Scenario
+from thermid.model.tree import EXTENSION_REACH, Constant, Curve, Drawn, Model, Sine, TableSignal
+from thermid.simulation.runs import ConductorRow, Scenario
 
 MIN_STEPS_PER_RUN = 5000
 """The largest step is this part of the run."""
@@ -35,7 +32,6 @@ WRITTEN = ("power", "radiation", "table")
 _PAIRS = 4
 
 
-@takes_objects
 def to_spice(model: Model, scenario: Scenario, path: str | os.PathLike[str] | None = None) -> str:
     """Return a model in a scenario as a SPICE netlist (Fig. 4 of the source document).
 

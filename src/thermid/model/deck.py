@@ -6,6 +6,8 @@ from thermid.model._deck.modelfile import (
     load_model as load_model,
     model_beside as model_beside,
     model_from_dict as model_from_dict,
+    model_text as model_text,
+    save_model as save_model,
     standard_parts as standard_parts,
+    toml_text as toml_text,
 )
-from thermid.model._deck.save import model_text as model_text, save_model as save_model, toml_text as toml_text

@@ -11,8 +11,5 @@ STANDARD_GRAVITY = 9.80665
 ATMOSPHERE = 101325.0
 """Tenth General Conference on Weights and Measures, 1954. [Pa]"""
 
-ICE_POINT = 273.15
-"""Zero of the Celsius scale. [K]"""
-
 AMBIENT_DEFAULT = 293.15
 """At which a property is quoted that depends on temperature, where nothing says at which: 20 degC. [K]"""

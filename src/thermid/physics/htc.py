@@ -11,7 +11,6 @@ from typing import Any
 
 import numpy as np
 
-from thermid.base.arguments import takes_objects
 from thermid.base.codes import CodedText
 from thermid.base.errors import ThermidError, ThermidWarning, refuse_unknown
 from thermid.base.expression import amount
@@ -151,7 +150,6 @@ class HtcComparison(Result):
         return "\n".join([*lines, *(f"remark: {r}" for r in self.remarks)])
 
 
-@takes_objects
 def compare_htc(
     power: str | float,
     area: str | float,

@@ -13,23 +13,19 @@ import numpy as np
 
 from thermid.base.arguments import guard_methods, takes_objects
 from thermid.base.codes import CodedText
-from thermid.base.dual import value_of
 from thermid.base.errors import IdentificationError, NameNotFoundError, ScenarioError, SolverError, quoted, refuse_unknown
 from thermid.base.expression import plain_numbers
-from thermid.base.linear_algebra import Array, Indices, quadratic_forms, symmetric_inverse
+from thermid.base.linear_algebra import Array, Indices, quadratic_forms, symmetric_inverse, value_of
 from thermid.base.results import Shown
-from thermid.base.units import from_si
+from thermid.base.units import from_si, short
 from thermid.fit.calibration import Calibration
 from thermid.fit.discrepancy import MAX_GAS_CONDUCTANCE, Discrepancy, contacts_in_other_gas, told_first
 from thermid.fit.error_model import BandCause, ErrorModel, KeptWay, SeenValue
 from thermid.inference.criticism import asks
-from thermid.measure.amounts import short
-from thermid.model.elements import UNJUDGED, Standing
-from thermid.model.tree import Model
+from thermid.model.tree import UNJUDGED, Model, Standing
 from thermid.prediction._known import Knowledge, Rows, known_of, normal_sources, rows_of
 from thermid.prediction._split import split_values
-from thermid.simulation.network import Network, compile_network
-from thermid.simulation.runs import Scenario, Simulator, network_for, prepare
+from thermid.simulation.runs import Network, Scenario, Simulator, compile_network, network_for, prepare
 from thermid.simulation.solver import read_schedule
 from thermid.values.fitted import FittedValues
 from thermid.values.ranges import RANGE_OF, RangedValue, bracketed, narrowed, ranged_values, without_spread

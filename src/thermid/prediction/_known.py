@@ -16,8 +16,7 @@ from thermid.base.results import Result, Row
 from thermid.fit.calibration import Calibration, fitted_values
 from thermid.fit.discrepancy import KEY, Discrepancy, kept_in
 from thermid.fit.error_model import KEY as ERRORS, BandCause, ErrorModel
-from thermid.model.elements import Standing, worst
-from thermid.model.tree import Model, flatten
+from thermid.model.tree import Model, Standing, flatten, worst
 from thermid.values.fitted import FittedValue, FittedValues
 from thermid.values.store import (
     INPUT,

@@ -8,26 +8,23 @@ from __future__ import annotations
 import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import cached_property, partial
 from statistics import NormalDist
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from thermid.base.arguments import takes_objects
 from thermid.base.errors import NameNotFoundError, SolverError, nearest, quoted
 from thermid.base.expression import seconds
 from thermid.base.files import FileKinds, replacing
 from thermid.base.linear_algebra import Array, Bools
 from thermid.base.results import Named, PlottedTrace, Result, Row
+from thermid.base.units import ICE_POINT, duration_text, short
 from thermid.fit.calibration import Calibration
 from thermid.fit.error_model import BandCause, NormalMixture
 from thermid.inference.criticism import ExplainedFit, explained, summary
-from thermid.measure.amounts import duration_text, short
-from thermid.model.elements import UNJUDGED, Standing, worst
-from thermid.model.tree import Model
-from thermid.physics.constants import ICE_POINT
+from thermid.model.tree import UNJUDGED, Model, Standing, worst
 from thermid.prediction._budget import (
     AVERAGED,
     DEFECTS,
@@ -43,7 +40,7 @@ from thermid.prediction._budget import (
 )
 from thermid.prediction._known import Knowledge
 from thermid.prediction._setting import PROBE_MEMBERS, Drawn, Linear, Setting
-from thermid.simulation.runs import Scenario, Solution, simulate
+from thermid.simulation.runs import KeptTasks, Scenario, Solution, Workers, simulate
 from thermid.simulation.solver import Options
 from thermid.values.store import LeftOut
 
@@ -375,10 +372,6 @@ class Prediction(Named[Band]):
         """Return every node with its last temperature, error and 95 % band."""
         return [{"node": n, "final_C": e.celsius, "error_K": e.error, "low_C": e.low, "high_C": e.high} for n, e in self.final.items()]
 
-    def _ipython_key_completions_(self) -> list[str]:
-        """Return the nodes."""
-        return list(self.bands)
-
 
 def centre_words(moved: Mapping[str, Mapping[str, Array]], times: Array) -> str:
     """Return how far the centre of a band lies from the run with the best values, where that is most, and why; empty where nobody minds.
@@ -408,14 +401,12 @@ def _why(e: Estimate) -> str:
     return f"   from {', '.join(parts)}" if parts else ""
 
 
-@takes_objects
 def predict(
     fit: Calibration | Knowledge,
     scenario: Scenario,
     *,
     model: Model | None = None,
     spread: Given | Sequence[Given] = (),
-    every: str | float | None = None,
     times: Any = None,
     nodes: Sequence[str] | None = None,
     without: Sequence[str] = (),
@@ -423,6 +414,7 @@ def predict(
     seed: int = 0,
     options: Options | None = None,
     as_logged: bool = False,
+    executor: Workers = None,
 ) -> Prediction:
     """Prediction of a scenario: temperatures with standard errors, and the sources of these.
 
@@ -444,7 +436,7 @@ def predict(
     scenario : Scenario         What is done to the model; it is taken as exact but for what `spread` says.
     model : Model               Another model that holds the fitted paths, on which the fit's values are laid; the fitted one by default.
     spread : dict, Spread       What else is not known exactly: name -> spread as text, or `Spread`, or several of these.
-    every, times                When to store, as in `simulate`.
+    times                       When to store, as in `simulate`.
     nodes : sequence of str     Nodes to predict; all by default.
     without : sequence of str   Sources that are not counted: kinds (``structural``, ``misfit``) or causes; the result states this.
     draws : int                 Members drawn from the sources; bands are then quantiles. 0 for derivatives, as long as they do.
@@ -452,42 +444,23 @@ def predict(
     options : Options           The integrator's.
     as_logged : bool            Whether rooms and powers of the scenario are what instruments of the fit would read, constant errors and
                                 all; else they are what acts.
+    executor                    As in `ensemble`: who runs members, if any are drawn; the same bits from all.
 
     Raises
     ------
     IdentificationError     When a value is spread twice, or has no finite error; when a coefficient that must be separated cannot be.
     """
     knowledge = fit if isinstance(fit, Knowledge) else Knowledge.of_source(fit)
-    request = PredictRequest(scenario, spread, without, every, times, draws, seed, options, as_logged)
-    plain = request.answer(knowledge.for_model(model) if model is not None else knowledge, nodes)
+    budget = partial(budget_of, scenario=scenario, stated=spread, without=without, as_logged=as_logged)
+    answer = partial(predicted, draws=draws, seed=seed, options=options, executor=executor)
+    plain = answer(budget(knowledge.for_model(model) if model is not None else knowledge), nodes, times=times)
     if model is not None and (words := knowledge.replaced_values(model)):
         plain = replace(plain, warnings=(words, *plain.warnings))
     if knowledge.fit is None or model is not None or draws or DEFECTS in without:
         return plain
     others = explained(knowledge.fit)
-    explained_predictions = [replace(request, times=plain.times).answer(Knowledge.of_source(e.fit), list(plain.bands)) for e in others]
-    looked = replace(plain, warnings=tuple(w for w in plain.warnings if w != UNSOUGHT))
-    return averaged(plain, others, explained_predictions, knowledge.fit) if explained_predictions else looked
-
-
-@dataclass(frozen=True, eq=False)
-class PredictRequest:
-    """What is asked of `predict`: arguments as there."""
-
-    scenario: Scenario
-    spread: Given | Sequence[Given]
-    without: Sequence[str]
-    every: str | float | None
-    times: Any
-    draws: int
-    seed: int
-    options: Options | None
-    as_logged: bool
-
-    def answer(self, knowledge: Knowledge, nodes: Sequence[str] | None) -> Prediction:
-        """Return the prediction by what is known."""
-        budget = budget_of(knowledge, self.scenario, self.spread, without=self.without, as_logged=self.as_logged)
-        return predicted(budget, nodes, every=self.every, times=self.times, draws=self.draws, seed=self.seed, options=self.options)
+    explained_predictions = [answer(budget(Knowledge.of_source(e.fit)), list(plain.bands), times=plain.times) for e in others]
+    return averaged(plain, others, explained_predictions, knowledge.fit)
 
 
 def carrier_words(budget: Budget, bands: Mapping[str, Band]) -> list[str]:
@@ -496,7 +469,7 @@ def carrier_words(budget: Budget, bands: Mapping[str, Band]) -> list[str]:
     if share < MIN_CARRIER_PROBABILITY:
         return []
     carriers = {w.kept[0].carrier: sum(x.weight for x in budget.ways if x.kept[0].carrier == w.kept[0].carrier) for w in budget.ways}
-    finish, path = (sum(w.weight for w in budget.ways if w.kept[0].beside_deck[k]) for k in (0, 1))
+    finish, path, entry = np.sum([w.weight * np.array(w.kept[0].beside_deck) for w in budget.ways], axis=0).tolist()
     named = ", ".join(f"{name} {100 * weight:.0f} %" for name, weight in carriers.items())
     words = {
         f"no deck states what carries the heat of its surfaces; the readings say {named}. State carried_by: the bands narrow": min(
@@ -506,12 +479,14 @@ def carrier_words(budget: Budget, bands: Mapping[str, Band]) -> list[str]:
         'it source = "measured": the bands narrow': finish,
         f"a path carries heat to a boundary that the deck lacks, with a probability of {100 * path:.0f} %. Write it into the "
         "deck, where there may be one, and fit it": path,
+        f"heat enters its node through a part that the deck lacks, with a probability of {100 * entry:.0f} %. Write it into the deck, and "
+        "give its power to it": entry,
     }
     return [text for text, weight in words.items() if MIN_CARRIER_PROBABILITY <= weight < 1.0]
 
 
 def averaged(plain: Prediction, others: Sequence[ExplainedFit], explained: Sequence[Prediction], fit: Calibration) -> Prediction:
-    """Return the prediction by fits with hidden defects in place of that by the deck: their mixture by its mean and variance.
+    """Return the prediction by fits with hidden defects in place of that by the deck, if there are any: their mixture by mean and variance.
 
     Parameters
     ----------
@@ -519,6 +494,8 @@ def averaged(plain: Prediction, others: Sequence[ExplainedFit], explained: Seque
     others, told            Fits with a defect, and what each predicts.
     fit : Calibration       The fit of the deck.
     """
+    if not others:
+        return replace(plain, warnings=tuple(w for w in plain.warnings if w != UNSOUGHT))
     weights = np.array([e.weight for e in others])
     bands = {n: _mixture([t.bands[n] for t in explained], weights) for n in plain.bands}
     settled = {n: _mixed([t.settled[n] for t in explained], weights) for n in plain.settled if all(n in t.settled for t in explained)}
@@ -578,14 +555,14 @@ def predicted(
     budget: Budget,
     nodes: Sequence[str] | None = None,
     *,
-    every: str | float | None = None,
     times: Any = None,
     draws: int = 0,
     seed: int = 0,
     options: Options | None = None,
+    executor: Workers = None,
 ) -> Prediction:
     """Return what a budget says of its scenario; arguments as in `predict`."""
-    ways = [WayAnswer.of_budget(weight, budget_of_way, nodes, every, times, options) for weight, budget_of_way in budget.weighted_ways]
+    ways = [WayAnswer.of_budget(weight, budget_of_way, nodes, times, options) for weight, budget_of_way in budget.weighted_ways]
     first = max(ways, key=lambda w: w.weight)
     times = first.setting.ready.times
     best = simulate(budget.model, budget.scenario, times=times, options=options) if budget.ways else first.linear.run
@@ -594,7 +571,7 @@ def predicted(
     why = Missed() if draws else missed(first.setting, first.linear)
     count = draws or (DRAWN_MEMBERS if why.words else 0)
     sources = budget.drawn(budget.numbers(seed, 0, count))
-    members, lost = drawn_members(ways, budget.chosen(sources), sources, straight=not draws and not why.bent) if count else ({}, "")
+    members, lost = drawn_members(ways, budget.chosen(sources), sources, not draws and not why.bent, executor) if count else ({}, "")
     bands, rest = {}, {}
     for n in first.linear.columns:
         parts, shifts, centre, mixture = mixed_answer(ways, n, best[n].kelvin)
@@ -663,13 +640,12 @@ class WayAnswer:
         weight: float,
         budget: Budget,
         nodes: Sequence[str] | None,
-        every: Any,
         times: Any,
         options: Options | None,
         scenario: Scenario | None = None,
     ) -> WayAnswer:
         """Return the answer of one way in the scenario of its budget, or in a variant of it."""
-        setting = Setting.of_budget(budget, scenario=scenario, every=every, times=times, options=options)
+        setting = Setting.of_budget(budget, scenario=scenario, times=times, options=options)
         return cls(weight, setting, setting.linear(nodes))
 
     def kelvin(self, node: str) -> Array:
@@ -732,7 +708,9 @@ Members = tuple[Array, Array]
 """Temperatures of members (times, members), and where these settle (members,). [K]"""
 
 
-def drawn_members(ways: Sequence[WayAnswer], chosen: NDArray[np.int64], sources: Array, straight: bool) -> tuple[dict[str, Members], str]:
+def drawn_members(
+    ways: Sequence[WayAnswer], chosen: NDArray[np.int64], sources: Array, straight: bool, executor: Workers
+) -> tuple[dict[str, Members], str]:
     """Return node -> members that reached the end, and a remark on those that failed.
 
     Parameters
@@ -740,6 +718,7 @@ def drawn_members(ways: Sequence[WayAnswer], chosen: NDArray[np.int64], sources:
     chosen : array (members,)           Which way each has.
     sources : array (sources, members)  Values of the sources.
     straight : bool                     Whether straight lines do.
+    executor : see `Workers`            Who runs members otherwise.
     """
     failed: dict[int, str] = {}
     out: dict[str, list[Members]] = {}
@@ -752,8 +731,8 @@ def drawn_members(ways: Sequence[WayAnswer], chosen: NDArray[np.int64], sources:
         if straight:
             kelvin = {n: way.linear.run[n].kelvin[:, None] + c[:-1] @ sources_of_way for n, c in columns.items()}
         else:
-            drawn = _member_temperatures(way.setting, way.linear, sources_of_way, list(columns))
-            rest |= _member_rest(way, sources_of_way, drawn)
+            drawn = _member_temperatures(way.setting, way.linear, sources_of_way, list(columns), KeptTasks.of_workers(executor).workers)
+            rest |= _member_rest(way, sources_of_way, drawn, executor)
             kelvin = dict(drawn.kelvin)
             failed |= drawn.runs.failed if drawn.runs is not None else {}
         for n, traces in kelvin.items():
@@ -765,7 +744,7 @@ def drawn_members(ways: Sequence[WayAnswer], chosen: NDArray[np.int64], sources:
     return {n: m for n, m in every.items() if m[1].size}, lost
 
 
-def _member_rest(way: WayAnswer, sources: Array, drawn: Drawn) -> dict[str, Array]:
+def _member_rest(way: WayAnswer, sources: Array, drawn: Drawn, executor: Workers) -> dict[str, Array]:
     """Return node -> where members settle (members,) [K], as `_member_temperatures`; empty where some members settle nowhere.
 
     Four times `PROBE_MEMBERS` are settled, each at the cost of 20 runs. T = a + b s + c s^2 + d r + e, s the straight line and r the end of
@@ -775,7 +754,7 @@ def _member_rest(way: WayAnswer, sources: Array, drawn: Drawn) -> dict[str, Arra
     few = sources[:, : 4 * PROBE_MEMBERS]
     straight = setting.cancelled(linear)[:, None] * few
     try:
-        rest = setting.rest(few - straight, list(linear.settled and linear.columns))
+        rest = setting.rest(few - straight, list(linear.settled and linear.columns), executor)
     except SolverError:
         return {}
     out = {}
@@ -787,10 +766,10 @@ def _member_rest(way: WayAnswer, sources: Array, drawn: Drawn) -> dict[str, Arra
     return out
 
 
-def _member_temperatures(setting: Setting, linear: Linear, sources: Array, nodes: Sequence[str]) -> Drawn:
+def _member_temperatures(setting: Setting, linear: Linear, sources: Array, nodes: Sequence[str], executor: Workers = None) -> Drawn:
     """Return temperatures of members at `sources` (sources, members); linear in those that the fit compensates (`cancelled`)."""
     straight = setting.cancelled(linear)[:, None] * sources
-    drawn = setting.temperatures(sources - straight, nodes, extremes=False)
+    drawn = setting.temperatures(sources - straight, nodes, extremes=False, executor=executor)
     return replace(drawn, kelvin={n: t + linear.columns[n][:-1] @ straight for n, t in drawn.kelvin.items()})
 
 
@@ -946,7 +925,6 @@ class Foresight(Result):
         return replace(self, prediction=wider_prediction)
 
 
-@takes_objects
 def foresee(
     knowledge: Knowledge,
     scenario: Scenario,

@@ -15,9 +15,9 @@ from typing import Any
 
 import numpy as np
 
-from thermid.base.arguments import takes_objects
 from thermid.base.linear_algebra import Array
-from thermid.base.units import TEMPERATURE
+from thermid.base.results import PlottedTrace, Result
+from thermid.base.units import TEMPERATURE, from_si
 from thermid.fit.calibration import (
     FIRST,
     Calibration,
@@ -33,7 +33,7 @@ from thermid.fit.calibration import (
 from thermid.fit.discrepancy import BALANCE, OwnValue, own_value, own_values_kept
 from thermid.fit.error_model import BandCause, BesideRow, ErrorModel, RecordRun, errors_of_values, problem_of_record, shared_with, split
 from thermid.measure.records import Record
-from thermid.model.elements import UNJUDGED, Constant, Standing, TableSignal, literal
+from thermid.model.tree import UNJUDGED, Constant, Standing, TableSignal, literal
 from thermid.prediction._budget import AVERAGED, Budget, budget_of, first_line, in_order
 from thermid.prediction._known import Knowledge, rows_of
 from thermid.prediction._predict import parted, predicted, shares
@@ -151,7 +151,7 @@ class SensorBand:
 
 
 @dataclass(frozen=True, eq=False)
-class RecordPrediction:
+class RecordPrediction(Result):
     """A logged run as it was predicted.
 
     Parameters
@@ -190,6 +190,12 @@ class RecordPrediction:
     def worst(self) -> WorstStretch:
         """The worst stretch of all sensors."""
         return min((b.worst for b in self.bands.values()), key=lambda s: (s.inside, -s.rmse))
+
+    def _as_traces(self) -> list[PlottedTrace]:
+        """Return predicted and measured readings of every sensor, with the 95 % band. [degC]"""
+        shown = [(n, b.times, from_si(b.predicted, "degC"), from_si(b.measured, "degC"), b.half_width()) for n, b in self.bands.items()]
+        predicted = [PlottedTrace(f"{n} predicted", t, mean, mean - half, mean + half, channel=n) for n, t, mean, _, half in shown]
+        return predicted + [PlottedTrace(n, t, readings, measured=True, channel=n) for n, t, _, readings, _ in shown]
 
     def to_dict(self) -> dict[str, Any]:
         """Return everything but the traces as plain numbers."""
@@ -285,7 +291,6 @@ def record_request(
     )
 
 
-@takes_objects
 def predict_record(
     calibration: Calibration,
     record: Record,

@@ -8,7 +8,9 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import cached_property, partial
+from operator import itemgetter
+from time import process_time
 from typing import Any
 
 import numpy as np
@@ -19,7 +21,7 @@ from thermid.fit.error_model import DepartureHeat, course_of, deviation, with_he
 from thermid.model.tree import Model
 from thermid.prediction._budget import Assumed, Budget, Target, assumed_values, combined, open_ranges
 from thermid.prediction._known import Rows
-from thermid.simulation.runs import Ensemble, Scenario, Simulator, Solution, prepare
+from thermid.simulation.runs import Ensemble, Scenario, Simulator, Solution, Workers, in_tasks, prepare
 from thermid.simulation.solver import Engine, MemberTurnings, Wiring
 from thermid.values.store import Normal, Shifted, Source, deviated
 
@@ -85,12 +87,10 @@ class Setting:
     sizes: Mapping[Target, float] = field(default_factory=dict)
 
     @classmethod
-    def of_budget(
-        cls, budget: Budget, *, scenario: Scenario | None = None, every: str | float | None = None, times: Any = None, options: Any = None
-    ) -> Setting:
+    def of_budget(cls, budget: Budget, *, scenario: Scenario | None = None, times: Any = None, options: Any = None) -> Setting:
         """Return a budget of one way made ready for its scenario, or for a variant of it."""
         conditions = budget.scenario if scenario is None else scenario
-        ready = prepare(budget.model, conditions, budget.names, every=every, times=times, options=options)
+        ready = prepare(budget.model, conditions, budget.names, times=times, options=options)
         carriers = {t: tuple(dict.fromkeys(map(ready.canonical, (t.name, *t.also)))) for t in budget.targets if t.form in VALUE_FORMS}
         if not budget.ways:
             return cls(budget, ready, carriers, {}, ready)
@@ -270,7 +270,9 @@ class Setting:
         moved = combined(self.budget.gain, sources)
         return {t: row for t, row in zip(self.budget.targets, moved, strict=True) if t.form == "heat" and t in self.sizes}
 
-    def temperatures(self, sources: Array, nodes: Sequence[str], threads: int = 1, extremes: bool = True) -> Drawn:
+    def temperatures(
+        self, sources: Array, nodes: Sequence[str], threads: int = 1, extremes: bool = True, executor: Workers = None
+    ) -> Drawn:
         """Return the temperatures of nodes at values (sources, members) of the sources, and the runs behind them.
 
         Without `extremes` members are not followed between the stored times, which costs less. Departures are added to the run by its
@@ -283,7 +285,7 @@ class Setting:
         temperatures: dict[str, Array] = {}
         turnings: dict[str, MemberTurnings] = {}
         if values:
-            many = ready.ensemble(ready.with_units(values), nodes=list(nodes), threads=threads)
+            many = ready.ensemble(ready.with_units(values), nodes=list(nodes), threads=threads, executor=executor)
             lost = len(many.failed) == members
             for n in nodes:
                 temperatures[n] = np.full((self.ready.times.size, members), np.nan) if lost else many.temperatures(n)
@@ -304,8 +306,10 @@ class Setting:
         kelvin = {n: traces + after[n] for n, traces in temperatures.items()}
         return Drawn(kelvin, {n: _shifted(t, ready.times, after[n]) for n, t in turnings.items()}, many)
 
-    def rest(self, sources: Array, nodes: Sequence[str]) -> dict[str, Array]:
+    def rest(self, sources: Array, nodes: Sequence[str], executor: Workers) -> dict[str, Array]:
         """Return where nodes settle (members,) at values (sources, members) of the sources, with the inputs of the end held. [K]
+
+        `executor` says who settles them.
 
         Raises
         ------
@@ -313,10 +317,13 @@ class Setting:
         """
         values, heat = self.values(sources), self._chain(forms=("heat",)) @ sources
         moves = self.full.settled(self._derivative_point)[1] if self.sizes else {}
-        settled = [
-            self.ready.settled(self.ready.with_units({n: v[k] for n, v in values.items()}), sensitivities=False)[0]
-            for k in range(sources.shape[1])
-        ]
+        members = [self.ready.with_units({n: v[k] for n, v in values.items()}) for k in range(sources.shape[1])]
+        settle = partial(self.ready.settled, sensitivities=False)
+        begun, settled = process_time(), [settle(members[0])[0]]
+        tasks = [(f"member {k}", (member,)) for k, member in enumerate(members[1:], 1)]
+        ahead = (process_time() - begun) * len(tasks)
+        others = in_tasks(settle, tasks, executor, ahead) if executor is not None else enumerate(map(settle, members[1:]))
+        settled += [rest for _, (rest, _) in sorted(others, key=itemgetter(0))]
         after = {n: combined(self._added_after_run(n)[None, :], sources)[0] + (moves[n] @ heat if n in moves else 0.0) for n in nodes}
         return {n: np.array([member[n] for member in settled]) + after[n] for n in nodes}
 

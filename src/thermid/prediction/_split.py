@@ -14,20 +14,16 @@ from typing import Any
 
 import numpy as np
 
-from thermid.base.arguments import takes_objects
-from thermid.base.dual import value_of
 from thermid.base.errors import IdentificationError, nearest, quoted
-from thermid.base.linear_algebra import Array
+from thermid.base.linear_algebra import Array, value_of
 from thermid.base.results import Named
 from thermid.fit.calibration import Calibration
 from thermid.fit.discrepancy import discrepancy_kept
-from thermid.model.elements import FINISH_CORRELATION, Standing, StatedRange, exposed_area, worst
-from thermid.model.tree import FlatConductor, Model
+from thermid.model.tree import FINISH_CORRELATION, FlatConductor, Model, Standing, StatedRange, exposed_area, worst
 from thermid.physics.air import dry_air
 from thermid.physics.plates import body_htc, conduction_floor
 from thermid.physics.radiation import linearised_htc
-from thermid.simulation.network import Network, compile_network
-from thermid.simulation.runs import Scenario, steady
+from thermid.simulation.runs import Network, Scenario, compile_network, steady
 from thermid.values.fitted import FittedValue, FittedValues
 from thermid.values.spreads import read_spread
 from thermid.values.store import model_standing
@@ -324,7 +320,6 @@ def _prior(network: Network, c: FlatConductor, priors: Mapping[str, Any]) -> Emi
     return EmissivityPrior(value, 0.0, f"an emissivity of {value:.3g}, taken as exact")
 
 
-@takes_objects
 def split(
     of: Model | Calibration,
     paths: str | Sequence[str] = (),

@@ -10,12 +10,12 @@ from typing import Any
 
 import numpy as np
 
-from thermid.base.arguments import guard_methods, takes_objects
-from thermid.base.dual import value_of
+from thermid.base.arguments import guard_methods
 from thermid.base.errors import IdentificationError, NameNotFoundError, ThermidError, Wait, nearest, quoted
 from thermid.base.expression import amount
-from thermid.base.linear_algebra import Array, variance
+from thermid.base.linear_algebra import Array, value_of, variance
 from thermid.base.results import Result, Shown
+from thermid.base.units import duration_text, short
 from thermid.fit.calibration import (
     SCALE,
     Calibration,
@@ -36,14 +36,11 @@ from thermid.fit.calibration import (
 )
 from thermid.fit.error_model import BandCause, KeptWay, course_in_fit, deviation, widened, with_heats
 from thermid.inference.planned_records import Sensor, planned_record, sensors_of
-from thermid.measure.amounts import duration_text, short
-from thermid.model.elements import Constant, Parameter, Signal, TableSignal, literal
-from thermid.model.tree import Model
+from thermid.model.tree import Constant, Model, Parameter, Signal, TableSignal, literal
 from thermid.prediction._budget import AVERAGED, Budget, budget_of
 from thermid.prediction._known import Knowledge, Rows, instruments_of, rows_of
 from thermid.prediction._predict import WayAnswer, mixed_answer
-from thermid.simulation.network import compile_network
-from thermid.simulation.runs import Scenario, Workers, in_tasks, network_for, simulate
+from thermid.simulation.runs import Scenario, Workers, compile_network, in_tasks, network_for, simulate
 from thermid.values.store import AS_FITTED, EXPECTED, Normal, Source
 
 CHAMBER_STEP = 20.0
@@ -344,7 +341,7 @@ class Before:
 
     def temperature(self, node: str, at: float) -> tuple[Array, float, dict[str, float]]:
         """Return how a temperature responds (sources,), its value, and cause -> error that no test takes away. [K]"""
-        ways = [WayAnswer.of_budget(w, budget_of_way, [node], None, [at], None) for w, budget_of_way in self.budget.weighted_ways]
+        ways = [WayAnswer.of_budget(w, budget_of_way, [node], [at], None) for w, budget_of_way in self.budget.weighted_ways]
         ways = [replace(w, linear=w.setting.secants(w.linear)) for w in ways]
         (columns,) = max(ways, key=lambda w: w.weight).linear.columns.values()
         parts, _, centre, _ = mixed_answer(ways, next(iter(ways[0].linear.columns)), np.zeros(1))
@@ -494,7 +491,6 @@ def doubted(problem: Problem, doubts: Mapping[str, float]) -> Problem:
     return replace(problem, unknowns=tuple(with_prior(u, doubts[u.name]) if u.name in doubts else u for u in problem.unknowns))
 
 
-@takes_objects
 def next_test(
     source: Calibration | Model,
     target: str | Aim,
@@ -594,7 +590,7 @@ def _sensors_of_fit(source: Calibration | Model) -> tuple[Sensor, ...]:
     for experiment in source.experiments:
         for name, c in experiment.record.channels.items():
             role, path = role_and_target(experiment.record, c, experiment.network)
-            if role == "command" or name in out or any(path == s.target and s.role != "node" for s in out.values()):
+            if role in ("command", "schedule") or name in out or any(path == s.target and s.role != "node" for s in out.values()):
                 continue
             if role == "node":
                 noise, scatter = c.noise, source.problem.noise.get(name)

@@ -12,7 +12,6 @@ from typing import Any
 
 import numpy as np
 
-from thermid.base.arguments import takes_objects
 from thermid.base.errors import DeckError
 from thermid.base.files import FileKinds, folder_replacing, read_bytes, write_bytes, write_text
 from thermid.base.toml_files import read_json
@@ -29,7 +28,6 @@ CHECK_TIMES = 5
 """Times at which temperatures are written down, equally spaced, the end among them."""
 
 
-@takes_objects
 def deliver(
     model: Model,
     scenarios: Sequence[str | os.PathLike[str]],
@@ -92,7 +90,6 @@ def deliver(
     return target / "checks.json"
 
 
-@takes_objects
 def check_delivery(folder: str | os.PathLike[str]) -> dict[str, float]:
     """Return scenario -> largest difference between the delivered temperatures and those of a run of the delivered model. [K]
 

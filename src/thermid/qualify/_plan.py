@@ -13,7 +13,6 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from thermid.base.arguments import takes_objects
 from thermid.base.errors import DeckError, NameNotFoundError, ThermidError, errors_at, look_up, quoted, refuse_unknown
 from thermid.base.extensions import by_grammar, refuse_another_kind
 from thermid.base.files import FileKinds, read_bytes, write_text
@@ -24,7 +23,7 @@ from thermid.campaign.stages import run_stages
 from thermid.campaign.verdicts import CRITERIA, POLICIES, Criteria, Limits, load_limits, read_limits
 from thermid.measure.steadiness import rule_of
 from thermid.model.deck import load_model
-from thermid.model.elements import literal
+from thermid.model.tree import literal
 from thermid.prediction.bands import Knowledge
 from thermid.prediction.reduction import macro_model
 from thermid.values.value_files import filed
@@ -130,7 +129,6 @@ def _flat_pairs(value: Any, path: str = "") -> list[tuple[str, str]]:
     return [(path, json.dumps(value, sort_keys=True))] if value not in (None, "", []) else []
 
 
-@takes_objects
 def load_plan(path: str | os.PathLike[str], data: str | os.PathLike[str] | None = None) -> Plan:
     """Return a qualification plan from its TOML file, checked without running anything.
 
@@ -418,7 +416,6 @@ def _today() -> str:
     return datetime.now(UTC).date().isoformat()
 
 
-@takes_objects
 def lock_plan(plan: Plan, predictions: dict[str, Any] | None = None, date: str = "") -> Path:
     """Write what is planned with its hash, the date and the predictions beside the plan, and return that file.
 

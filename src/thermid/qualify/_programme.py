@@ -10,14 +10,13 @@ from typing import Any
 
 import numpy as np
 
-from thermid.base.arguments import takes_objects
 from thermid.base.errors import errors_at
 from thermid.base.linear_algebra import HALF_WIDTH_95
 from thermid.base.results import Named
 from thermid.base.sourced import VERDICTS, weigh
 from thermid.base.units import counted
 from thermid.campaign.verdicts import Limits, Margin, margins
-from thermid.model.elements import Standing
+from thermid.model.tree import Standing
 from thermid.prediction.bands import IN_TESTS, SILENT, UNFITTED, Foresight, Knowledge, assumed_effects
 from thermid.qualify._plan import LockStatus, Plan, load_plan, lock_status, note_look
 from thermid.qualify._trial import Trial, run_test
@@ -206,10 +205,6 @@ class Qualification(Named[Trial]):
         """Return the title and the verdict."""
         return f"{self.plan.title}: {VERDICTS[self.passed]}, {counted(len(self.trials), 'test')}"
 
-    def _ipython_key_completions_(self) -> list[str]:
-        """Return the tests."""
-        return [t.test.name for t in self.trials]
-
 
 def _smallest(trials: Sequence[Trial], margins: Sequence[Margin]) -> SmallestMargin | None:
     """Return the smallest of margins and of the bare distances to limits in some tests; None without a finite one."""
@@ -234,7 +229,6 @@ def _margin_as_dict(m: Margin) -> dict[str, Any]:
     return where | celsius | sizes | {"margin_K": m.margin, "mark": m.mark, "passed": m.passed, "undecided": m.undecided} | fixed | counted
 
 
-@takes_objects
 def run_plan(
     plan: Plan | str | os.PathLike[str],
     *,

@@ -13,7 +13,7 @@ from thermid.base.errors import NameNotFoundError, RecordError, ScenarioError, e
 from thermid.base.linear_algebra import Array
 from thermid.base.sourced import VERDICTS, weigh
 from thermid.base.toml_files import resolve_inside
-from thermid.base.units import TEMPERATURE
+from thermid.base.units import ICE_POINT, TEMPERATURE, duration_text
 from thermid.campaign.verdicts import (
     Correlation,
     Exclusions,
@@ -31,19 +31,16 @@ from thermid.campaign.verdicts import (
 )
 from thermid.fit.calibration import Calibration
 from thermid.inference.diagnosis import Diagnosis, diagnose
-from thermid.measure.amounts import duration_text
 from thermid.measure.readers import read_record
 from thermid.measure.records import Record
 from thermid.measure.steadiness import rule_of
-from thermid.model.elements import literal
-from thermid.model.tree import flatten
-from thermid.physics.constants import ATMOSPHERE, ICE_POINT
+from thermid.model.tree import flatten, literal
+from thermid.physics.constants import ATMOSPHERE
 from thermid.prediction.bands import Foresight, Knowledge, foresee
 from thermid.qualify._plan import Plan
 from thermid.qualify._profile_runs.conduct import run_profile
 from thermid.qualify._profile_runs.profile_run import ProfileRun, verdict_remarks
-from thermid.qualify._profiles.profile import ThermalProfile
-from thermid.qualify._profiles.standards import profile_from
+from thermid.qualify._profiles.profile import ThermalProfile, profile_from
 from thermid.qualify._steadiness.stabilisation import Stability, stability
 from thermid.simulation.runs import Solution
 from thermid.simulation.scenario_files import Scenario, load_scenario

@@ -1,7 +1,7 @@
 """Report pages, and the blocks that they are made of."""
 
-from thermid.reporting._blocks.content import Table as Table
-from thermid.reporting._blocks.extras import (
+from thermid.reporting._blocks.content import (
+    Table as Table,
     check_audience as check_audience,
     check_page as check_page,
     page_to_pdf as page_to_pdf,

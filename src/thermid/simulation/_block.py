@@ -15,7 +15,7 @@ from thermid.base.memo import Memo
 from thermid.base.results import Result
 from thermid.base.units import TEMPERATURE
 from thermid.model.blocks import FACES, Block, Exchange
-from thermid.model.elements import Constant, Drawn, Signal, common_cycle, in_run, literal, multiplied
+from thermid.model.tree import Constant, Drawn, Signal, common_cycle, in_run, literal, multiplied
 from thermid.physics.convection import convection_conductance
 from thermid.physics.radiation import radiation_coefficient
 from thermid.simulation._scenarios.scenario import MEAN, PERIODIC, STEADY, Scenario, Start

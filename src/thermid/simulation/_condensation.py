@@ -9,8 +9,7 @@ import numpy as np
 
 from thermid.base.errors import quoted
 from thermid.base.linear_algebra import Array
-from thermid.model.elements import Standing
-from thermid.model.tree import Flat, FlatConductor
+from thermid.model.tree import Flat, FlatConductor, Standing
 from thermid.physics.air import (
     dew_point,
     latent_heat,

@@ -20,14 +20,12 @@ import numpy as np
 from numpy.lib.mixins import NDArrayOperatorsMixin
 from numpy.typing import NDArray
 
-from thermid.base.dual import Dual, real_power
 from thermid.base.errors import ScenarioError, SolverError, ThermidError, refuse_unknown
 from thermid.base.expression import kelvin
-from thermid.base.linear_algebra import Array, Bools, Indices
+from thermid.base.linear_algebra import Array, Bools, Dual, Indices, real_power
 from thermid.base.results import PlottedTrace, Result
-from thermid.model.elements import UNJUDGED, Constant, Standing
-from thermid.model.tree import Model
-from thermid.physics.constants import ICE_POINT
+from thermid.base.units import ICE_POINT
+from thermid.model.tree import UNJUDGED, Constant, Model, Standing
 from thermid.simulation._many.kept import JobFolder, digest
 from thermid.simulation._many.tally import PILOT, Counted, CountGrid, Tally, added
 from thermid.simulation._many.tasks import KeptTasks, Workers, in_tasks
@@ -550,8 +548,7 @@ def run_members(
     ensemble = partial(Ensemble, *titles, times, wanted, members, values)
     if shares:
         counted = _all_counted(runs, values, members, KeptTasks.of_workers(executor))
-        none: dict[str, Array] = {}  # members were counted: traces are refused before
-        return ensemble(counted.failed, counted.statistics, network.find, none.__getitem__, counted.tallies, {}, warnings)
+        return ensemble(counted.failed, counted.statistics, network.find, dict[str, Array]().__getitem__, counted.tallies, {}, warnings)
     if executor is None:
         group = runs.group(values)
         return ensemble(group.failed, group.statistics, network.find, group.temperature, {}, group.turnings, warnings)
@@ -562,8 +559,15 @@ def run_members(
             where,
             code="value.incomplete",
         )
-    tasks = [(f"members from {first} on", (runs, v)) for first, v in _tasks(values, members, runs.at_once)]
-    parts = [group for _, group in sorted(in_tasks(_Runs.group, tasks, kept_tasks.workers), key=itemgetter(0))]
+    calls = [(f"members from {first} on", (runs, v)) for first, v in _tasks(values, members, LANES)]
+    begun, parts = process_time(), [runs.group(calls[0][1][1])]
+    parts += map(
+        itemgetter(1),
+        sorted(
+            in_tasks(_Runs.group, calls[1:], kept_tasks.workers, (process_time() - begun) * (len(calls) - 1)),
+            key=itemgetter(0),
+        ),
+    )
     # members are numbered through all groups; turning points of nodes that were not followed in each group are left out
     firsts = np.cumsum([0, *(p.members for p in parts)])[:-1].tolist()
     failed = {first + m: why for first, p in zip(firsts, parts, strict=True) for m, why in p.failed.items()}

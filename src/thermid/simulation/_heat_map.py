@@ -9,9 +9,9 @@ from typing import Any, Final
 
 import numpy as np
 
-from thermid.base.dual import value_of
 from thermid.base.errors import NameNotFoundError, nearest
-from thermid.physics.constants import ICE_POINT
+from thermid.base.linear_algebra import value_of
+from thermid.base.units import ICE_POINT
 from thermid.simulation._network.network import Network
 
 MAX_GROUPS_ON_SCREEN: Final = 9

@@ -10,16 +10,13 @@ from typing import Any, Final
 
 import numpy as np
 
-from thermid.base.arguments import takes_objects
 from thermid.base.codes import CodedText
-from thermid.base.dual import value_of
 from thermid.base.errors import NameNotFoundError, ScenarioError, cap, errors_at, quoted, raising, refuse_unknown
 from thermid.base.expression import amount, quantity, seconds, si_values
-from thermid.base.linear_algebra import Array
+from thermid.base.linear_algebra import Array, value_of
 from thermid.base.results import Shown
 from thermid.base.units import TEMPERATURE, unit
-from thermid.model.elements import POSITIVE, Constant, worst
-from thermid.model.tree import Model, streams_of
+from thermid.model.tree import POSITIVE, Constant, Model, streams_of, worst
 from thermid.simulation._ensemble import Ensemble, run_members
 from thermid.simulation._many.tasks import Workers
 from thermid.simulation._network.medium import gas_remarks
@@ -86,7 +83,6 @@ def output_times(scenario: Scenario, every: str | float | None, times: Any) -> A
     return np.append(grid, scenario.seconds)
 
 
-@takes_objects
 def prepare(
     model: Model,
     scenario: Scenario,
@@ -356,7 +352,6 @@ class Simulator(Shown):
         return values_given if value is None else value
 
 
-@takes_objects
 def ensemble(
     model: Model,
     scenario: Scenario,
@@ -431,7 +426,6 @@ def _warnings(wiring: Wiring, scenario: Scenario, empty: tuple[str, ...]) -> tup
     )
 
 
-@takes_objects
 def draw(model: Model, scenario: Scenario, spreads: Mapping[str, Any], members: int, *, seed: int) -> dict[str, Any]:
     """Draw random values of every member of an ensemble: name -> values (members,), independent of each other, as `ensemble` takes them.
 

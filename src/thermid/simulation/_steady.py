@@ -9,14 +9,13 @@ from typing import overload
 import numpy as np
 from numpy.typing import NDArray
 
-from thermid.base.arguments import takes_objects
 from thermid.base.errors import NameNotFoundError, nearest
 from thermid.base.expression import Kelvin, amount
 from thermid.base.linear_algebra import Array
 from thermid.base.results import Result, Row
+from thermid.base.units import ICE_POINT
 from thermid.model.blocks import Block
 from thermid.model.tree import Model, Names
-from thermid.physics.constants import ICE_POINT
 from thermid.simulation._block import BlockSolution, steady_block, steady_levels_of_block
 from thermid.simulation._heat_map import HeatMap
 from thermid.simulation._network.network import without_gas
@@ -99,7 +98,6 @@ def steady(model: Model, scenario: Scenario, time: float | str = 0.0) -> Steady:
 def steady(model: Block, scenario: Scenario, time: float | str = 0.0) -> BlockSolution: ...
 
 
-@takes_objects
 def steady(model: Model | Block, scenario: Scenario, time: float | str = 0.0) -> Steady | BlockSolution:
     """Return node -> steady temperature with the inputs of one time held, boundaries and massless nodes included. [K]
 
@@ -190,7 +188,6 @@ def steady_levels(model: Model, scenario: Scenario) -> tuple[Steady, ...]: ...
 def steady_levels(model: Block, scenario: Scenario) -> tuple[BlockSolution, ...]: ...
 
 
-@takes_objects
 def steady_levels(model: Model | Block, scenario: Scenario) -> tuple[Steady, ...] | tuple[BlockSolution, ...]:
     """Return the steady state under each combination of levels that the inputs take, in the order in which they come up. [K]
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import Any, overload
 
-from thermid.base.arguments import takes_objects
 from thermid.base.errors import ScenarioError
 from thermid.model.blocks import Block
 from thermid.model.tree import Model
@@ -35,7 +34,6 @@ def simulate(
 ) -> BlockSolution: ...
 
 
-@takes_objects
 def simulate(
     model: Model | Block,
     scenario: Scenario,

@@ -1,11 +1,29 @@
-"""Scenarios, and runs of a model in them: transient, steady and many at once, with their solutions."""
+"""Scenarios, and runs of a model in them: transient, steady and many at once, with their solutions.
+
+The equations of a model that they solve: rows of conductors, controls, streams, and the surroundings.
+"""
 
 from thermid.simulation._block import BlockSolution as BlockSolution
+from thermid.simulation._condensation import surfaces_in_gas as surfaces_in_gas
 from thermid.simulation._ensemble import Ensemble as Ensemble, run_members as run_members, shares_of as shares_of
 from thermid.simulation._heat_map import margin_lines as margin_lines, margins as margins
 from thermid.simulation._many.kept import JobFolder as JobFolder, digest as digest
 from thermid.simulation._many.tally import PILOT as PILOT, Counted as Counted
 from thermid.simulation._many.tasks import KeptTasks as KeptTasks, Workers as Workers, in_tasks as in_tasks
+from thermid.simulation._network.controls import control_names as control_names
+from thermid.simulation._network.environment import Environment as Environment
+from thermid.simulation._network.irradiation import MAX_IRRADIATION as MAX_IRRADIATION, Irradiation as Irradiation, Sky as Sky
+from thermid.simulation._network.linear import modes as modes, state_space as state_space
+from thermid.simulation._network.medium import VACUUM_LIMIT as VACUUM_LIMIT, Media as Media
+from thermid.simulation._network.network import Network as Network, Numbers as Numbers, compile_network as compile_network
+from thermid.simulation._network.rows import (
+    SMOOTHING as SMOOTHING,
+    ConductorRow as ConductorRow,
+    conductance as conductance,
+    curve_arrays as curve_arrays,
+    tables_behind as tables_behind,
+)
+from thermid.simulation._network.streams import signal_of as signal_of
 from thermid.simulation._scenarios.scenario import STEADY as STEADY, Scenario as Scenario, Start as Start
 from thermid.simulation._simulator import (
     Simulator as Simulator,

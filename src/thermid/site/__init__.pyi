@@ -9,8 +9,6 @@ from thermid.site.ascent import (
 )
 from thermid.site.moisture import Moisture as Moisture, moisture as moisture
 from thermid.site.orbit import orbit_fluxes as orbit_fluxes
-from thermid.site.pad import pad_scenario as pad_scenario
-from thermid.site.site import Site as Site
-from thermid.site.sky import OpenSky as OpenSky
+from thermid.site.pad import OpenSky as OpenSky, pad_scenario as pad_scenario
+from thermid.site.site import Site as Site, Weather as Weather, read_weather as read_weather
 from thermid.site.vapour import Volume as Volume, WaterBalance as WaterBalance
-from thermid.site.weather import Weather as Weather, read_weather as read_weather

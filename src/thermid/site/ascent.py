@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from thermid.base.arguments import guard_methods, takes_objects
+from thermid.base.arguments import guard_methods
 from thermid.base.errors import RecordError, ScenarioError, refuse_unknown
 from thermid.base.expression import amount
 from thermid.base.linear_algebra import Array
@@ -18,9 +18,8 @@ from thermid.base.results import Shown
 from thermid.base.sourced import Figure
 from thermid.base.units import TEMPERATURE
 from thermid.measure.readers import read_plain
-from thermid.model.elements import Constant, Signal, TableSignal, joined, signal
-from thermid.simulation.network import MAX_IRRADIATION, Environment, Irradiation
-from thermid.simulation.runs import Scenario
+from thermid.model.tree import Constant, Signal, TableSignal, joined, signal
+from thermid.simulation.runs import MAX_IRRADIATION, Environment, Irradiation, Scenario
 from thermid.site._atmosphere import HIGHEST_ALTITUDE, UPPER, Air, standard_atmosphere, upper_atmosphere
 from thermid.site.exposure import molecular_heating
 
@@ -119,7 +118,6 @@ class Trajectory(Shown):
         return np.union1d(in_known_air, fine[fine <= end])
 
 
-@takes_objects
 def read_trajectory(path: str | os.PathLike[str], columns: Mapping[str, str] | None = None, *, time: str | None = None) -> Trajectory:
     """Return the trajectory of a table with a header: ``time``, ``altitude [km]``, ``speed [m/s]``, and pressure and density if known.
 
@@ -146,7 +144,6 @@ def read_trajectory(path: str | os.PathLike[str], columns: Mapping[str, str] | N
     return Trajectory(table.times, **{name: table.whole(column, UNITS[name]) for name, column in wanted.items()})
 
 
-@takes_objects
 def ascent_scenario(
     trajectory: Trajectory | None = None,
     *,
@@ -318,7 +315,6 @@ class AscentCheck(Shown):
         return f"{figure}, limit {self.limit.value:g}: {word} ({self.limit.mark}: {self.limit.source})"
 
 
-@takes_objects
 def ascent_checks(
     scenario: Scenario, air: str = "ambient", *, over: float = 1.0, limits: Mapping[str, Figure] = ASCENT_LIMITS
 ) -> tuple[AscentCheck, ...]:

@@ -8,15 +8,12 @@ from typing import Any, Final
 
 import numpy as np
 
-from thermid.base.arguments import takes_objects
 from thermid.base.errors import ScenarioError, SolverError, refuse_unknown
 from thermid.base.linear_algebra import Array, anderson_step
 from thermid.base.results import Named, PlottedTrace
-from thermid.model.elements import Constant, HeatLoad, Signal, TableSignal, check_span, parameter, signal
-from thermid.model.tree import FlatConductor, Model
-from thermid.physics.constants import ICE_POINT
-from thermid.simulation.network import compile_network, surfaces_in_gas
-from thermid.simulation.runs import Scenario, Solution, simulate
+from thermid.base.units import ICE_POINT
+from thermid.model.tree import Constant, FlatConductor, HeatLoad, Model, Signal, TableSignal, check_span, parameter, signal
+from thermid.simulation.runs import Scenario, Solution, compile_network, simulate, surfaces_in_gas
 from thermid.site.vapour import Followed, Volume, WaterBalance, follow
 
 MAX_CHANGE_BETWEEN_PASSES: Final = 1e-3
@@ -135,12 +132,7 @@ class Moisture(Named[SurfaceMoisture]):
         """Return the margin of every surface."""
         return [PlottedTrace(n, s.times, s.margin) for n, s in self.surfaces.items()]
 
-    def _ipython_key_completions_(self) -> list[str]:
-        """Return the surfaces."""
-        return list(self.surfaces)
 
-
-@takes_objects
 def moisture(
     model: Model,
     scenario: Scenario,

@@ -9,12 +9,11 @@ from typing import Final
 
 import numpy as np
 
-from thermid.base.arguments import takes_objects
 from thermid.base.errors import ScenarioError, nearest
 from thermid.base.expression import amount
 from thermid.base.linear_algebra import Array
-from thermid.model.elements import Constant, Signal, TableSignal, degrees, multiplied
-from thermid.simulation.network import Irradiation
+from thermid.model.tree import Constant, Signal, TableSignal, degrees, multiplied
+from thermid.simulation.runs import Irradiation
 from thermid.site.exposure import planet_share
 
 SAMPLES_PER_ORBIT: Final = 720
@@ -201,7 +200,6 @@ class OrbitFluxes:
         return "\n".join(lines)
 
 
-@takes_objects
 def orbit_fluxes(
     perigee: str | float,
     *,

@@ -8,14 +8,13 @@ from typing import Any
 from thermid.base.errors import ScenarioError, errors_at
 from thermid.base.toml_files import resolve_inside
 from thermid.base.units import TEMPERATURE
-from thermid.model.elements import Constant, literal
-from thermid.simulation.network import Environment
+from thermid.model.tree import Constant, literal
+from thermid.simulation.runs import Environment
 from thermid.simulation.scenario_files import LogColumns, Scenario
 from thermid.site.ascent import ascent_scenario, read_trajectory
 from thermid.site.orbit import Planet, orbit_fluxes
 from thermid.site.pad import pad_scenario
-from thermid.site.site import Site
-from thermid.site.weather import read_weather
+from thermid.site.site import Site, read_weather
 
 TABLES = ("site", "weather", "sun", "wind", "ascent", "orbit")
 

@@ -15,12 +15,10 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from thermid.base.dual import value_of
 from thermid.base.errors import ScenarioError
 from thermid.base.expression import amount
-from thermid.base.linear_algebra import Array, Bools
-from thermid.model.elements import Signal, exposed_area
-from thermid.model.tree import FlatConductor
+from thermid.base.linear_algebra import Array, Bools, value_of
+from thermid.model.tree import FlatConductor, Signal, exposed_area
 from thermid.physics.air import (
     VAPOUR_CONSTANT,
     dew_point,
@@ -31,8 +29,7 @@ from thermid.physics.air import (
     vapour_pressure,
 )
 from thermid.physics.constants import ATMOSPHERE, STEFAN_BOLTZMANN
-from thermid.simulation.network import VACUUM_LIMIT
-from thermid.simulation.runs import Solution
+from thermid.simulation.runs import VACUUM_LIMIT, Solution
 
 MAX_MISSING_WATER_SHARE: Final = 1e-6
 """Share of the water that may be missing at the end of a run without a remark. [-]"""

@@ -10,7 +10,7 @@ from pydantic_core import PydanticCustomError
 from thermid.base.errors import DeckError
 from thermid.base.grammar import Finite, Flag, Real, StrictTable, Whole, reads
 from thermid.base.units import unit
-from thermid.model.elements import State as StandingState
+from thermid.model.tree import State as StandingState
 from thermid.values.store import DISTRIBUTIONS, Distribution, Kind
 
 LEAD = "this is not a values file of thermid, or it was changed by hand. Run the calibration again, or take the file from version control."

@@ -12,7 +12,6 @@ from typing import Any
 
 import numpy as np
 
-from thermid.base.arguments import takes_objects
 from thermid.base.errors import DeckError
 from thermid.base.extensions import by_grammar
 from thermid.base.files import FileKinds, parse_toml, read_text, toml_key, toml_value, write_text
@@ -20,8 +19,7 @@ from thermid.base.linear_algebra import Array, square_root
 from thermid.base.results import Named, Row
 from thermid.base.toml_files import Places
 from thermid.base.units import counted, from_si, unit
-from thermid.model.elements import UNJUDGED, Parameter, Standing, exact, worst
-from thermid.model.identity import Dropped
+from thermid.model.tree import UNJUDGED, Dropped, Parameter, Standing, exact, worst
 from thermid.values.store import (
     LaterTable,
     LeftOut,
@@ -276,7 +274,6 @@ def _words(state: State) -> str:
     return f"{state.origin.stage}: {shown}" if shown else str(state.origin)
 
 
-@takes_objects
 def load_values(path: str | os.PathLike[str]) -> FittedValues:
     """Return the values of a file that a stage or `FittedValues.save` wrote: all that the stage knew, at every depth.
 

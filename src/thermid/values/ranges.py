@@ -8,9 +8,7 @@ from dataclasses import dataclass
 
 from thermid.base.errors import quoted
 from thermid.base.units import counted
-from thermid.model.elements import Parameter, StatedRange
-from thermid.model.identity import local_identities
-from thermid.model.tree import Entry, ParameterSet, Tree
+from thermid.model.tree import Entry, Parameter, ParameterSet, StatedRange, Tree, local_identities
 from thermid.values.store import Distribution, LogNormal, Normal, Source, Store
 
 RANGE_OF = "range of "

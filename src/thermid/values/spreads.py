@@ -10,7 +10,7 @@ import numpy as np
 from thermid.base.errors import ScenarioError, nearest
 from thermid.base.expression import THREE_WAYS, parse, stated
 from thermid.base.units import TEMPERATURE
-from thermid.model.elements import literal
+from thermid.model.tree import literal
 from thermid.values.store import Cut, Distribution, LogNormal, Normal, Uniform
 
 MIN_SHARE_IN_BOUNDS = 1e-3

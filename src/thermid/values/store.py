@@ -20,9 +20,24 @@ from thermid.base.expression import parse
 from thermid.base.linear_algebra import Array, symmetric_inverse
 from thermid.base.results import Row, Shown
 from thermid.base.units import counted
-from thermid.model.elements import UNJUDGED, Parameter, Standing, exact, worst
-from thermid.model.identity import Dropped, Identity, inside, instances, local_identities, outside
-from thermid.model.tree import SET, Entry, Model, Tree
+from thermid.model.tree import (
+    SET,
+    UNJUDGED,
+    Dropped,
+    Entry,
+    Identity,
+    Model,
+    Parameter,
+    Standing,
+    Tree,
+    exact,
+    flatten,
+    inside,
+    instances,
+    local_identities,
+    outside,
+    worst,
+)
 
 Kind = Literal["data", "instrument", "stated", "structural", "misfit", "variant"]
 MAX_NAMED_VALUES = 8
@@ -30,6 +45,9 @@ MAX_NAMED_VALUES = 8
 EXPECTED, AS_FITTED = ": expected if elements depart", ": as fitted"
 """Parts of the names of sources of fitted values alone: how far they are expected from where their fit found them, which is no chance, and
 what the fit leaves open beyond the model of error. They count in errors; a fit above has the values as priors where they are expected."""
+SURROUNDINGS = 0.15
+"""Relative standard deviation of a coefficient from one place to another: the size of a departure of surfaces that public test sets taught
+(`thermid.fit._error_model.sizes`)."""
 INPUT = "input"
 """Kind of a value: the constant error of a logged boundary [K], or of a logged power as a share of the reading; reading minus truth."""
 
@@ -667,9 +685,9 @@ def graft(model: Model, below: Sequence[tuple[str, Store]], untied: Sequence[str
         ("" if part == "." else model.canonical(part), *store.in_decks(model.submodel(part) if part != "." else model))
         for part, store in below
     ]
-    parts = [(part, store) for part, store, _ in placed]
-    for part, store in parts:
+    for part, store, _ in placed:
         _refuse_misplaced(model, part, store)
+    parts = [(part, _among_nodes(model, part, store) if part else store) for part, store, _ in placed]
     sources = tuple({s.name: s for _, store in parts for s in store.sources}.values())
     place = {s.name: k for k, s in enumerate(sources)}
     offered: dict[str, list[tuple[str, State, Array]]] = {}
@@ -697,6 +715,25 @@ def graft(model: Model, below: Sequence[tuple[str, Store]], untied: Sequence[str
     )
     whole, apart = _at_twins(model, whole, untied)
     return whole.trimmed(), (*remarks, *apart)
+
+
+def _among_nodes(model: Model, part: str, store: Store) -> Store:
+    """Return the store of a part in which coefficients that meet a node outside of it have a source more: alone, they met a boundary.
+
+    Gas in a housing carries less than that of a room, by how much no reading of the part alone says. Values that are one have one source.
+    """
+    flat = flatten(model)
+    around = {n.path for n in flat.nodes if not inside(n.path, part)}
+    fields = [c.fields for c in flat.conductors if c.gas in around and inside(c.path, part)]
+    met = {path for f in fields for name, path in f.items() if name.endswith(("htc", "coefficient"))}
+    names, sizes = [], []
+    for s in store.states.values():
+        names.append(f"{s.origin.key[:16]}:{s.path.removeprefix(f'{s.at}.')} among nodes")
+        sizes.append(SURROUNDINGS * (1.0 if s.log else s.value) if s.known and met.intersection(s.under(part).paths) else 0.0)
+    added = [*dict.fromkeys(names)]
+    rows = np.array(sizes)[:, None] * (np.array(names)[:, None] == np.array(added))
+    sources = (Source(n, "structural", Normal(), "coefficients of a part that meet a node, and met a boundary") for n in added)
+    return replace(store, sources=(*store.sources, *sources), root=np.hstack([store.root, rows])).trimmed()
 
 
 def _refuse_misplaced(model: Model, part: str, store: Store) -> None:

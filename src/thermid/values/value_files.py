@@ -16,8 +16,7 @@ from thermid.base.errors import DeckError, errors_at
 from thermid.base.extensions import refuse_another_kind
 from thermid.base.toml_files import Places
 from thermid.base.units import TEMPERATURE
-from thermid.model.elements import literal
-from thermid.model.tree import Model, ParameterSet
+from thermid.model.tree import Model, ParameterSet, literal
 from thermid.values.fitted import FittedValues, load_store, read_values, values_of
 from thermid.values.spreads import read_spread
 from thermid.values.store import LeftOut, LogNormal, Normal, Source, State, Store, Uniform, ValueOrigin, graft

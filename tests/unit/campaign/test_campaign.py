@@ -21,7 +21,7 @@ from thermid.campaign._stages import Campaign, request_of, run_stages
 from thermid.campaign._survey import check_campaign
 from thermid.fit._problem.request import in_full
 from thermid.fit.error_model import ErrorModel
-from thermid.model.elements import TableSignal
+from thermid.model.tree import TableSignal
 from thermid.reporting.pages import report
 from thermid.values.fitted import load_values
 from thermid.values.store import error_table_of

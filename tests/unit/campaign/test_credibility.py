@@ -18,7 +18,7 @@ from thermid.base.errors import DeckError, NameNotFoundError
 from thermid.campaign._judge.verdict import FILE, _read, look
 from thermid.campaign._stages import Campaign, _looked
 from thermid.fit.error_model import SIZES
-from thermid.model.elements import Standing
+from thermid.model.tree import Standing
 from unit.fit.bench import HTC, MASS, box, pair
 from unit.fit.project import CAMPAIGN, make_project
 

@@ -9,11 +9,15 @@ import pytest
 
 from by_code import raises_code
 from thermid.base.errors import NameNotFoundError
+from thermid.fit._calibrate import calibrate
+from thermid.fit._error_model.sizes import SIZES
 from thermid.fit._problem.request import counted_twice, known_before
 from thermid.fit.calibration import Calibration, Request, fit
 from thermid.measure.records import Record
+from thermid.model.deck import model_from_dict
 from thermid.model.tree import Model
-from unit.fit.bench import box, log, pair
+from thermid.values.store import graft
+from unit.fit.bench import HTC, MASS, box, log, pair
 
 LINEAR = {"parameters/power/min": 0}
 """With zero as its minimum a power is fitted as it is, and every temperature is linear in all that is looked for."""
@@ -140,3 +144,37 @@ def test_what_moved_is_said(stack: Model, below: Calibration) -> None:
     assert any(w.startswith("check: significantly different from the stage below: a.power (+") for w in moved.warnings)
     same = fit(Request(stack, (bench(stack, "x", 9, "30 [degC]"),), FREE, store=below.store, prior=FREE))
     assert not any("significantly different from" in w for w in same.warnings)
+
+
+def housed(air: str) -> Model:
+    """A box in a housing: its air is a node of the whole, or its room."""
+    film = {"value": "2 [W/(m^2 K)]", "min": 1, "max": 20}
+    walls = {"inner": {"of": "wall", "to": "inside"}, "outer": {"of": "wall", "to": "room"}}
+    return model_from_dict(
+        {
+            "title": "Housed",
+            "needs": ["room"],
+            "submodels": {"unit": {"use": box(), "bind": {"air": air}}},
+            "nodes": {"inside": {"capacitance": "12 [J/K]"}, "wall": {"capacitance": "1800 [J/K]"}},
+            "surfaces": {n: {**at, "area": "0.2 [m^2]", "effective_htc": film} for n, at in walls.items()},
+        }
+    )
+
+
+def test_a_coefficient_that_meets_a_node_and_met_a_boundary_may_be_another() -> None:
+    """Gas in a housing carries 20 % less than that of the room in which the part was fitted, with an error of 1 %."""
+    alone = calibrate(box(), log(box(), {HTC: "6.3 [W/(m^2 K)]"}, {"T": "case"}), [HTC, MASS])
+    path, error = f"unit.{HTC}", alone.store.error(HTC) / alone.store[HTC].value
+    carried = {air: graft(housed(air), [("unit", alone.store)])[0] for air in ("inside", "room")}
+    size = {air: np.sqrt(store.covariance([path])[0, 0]) for air, store in carried.items()}
+    assert size["room"] == pytest.approx(error, rel=1e-9)
+    assert size["inside"] == pytest.approx(np.hypot(error, SIZES["surface"].value), rel=1e-9)
+    assert carried["inside"].error(f"unit.{MASS}") == pytest.approx(alone.store.error(MASS), rel=1e-9), "masses stay what they are"
+    rack = model_from_dict({"title": "Rack", "needs": ["room"], "submodels": {"a": {"use": housed("inside"), "bind": {"room": "room"}}}})
+    again = graft(rack, [("a", carried["inside"])])[0]
+    assert again.error(f"a.{path}") == pytest.approx(carried["inside"].error(path), rel=1e-9), "counted once, where it happened"
+    truth = {path: "5.04 [W/(m^2 K)]"}
+    data = log(housed("inside"), truth, {"T": "unit.case", "W": "wall"}, boundary="room", hours=12.0)
+    found = calibrate(housed("inside"), data, [path, f"unit.{MASS}", "inner.effective_htc", "outer.effective_htc"], inherit={"unit": alone})
+    assert abs(found[path].value - 5.04) < 2.0 * found[path].error
+    assert found[path].error < 0.15 * found[path].value

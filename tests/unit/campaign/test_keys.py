@@ -41,7 +41,6 @@ CHANGES: dict[str, tuple[Any, str]] = {
     "search": ("multistart", "free and fixed"),
     "window": (60.0, "scenario"),
     "structural_errors": (True, "free and fixed"),
-    "effective": (True, "free and fixed"),
     "readings": ({"initial.case": Reading("T")}, "scenario"),
     "fit_start": (False, "free and fixed"),
     "options": (Options(error=4e-5), "free and fixed"),

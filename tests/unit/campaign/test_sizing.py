@@ -15,7 +15,7 @@ from typer.testing import CliRunner
 import thermid as td
 from thermid.app.cli.app import app
 from thermid.base.errors import ScenarioError, ThermidWarning
-from thermid.campaign._judge.sizing import size
+from thermid.campaign._judge.worst import size
 from thermid.model.tree import ParameterSet
 
 SIGMA = 5.670374419e-8

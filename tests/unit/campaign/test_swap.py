@@ -19,8 +19,7 @@ from thermid.campaign._retune import MIN_EFFECT, RetunePlan, _told_by, check_rep
 from thermid.campaign._stages import Campaign
 from thermid.fit.calibration import fit
 from thermid.model.deck import save_model
-from thermid.model.identity import touching
-from thermid.model.tree import ParameterSet
+from thermid.model.tree import ParameterSet, touching
 from thermid.values.store import Store
 from unit.fit.bench import HTC, MASS, box, log, pair
 from unit.fit.project import CAMPAIGN, COOL, make_project, write_log

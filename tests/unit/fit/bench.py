@@ -11,8 +11,7 @@ import numpy as np
 from thermid.base.expression import quantity
 from thermid.measure.records import Channel, Record
 from thermid.model.deck import model_from_dict
-from thermid.model.elements import Signal
-from thermid.model.tree import Model
+from thermid.model.tree import Model, Signal
 from thermid.simulation.runs import Scenario, simulate
 
 ICE = 273.15

@@ -15,7 +15,7 @@ from thermid.base.errors import DeckError, RecordError
 from thermid.fit._problem.gather import build_problem
 from thermid.fit._problem.request import Request
 from thermid.fit.calibration import blame_of
-from thermid.model.elements import TableSignal
+from thermid.model.tree import TableSignal
 
 DECK = {
     "title": "Box",
@@ -78,6 +78,16 @@ def test_offset_and_rate_come_back_with_the_values_held() -> None:
     # one change is known to 2 s over the root of 12; four of them tell offset and rate
     assert 0.3 < found["offset"].error < 1.2
     assert 5e-4 < found["rate"].error < 2e-3
+
+
+def test_a_record_that_is_cut_or_begun_anew_keeps_its_further_clocks() -> None:
+    """Trimmed, "the model fails at every offset"; begun anew, the range of the offset counted from the old zero."""
+    first, second = logs(130.0, 1.0)
+    joint = first.joined(second, (0.0, 300.0))
+    cut = joint.trim("100 [s]", f"{SLOW[-1] - 60.0} [s]")
+    found = [td.calibrate(BOX, record, [], scenario=AIR).local[-1] for record in (cut, cut.shift_start())]
+    assert [local.name for local in found] == ["clock offset"] * 2
+    assert [found[0].value, found[1].value + cut.times[0]] == pytest.approx([130.0, 130.0], abs=2.0)
 
 
 def test_a_constant_error_of_the_sensor_is_not_taken_for_a_clock() -> None:

@@ -12,7 +12,7 @@ import thermid as td
 from by_code import raises_code
 from thermid.base.errors import RecordError, ThermidError
 from thermid.fit._search import widened_by_noise_of_powers
-from thermid.model.elements import TableSignal
+from thermid.model.tree import TableSignal
 from unit.fit.test_clocks import AIR, BOX, FREE
 
 TIMES = np.arange(0.0, 1801.0, 5.0)

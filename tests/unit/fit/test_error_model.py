@@ -11,6 +11,7 @@ import pytest
 import thermid as td
 from by_code import raises_code
 from thermid.base.errors import IdentificationError
+from thermid.base.units import ICE_POINT
 from thermid.fit._error_model.courses import OperatingPoint
 from thermid.fit._error_model.elements import JointLaw, SurfaceLaw, Way, class_of, with_laws
 from thermid.fit._error_model.gaussian import log_sum
@@ -18,10 +19,9 @@ from thermid.fit._error_model.model import GROUPS, RunsOfFit, left_prior
 from thermid.fit._error_model.runs import Departures
 from thermid.fit._error_model.sizes import NEWTON_POINTS
 from thermid.fit.error_model import SIZES, ErrorModel
-from thermid.model.elements import TableSignal
-from thermid.physics.constants import ICE_POINT
+from thermid.model.tree import TableSignal
 from thermid.prediction.bands import Band
-from thermid.simulation.network import compile_network
+from thermid.simulation.runs import compile_network
 from unit.fit.bench import BOX, HTC, MASS, box, deck, log, metered
 
 POWERS = (4.0, 2.0)
@@ -112,7 +112,7 @@ def test_steps_end_where_a_value_stands_at_its_bound(monkeypatch: pytest.MonkeyP
     )
     ErrorModel.of_fit(fit)
     assert points[-1] == pytest.approx(np.log(1.3), abs=1e-3)
-    assert 2 <= len(points) < NEWTON_POINTS // 2
+    assert 2 * 2 <= len(points) < 2 * (NEWTON_POINTS // 2)  # without and with parts through which heat enters
 
 
 @pytest.mark.parametrize("worse", [1.0, 30.0])
@@ -195,11 +195,6 @@ def test_nothing_depends_on_whether_logs_are_called_synthetic(fit: td.Calibratio
     other = _band(measured, 6.0)
     assert other.kelvin == pytest.approx(_band(fit, 6.0).kelvin, abs=1e-6)
     assert other.half_width == pytest.approx(_band(fit, 6.0).half_width, rel=1e-6)
-
-
-def test_draws_have_the_covariance(model: ErrorModel) -> None:
-    drawn = model.sample(4000)
-    assert np.cov(drawn) == pytest.approx(model.covariance, rel=0.2, abs=0.05 * model.covariance.max())
 
 
 def test_the_error_of_a_meter_cancels_where_the_scenario_is_what_it_reads(fit: td.Calibration) -> None:

@@ -12,7 +12,7 @@ import thermid as td
 from thermid.campaign._stages import next_command
 from thermid.fit._calibration import LAW, blame_of
 from thermid.inference.criticism import Mistakes
-from thermid.model.elements import TableSignal
+from thermid.model.tree import TableSignal
 from thermid.reporting._pages.tables import parameters
 from thermid.reporting._pages.views import answer, calibration_object
 

@@ -13,14 +13,13 @@ from by_code import raises_code
 from thermid.base.errors import IdentificationError, NameNotFoundError, RecordError, ScenarioError
 from thermid.fit._calibrate import calibrate
 from thermid.fit._inputs import inputs_of
-from thermid.fit._problem.experiment import bind, first_reading
+from thermid.fit._problem.experiment import Inputs, bind, first_reading
 from thermid.fit._problem.gather import build_problem
 from thermid.fit._problem.request import Request
 from thermid.measure.readers import read_record
 from thermid.measure.records import Channel, Record
 from thermid.model.deck import model_from_dict
-from thermid.model.elements import Constant, TableSignal
-from thermid.model.tree import Model
+from thermid.model.tree import Constant, Model, TableSignal
 from thermid.simulation.runs import Scenario, simulate
 from unit.fit.bench import HTC, ICE, MASS, box, log, metered, pair, room
 
@@ -51,6 +50,14 @@ def test_automatic_roles_follow_what_the_target_is(model: Model, record: Record)
     assert isinstance(found.scenario.boundaries["air"], TableSignal)
     np.testing.assert_array_equal(found.scenario.loads["heat"].values, 3.0)
     assert found.scenario.loads["heat"].hold
+
+
+@pytest.mark.parametrize(("watts", "means"), [(10.0, {"scale.q": 0.02}), (0.0, {})])
+def test_the_error_of_a_mean_is_a_part_of_its_power_and_of_none_where_that_is_off(watts: float, means: dict[str, float]) -> None:
+    inputs = Inputs({"gains": {}, "loads": {}})
+    meter = Channel.from_array("P", np.full(5, watts), quantity="power", role="load", target="q", common=0.2)
+    inputs.take(meter, "load", "q", Constant(watts), None)
+    assert inputs.means == pytest.approx(means)
 
 
 def test_a_channel_without_a_target_is_bound_by_its_name(model: Model, record: Record) -> None:
@@ -207,6 +214,21 @@ class TestConstantErrorsOfInstruments:
         found = calibrate(model, [weak, on][::order], [HTC, MASS])
         assert found["METER error"].prior == (0.0, pytest.approx(0.01))
         assert found["METER error"].error <= 0.01 * (1 + 1e-9)
+
+    @pytest.mark.parametrize(
+        "law",
+        [
+            {"temperature_coefficient": "-0.01 [1/K]", "reference_temperature": "20 [degC]"},
+            {"exponential_coefficient": "0.01 [1/K]", "reference_temperature": "20 [degC]"},
+            {"thermostat": {"on_below": "0 [degC]", "off_above": "1 [degC]"}},
+        ],
+        ids=lambda law: next(iter(law)),
+    )
+    def test_a_logged_power_is_what_heated(self, model: Model, law: dict[str, object]) -> None:
+        record = metered(log(model, {}, {"T": "case"}, samples=61), "heat", 4.0)
+        other = box({f"loads/heat/{name}": value for name, value in law.items()})
+        ends = [simulate(m, bind(m, record).scenario, times=record.times)["case"].kelvin for m in (model, other)]
+        np.testing.assert_allclose(*ends, rtol=0, atol=1e-6)
 
     def test_pauses_do_not_make_a_meter_worse(self, model: Model) -> None:
         watts = np.where(np.arange(301) % 100 < 20, 4.0, 0.0)

@@ -1,4 +1,4 @@
-"""A path from a node to a boundary that a deck lacks: what it does to values, its prior, and where it is in files and larger models."""
+"""What a deck lacks, a path to a boundary or a part through which heat enters: what it does to values, its prior, where it is in files."""
 
 from __future__ import annotations
 
@@ -12,18 +12,19 @@ import pytest
 import thermid as td
 from thermid.fit._error_model.elements import PathLaw, paths_of, with_laws
 from thermid.fit._error_model.model import course_in_fit
-from thermid.fit._error_model.sizes import PATH_ODDS, PATH_SHARE
+from thermid.fit._error_model.sizes import LACK_ODDS, PATH_SHARE
 from thermid.fit.error_model import ErrorModel
-from thermid.simulation.network import compile_network
+from thermid.simulation.runs import compile_network
 
 sys.path.insert(0, str(Path(__file__).parents[3] / "scripts"))
+import first_hour
 from judging import benches as b
 from judging.tasks import task
 
 MIRROR = b.FAMILIES["mirror"]
 """Boxes of two masses behind a fan, with a lead from the core to the room; their decks have none."""
 WITHOUT_LEAD = MIRROR.with_name("mirror -lead", factors={**MIRROR.factors, "lead": 0.0})
-BEFORE = PATH_ODDS / (1.0 + PATH_ODDS)
+BEFORE = LACK_ODDS / (1.0 + LACK_ODDS)
 """Probability of a path before any reading. [-]"""
 
 
@@ -44,8 +45,8 @@ def model(fit: tuple[td.Calibration, float]) -> ErrorModel:
     return ErrorModel.of_fit(fit[0])
 
 
-def _chance(model: ErrorModel) -> float:
-    return sum(w.weight for w in model.ways if w.beside_deck[1])
+def _chance(model: ErrorModel, lack: int = 1) -> float:
+    return sum(w.weight for w in model.ways if w.beside_deck[lack])
 
 
 def test_the_shell_that_takes_the_leads_part_is_inside_its_error(fit: tuple[td.Calibration, float], model: ErrorModel) -> None:
@@ -62,6 +63,38 @@ def test_a_box_without_a_lead_has_hardly_one() -> None:
     assert _chance(ErrorModel.of_fit(calibration)) < 0.5 * BEFORE
     shell = calibration["shell.capacitance"]
     assert abs(shell.value - true) < 1.96 * shell.error < 0.15 * true
+
+
+def _heated_by_its_board(seed: int, folder: Path) -> tuple[td.Calibration, dict[str, float]]:
+    """The fit of two masses to a box in which a board takes most of the heat, told the weight of the box; and what is true."""
+    bench = first_hour.varied(seed)
+    conductance = {"kind": "conduction", "conductance": "2 [W/K]"}
+    ways = {"contact": ["box", "plate"], "box_loss": ["box", "room"], "plate_loss": ["plate", "room"]}
+    deck = {
+        "title": "box",
+        "needs": ["room"],
+        "nodes": {"box": {"capacitance": "800 [J/K]"}, "plate": {"capacitance": "1500 [J/K]"}},
+        "conductors": {n: {**conductance, "between": ends} for n, ends in ways.items()},
+        "loads": {"heat": {"into": "box", "power": "0 [W]"}},
+    }
+    instrument = {"accuracy": "0.7 [K]", "noise": f"{bench.noise:.3g} [K]"}
+    channels = {"box": {"column": "BOX", **instrument}, "plate": {"column": "PLATE", **instrument}, "room": "AMB", "heat": "P_IN"}
+    log = first_hour.one_log(bench, folder / f"box_{seed}.csv", seed, 60.0)
+    record = td.read_record(log, channels).trim("start", 0.7 * bench.duration)
+    free, weight = ["box.capacitance", "plate.capacitance", *(f"{n}.conductance" for n in ways)], bench.capacities["box"]
+    fit = td.calibrate(td.model_from_dict(deck), record, free, priors={"box.capacitance": (f"{weight:.5g} [J/K]", "10 [%]")})
+    values = {"box.capacitance": weight, "plate.capacitance": bench.capacities["plate"]}
+    return fit, {**values, "contact.conductance": bench.contact, "plate_loss.conductance": bench.plate_loss}
+
+
+def test_values_of_a_box_that_its_board_heats_are_inside_their_errors(tmp_path: Path) -> None:
+    """Without late heat the plate and its ways were expected at 0.4 to 0.6 of the truth."""
+    fit, truth = _heated_by_its_board(13, tmp_path)
+    assert fit.standing.fair
+    assert _chance(ErrorModel.of_fit(fit), 2) > 0.9
+    for path, true in truth.items():
+        assert abs(fit[path].value - true) < 1.96 * fit[path].error < 0.5 * true, path
+    assert abs(fit.values["plate.capacitance"].value / truth["plate.capacitance"] - 1.0) > 0.2  # as fitted
 
 
 def test_the_prior_is_one_of_several_paths_of_half_normal_size(fit: tuple[td.Calibration, float]) -> None:

@@ -7,7 +7,7 @@ import pytest
 
 import thermid as td
 from thermid.base.errors import IdentificationError, SolverError
-from thermid.model.elements import TableSignal
+from thermid.model.tree import TableSignal
 
 PAIR = td.model_from_dict(
     {

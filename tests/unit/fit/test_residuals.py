@@ -14,9 +14,8 @@ from thermid.fit._problem.residuals import FAILED, Problem, Unknown, loss_of
 from thermid.fit._uncertainty.information import Information
 from thermid.measure.records import Channel
 from thermid.model.deck import model_from_dict
-from thermid.model.elements import Constant
-from thermid.simulation.network import compile_network
-from thermid.simulation.runs import Scenario
+from thermid.model.tree import Constant
+from thermid.simulation.runs import Scenario, compile_network
 from thermid.simulation.solver import Engine, Options, Wiring
 from unit.fit.bench import HTC, MASS, box, deck, log, metered, pair
 

@@ -157,9 +157,9 @@ def validated(c: Cell) -> None:
 
 def predicted(c: Cell) -> None:
     hot = td.Scenario("hot", boundaries={"air": "40 [degC]"}, start="air", duration=HOUR)
-    band = td.predict(c.fit, hot, every=600.0)["case"]
+    band = td.predict(c.fit, hot, times=np.arange(0.0, hot.seconds + 1.0, 600.0))["case"]
     finite([band.final.celsius, band.final.error])
-    assert set(td.predict(c.fit, hot, every=600.0).bands) == {"case", "air"}
+    assert set(td.predict(c.fit, hot, times=np.arange(0.0, hot.seconds + 1.0, 600.0)).bands) == {"case", "air"}
 
 
 def taken_apart(c: Cell) -> None:

@@ -18,7 +18,7 @@ from thermid.model._parts.parameter import parameter
 from thermid.model._tree.identity import written
 from thermid.model.tree import ParameterSet
 from thermid.prediction._budget import STATED_RANGES, budget_of
-from thermid.simulation.network import compile_network
+from thermid.simulation.runs import compile_network
 from thermid.values.ranges import RANGE_OF, ranged_values
 
 STEEL, PLAIN = "stainless steel 304", "0 [s]"

@@ -19,7 +19,7 @@ from thermid.fit._problem.request import LocalSpec, Reading, Request
 from thermid.fit._problem.residuals import Prior, Unknown
 from thermid.measure.records import Record
 from thermid.model.deck import model_from_dict
-from thermid.model.elements import parameter
+from thermid.model.tree import parameter
 from thermid.prediction.bands import predict
 from thermid.simulation.runs import Scenario
 from thermid.values.fitted import FittedValue, FittedValues

@@ -27,7 +27,7 @@ from thermid.inference._fleet.population import (
 )
 from thermid.inference._fleet.units import UnitJudgement, checks_of, standing_of
 from thermid.model.deck import model_from_dict
-from thermid.model.elements import Standing
+from thermid.model.tree import Standing
 from two_masses import DECK
 
 ORTHODONT = """

@@ -12,8 +12,7 @@ from by_code import raises_code
 from thermid.base.errors import DeckError
 from thermid.interop._decks.esatan import read_esatan
 from thermid.interop._decks.network_file import NetworkFile
-from thermid.interop._decks.printed import Printed
-from thermid.interop._decks.results import balance
+from thermid.interop._decks.results import Printed, balance
 from thermid.interop._decks.sinda import read_sinda
 from thermid.interop._decks.written import to_esatan, to_sinda
 from thermid.interop.c99 import to_c

@@ -22,7 +22,7 @@ from thermid.base.errors import RecordError, ScenarioError, SolverError, Thermid
 from thermid.base.files import command
 from thermid.interop._fmu.as_model import fmu_model
 from thermid.interop._fmu.export import to_fmu
-from thermid.model.elements import TableSignal
+from thermid.model.tree import TableSignal
 from unit.interop.fmus import BOX, reference_fmu
 
 pytest.importorskip("fmpy", reason="FMPy is not installed (pip install 'thermid[fmu]')")
@@ -215,11 +215,11 @@ def test_events(tmp_path: Path) -> None:
     """A thermostat switches: differences of runs, said; the same values as those of the deck."""
     switched = {"into": "a", "power": "8 [W]", "thermostat": {"on_below": "28 [degC]", "off_above": "32 [degC]"}}
     deck = {**DECK, "loads": {"heat": switched}}
-    quiet = td.Scenario("test", boundaries={"air": "20 [degC]"}, start="20 [degC]", duration="480 [s]")
+    quiet = td.Scenario("test", boundaries={"air": "20 [degC]"}, start="20 [degC]", duration="360 [s]")
     model = td.model_from_dict(deck)
     to_fmu(model, quiet, tmp_path / "box.fmu")
     there = fmu_model(tmp_path / "box.fmu")
-    times = TIMES[TIMES <= 480.0]
+    times = TIMES[TIMES <= 360.0]
     found = td.simulate(model.with_values({"g": "1.1 [W/K]"}), quiet, times=times)
     switched_at = np.flatnonzero(np.diff(np.sign(np.diff(found["a"].celsius))))
     assert switched_at.size >= 3, "it switches"

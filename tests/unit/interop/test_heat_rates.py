@@ -14,8 +14,7 @@ from by_code import raises_code
 from public_files import public_file
 from thermid.base.errors import DeckError
 from thermid.interop._decks import results
-from thermid.interop._decks.printed import sinda_print
-from thermid.interop._decks.results import Agreement, agreement, balance
+from thermid.interop._decks.results import Agreement, agreement, balance, sinda_print
 from thermid.interop._decks.sinda import read_sinda
 
 ORBIT = 600.0

@@ -16,8 +16,7 @@ from public_files import public_file
 from thermid.base.errors import DeckError, ThermidError
 from thermid.interop._decks.esatan import read_esatan
 from thermid.interop._decks.network_file import NetworkFile
-from thermid.interop._decks.printed import Printed, sinda_print
-from thermid.interop._decks.results import agreement, balance
+from thermid.interop._decks.results import Printed, agreement, balance, sinda_print
 from thermid.interop._decks.sinda import read_sinda
 from thermid.interop._decks.written import to_esatan, to_sinda
 from thermid.model.tree import ParameterSet

@@ -50,7 +50,7 @@ def test_a_gas_that_leaves_agrees(tmp_path: Path) -> None:
             "loads": {"heater": {"into": "plate", "power": "6 [W]"}},
         }
     )
-    from thermid.model.elements import TableSignal
+    from thermid.model.tree import TableSignal
 
     pump = TableSignal(np.array([0.0, 1800.0]), np.array([101325.0, 0.0]), hold=True)
     scenario = td.Scenario("pump", boundaries={"air": "20 [degC]"}, environment={"air": td.simulation.Environment(pump)}, duration="1 [h]")

@@ -18,8 +18,7 @@ import pytest
 from public_files import public_file
 from thermid.interop._decks.esatan import read_esatan
 from thermid.interop._decks.network_file import DeckRemark, NetworkFile
-from thermid.interop._decks.printed import sinda_print
-from thermid.interop._decks.results import agreement
+from thermid.interop._decks.results import agreement, sinda_print
 from thermid.interop._decks.sinda import read_sinda
 
 DAVIS = "Space-and-Satellite-Systems-UC-Davis/Structure-Thermal-Desktop"

@@ -11,8 +11,7 @@ import pytest
 import thermid as td
 from public_files import public_file
 from thermid.interop._decks.network_file import FileCourse
-from thermid.interop._decks.printed import printed_temperatures
-from thermid.interop._decks.results import agreement
+from thermid.interop._decks.results import agreement, printed_temperatures
 from thermid.interop._decks.sinda import read_sinda
 
 DAVIS = "Space-and-Satellite-Systems-UC-Davis/Structure-Thermal-Desktop/OLD_Working CubseSAT Model/case1"

@@ -14,8 +14,7 @@ from by_code import raises_code
 from public_files import public_file
 from thermid.base.errors import DeckError
 from thermid.interop._decks.esatan import read_esatan
-from thermid.interop._decks.printed import printed_temperatures
-from thermid.interop._decks.results import agreement, balance
+from thermid.interop._decks.results import agreement, balance, printed_temperatures
 
 h5py = pytest.importorskip("h5py")
 ZERO = 273.15

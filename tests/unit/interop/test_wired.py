@@ -12,9 +12,9 @@ import thermid as td
 from by_code import raises_code
 from thermid.base.errors import DeckError
 from thermid.interop._wired import Formula, Text, Writer, conductance_text, named, wired, with_formulas
-from thermid.model.elements import Law
+from thermid.model.tree import Law
 from thermid.simulation._network.rows import CONDUCTORS, heat
-from thermid.simulation.network import ConductorRow
+from thermid.simulation.runs import ConductorRow
 from unit.interop.networks import SIGNALS, hot_box
 
 WIDE = Writer("C", gas=True, hinges=True, smooth=True, loads=True, schedules=True)

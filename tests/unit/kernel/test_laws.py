@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from thermid import _kernel as k
-from thermid.model.elements import Law
+from thermid.model.tree import Law
 from thermid.simulation._network.rows import same_both_ways
 from thermid.simulation._solver import large as large_network
-from thermid.simulation.network import ConductorRow
+from thermid.simulation.runs import ConductorRow
 from unit.kernel.reference import Net
 
 Table = tuple[np.ndarray, np.ndarray, np.ndarray]

@@ -12,6 +12,7 @@ from thermid.base.errors import RecordError
 from thermid.measure._readers.binary import _matlab_size, _tdms_times
 from thermid.measure._readers.common_step import Explanation, LogCourse, _rows
 from thermid.measure._readers.guess import _by_name
+from thermid.measure._record.channel import codes_of
 from thermid.measure.readers import read_record
 
 
@@ -26,6 +27,14 @@ def test_a_matlab_file_without_compression_unpacks_to_its_own_length() -> None:
 def test_a_tdms_channel_without_increment_has_the_times_of_its_clock_or_none() -> None:
     assert _tdms_times(SimpleNamespace(properties={}), None, None) is None
     assert _tdms_times(SimpleNamespace(properties={}), np.array([0.0, 2.0]), None) == [0.0, 2.0]
+
+
+@pytest.mark.parametrize(("count", "code"), [(10, True), (11, False)])
+def test_a_value_alone_in_a_tenth_of_the_readings_is_a_code_and_in_more_is_another_temperature(count: int, code: bool) -> None:
+    """A part that stays there longer has been heated."""
+    readings = np.linspace(20.0, 21.0, 100)
+    readings[5 : 5 + count] = 150.0
+    assert (150.0 in codes_of(readings)) is code
 
 
 @pytest.mark.parametrize("day", [25569.0, 29221.0, 45000.0, 73050.0])

@@ -36,6 +36,14 @@ def test_it_is_measured_unless_said_otherwise() -> None:
     assert record["P"].quantity == "power"
 
 
+@pytest.mark.parametrize(("text", "factor"), [("rpm", np.pi / 30.0), ("A", 1.0), ("1", 1.0), ("degC", 1.0)])
+def test_a_column_may_give_a_value_over_time_in_any_unit(text: str, factor: float) -> None:
+    """A fan's speed in rpm and a current in A were refused as "no unit of a "."""
+    values = td.Record.from_dataframe("log", frame(), {"P": {"unit": text, "schedule": "fan.speed"}})["P"]
+    assert (values.role, values.unit) == ("schedule", text)
+    assert values.values[1] - values.values[0] == pytest.approx(1500.0 * factor)
+
+
 def test_there_and_back() -> None:
     back = td.Record.from_dataframe("bench", frame(), CHANNELS).to_frame()
     assert back.columns.tolist() == list(CHANNELS)

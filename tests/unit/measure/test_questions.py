@@ -239,5 +239,6 @@ def test_an_offset_that_leaves_much_of_a_log_alone_is_questioned(offset: str, as
 
     board = td.Record.from_arrays("board", times, {"T": channel("T", "K")})
     supply = td.Record.from_arrays("supply", times, {"P": channel("P", "W")})
-    questions = board.joined(supply, offset).origin.questions
-    assert [q.startswith("for 60 min of its 5 h there is no reading of 'supply' beside it") for q in questions] == [True] * asked
+    joint = board.joined(supply, offset)
+    assert [q.startswith("for 2 h of its 6 h only one of its log and 'supply' has readings") for q in joint.questions] == [True] * asked
+    assert not joint.trim("0 [s]", "14400 [s]").questions

@@ -15,7 +15,7 @@ import thermid as td
 from by_code import raises_code
 from thermid.base.errors import DeckError, NameNotFoundError, ThermidError
 from thermid.model._deck.assemblies import cauer_of_foster
-from thermid.model._deck.save import save_model
+from thermid.model._deck.modelfile import save_model
 from thermid.physics.conduction import spreading_resistance
 
 ROOM = td.Scenario("room", boundaries={"air": "20 [degC]"}, start="20 [degC]", duration="20 [s]")
@@ -216,6 +216,20 @@ def cooled(**change: Any) -> tuple[td.Model, td.Scenario]:
 
 def constants(v: float = 14.4, i: float = 6.4, d: float = 66.0, t: float = 298.15) -> tuple[float, float, float]:
     return v / t, v * (t - d) / (i * t), v * i * (t - d) / (2 * t * d)
+
+
+@pytest.mark.parametrize("named", [False, True])
+def test_a_value_of_a_sheet_has_bounds_for_a_fit(named: bool) -> None:
+    """It took a number alone, so that a fit of I_max went below zero."""
+    sheet = {"value": "6.4 [A]", "min": "4 [A]", "max": "9 [A]"}
+    base = {"title": "x", "needs": ["air"], "coolers": {"tec": TEC | {"hot": "board", "cold": "air", "I_max": "i_max" if named else sheet}}}
+    base |= {"nodes": {"board": {"capacitance": "20 [J/K]"}}} | ({"parameters": {"i_max": sheet}} if named else {})
+    model = td.model_from_dict(base)
+    assert (model.at("i_max" if named else "tec.I_max").minimum, model.at("tec.T_hot").text) == (4.0, "25 [degC]")
+    assert str(model.at("tec.V_max")) == "14.4 [V] (datasheet)"
+    plain = td.model_from_dict(base | {"coolers": {"tec": TEC | {"hot": "board", "cold": "air", "I_max": "5 [A]"}}})
+    path = "i_max" if named else "tec.I_max"
+    assert td.steady(model.with_values({path: "5 [A]"}), ROOM)["board"] == pytest.approx(td.steady(plain, ROOM)["board"])
 
 
 @pytest.mark.parametrize("amps", [0.5, 2.0, 4.0])

@@ -1,8 +1,7 @@
 """What a reduced model says of the gas that it was made in, and what a model keeps of itself."""
 
 import thermid as td
-from thermid.model.elements import MadeIn
-from thermid.model.identity import definition_of, identity_of, local_identities
+from thermid.model.tree import MadeIn, definition_of, identity_of, local_identities
 
 
 def test_a_state_without_pressure_is_vacuum_and_one_with_it_names_its_gas() -> None:

@@ -11,12 +11,12 @@ import pytest
 from by_code import raises_code
 from thermid.base.errors import DeckError
 from thermid.model._deck.modelfile import model_from_dict
-from thermid.model._laws.curves import curve
-from thermid.model._parts.kinds import KINDS
+from thermid.model._laws.stores import curve
+from thermid.model._parts.elements import KINDS
 from thermid.model._tree.areas import ledger
 from thermid.model._tree.model import Model
 from thermid.simulation._network import rows
-from thermid.simulation.network import compile_network
+from thermid.simulation.runs import compile_network
 from unit.model.every_kind import CASES
 
 Build = Callable[..., Model]

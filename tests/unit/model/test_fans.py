@@ -42,7 +42,7 @@ def model(**fan: Any) -> td.Model:
 
 
 def values_of(given: td.Model) -> Any:
-    from thermid.simulation.network import compile_network
+    from thermid.simulation.runs import compile_network
 
     return {k.removeprefix("f."): v for k, v in compile_network(given).numbers().values.items() if k.startswith("f.")}
 

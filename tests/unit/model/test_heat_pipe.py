@@ -9,8 +9,8 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import thermid as td
-from thermid.model._parts.kinds import HINGES, Law
-from thermid.simulation.network import conductance
+from thermid.model._parts.elements import HINGES, Law
+from thermid.simulation.runs import conductance
 
 FREE = ("pipe.start_temperature", "pipe.on_conductance", "pipe.off_conductance", "pipe.transition")
 DECK: dict[str, Any] = {

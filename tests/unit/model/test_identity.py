@@ -11,8 +11,7 @@ import pytest
 
 from by_code import raises_code
 from thermid.base.errors import NameNotFoundError
-from thermid.model._deck.modelfile import load_model, model_from_dict
-from thermid.model._deck.save import save_model
+from thermid.model._deck.modelfile import load_model, model_from_dict, save_model
 from thermid.model._tree.identity import definition_of
 from thermid.model._tree.model import Model, identities
 from thermid.model._tree.tree import ParameterSet

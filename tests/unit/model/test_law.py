@@ -14,8 +14,8 @@ import pytest
 
 import thermid as td
 from by_code import raises_code
-from thermid.model._laws.curves import Curve, hermite
 from thermid.model._laws.law import MIN_POINT_DISTANCE
+from thermid.model._laws.stores import Curve, hermite
 
 BOTH = ("-80 [K]", "80 [K]")
 WARM = ("-40 [degC]", "120 [degC]")

@@ -10,16 +10,15 @@ import pytest
 
 import thermid as td
 from by_code import raises_code
-from thermid.base.dual import Dual
 from thermid.base.errors import DeckError, SolverError
+from thermid.base.linear_algebra import Dual
 from thermid.base.units import TEMPERATURE
 from thermid.model._parts.controls import CONTROL_SLOTS, slot_of
-from thermid.model._parts.elements import LOAD_SLOTS, NODE_SLOTS
-from thermid.model._parts.kinds import KINDS
+from thermid.model._parts.elements import KINDS, LOAD_SLOTS, NODE_SLOTS
 from thermid.model._parts.ranges import RANGES, range_of
 from thermid.model._tree.flat import allows
 from thermid.simulation._ensemble import MemberValues
-from thermid.simulation.network import compile_network
+from thermid.simulation.runs import compile_network
 
 BOLTED = {
     "kind": "bolted", "between": ["plate", "air"], "count": 4, "torque": "1.2 [N m]", "diameter": "4 [mm]", "washer": "8 [mm]",

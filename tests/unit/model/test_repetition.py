@@ -12,7 +12,7 @@ import pytest
 import thermid as td
 from by_code import raises_code
 from thermid.base.errors import DeckError, ThermidError
-from thermid.model._deck.save import save_model
+from thermid.model._deck.modelfile import save_model
 
 Decks = Callable[..., td.Model]
 CELL: dict[str, Any] = {

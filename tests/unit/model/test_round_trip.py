@@ -13,14 +13,13 @@ import pytest
 from by_code import raises_code
 from thermid.base.errors import DeckError, OutputError
 from thermid.base.files import unsealed
-from thermid.model._deck.modelfile import load_model, model_from_dict
-from thermid.model._deck.save import save_model
-from thermid.model._parts.kinds import KINDS
+from thermid.model._deck.modelfile import load_model, model_from_dict, save_model
+from thermid.model._parts.elements import KINDS
 from thermid.model._tree.flat import flatten
 from thermid.model._tree.identity import to_dict
 from thermid.model._tree.model import Model
 from thermid.simulation._network.rows import CONTROLS, LOADS
-from thermid.simulation.network import compile_network
+from thermid.simulation.runs import compile_network
 from unit.model.every_kind import firsts
 
 Decks = Callable[..., Model]

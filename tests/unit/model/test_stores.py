@@ -12,8 +12,7 @@ from scipy.integrate import quad, solve_ivp
 import thermid as td
 from by_code import raises_code
 from thermid.base.errors import DeckError, ScenarioError, SolverError
-from thermid.model._laws.curves import curve
-from thermid.model._laws.stores import HeatStore, store
+from thermid.model._laws.stores import HeatStore, curve, store
 from thermid.model._tree.identity import to_dict
 from thermid.physics.constants import STEFAN_BOLTZMANN
 

@@ -9,13 +9,13 @@ import numpy as np
 import pytest
 
 from by_code import raises_code
-from thermid.base.dual import Dual
 from thermid.base.errors import DeckError, ExpressionError, NameNotFoundError, ThermidError, UnitError
+from thermid.base.linear_algebra import Dual
 from thermid.model._parts.parameter import parameter
 from thermid.model._tree.flat import flatten
 from thermid.model._tree.model import Model
 from thermid.model._tree.tree import ParameterSet
-from thermid.simulation.network import compile_network
+from thermid.simulation.runs import compile_network
 
 Build = Callable[..., Model]
 

@@ -11,7 +11,7 @@ import thermid as td
 from thermid.base.toml_files import Places
 from thermid.model._deck.schema import Deck
 from thermid.model._tree.flat import flatten
-from thermid.simulation.network import compile_network
+from thermid.simulation.runs import compile_network
 from thermid.simulation.solver import Engine, Wiring
 
 DECK = {

@@ -13,7 +13,7 @@ import thermid as td
 from thermid.base.codes import code_of
 from thermid.base.errors import IdentificationError
 from thermid.fit.error_model import ErrorModel, course_of
-from thermid.model.elements import TableSignal
+from thermid.model.tree import TableSignal
 from thermid.prediction.bands import predict_record
 from thermid.simulation.runs import network_for
 from thermid.simulation.solver import Engine, Options, Wiring

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import thermid as td
-from thermid.model.elements import FINISH_CORRELATION
+from thermid.model.tree import FINISH_CORRELATION
 from thermid.physics.finishes import FINISHES
 from thermid.prediction._budget import STATED_RANGES, Budget, assumed_values, budget_of
 

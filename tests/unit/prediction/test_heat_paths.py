@@ -11,11 +11,11 @@ import pytest
 import thermid as td
 from by_code import raises_code
 from thermid.base.errors import DeckError
+from thermid.base.units import ICE_POINT
 from thermid.fit._error_model.sizes import LENGTHS
 from thermid.fit.error_model import SIZES
 from thermid.measure.records import Channel, Record
 from thermid.model.deck import save_model
-from thermid.physics.constants import ICE_POINT
 from thermid.prediction._predict import Prediction, predict
 
 TIMES = np.linspace(0.0, 18000.0, 151)

@@ -84,3 +84,28 @@ def test_a_value_without_a_finite_error_is_open_until_a_test_shows_it(levels: Le
     advice = td.design.next_test(blind, HTC, AGAIN)
     assert advice.now == np.inf
     assert 0 < advice.best.error < found[HTC].error
+
+
+def test_a_logged_speed_is_no_sensor() -> None:
+    """Every test "cannot be made: no node 'amps'", so a fit with a fan or a cooler had no advice."""
+    skin = {"kind": "conduction", "between": ["case", "room"], "conductance": "speed * blown"}
+    model = td.model_from_dict(
+        {
+            "title": "fan",
+            "needs": ["room"],
+            "parameters": {"speed": "1", "blown": {"value": "0.5 [W/K]", "min": 0.1, "max": 2}},
+            "nodes": {"case": {"capacitance": "100 [J/K]"}},
+            "conductors": {"skin": skin},
+            "loads": {"heat": {"into": "case", "power": "5 [W]"}},
+        }
+    )
+    times = np.arange(0.0, 3600.0, 60.0)
+    speed = td.Channel.from_array("rpm", 1.0 + (times > 1800.0), quantity="command", unit="1", role="schedule", target="speed")
+    scenario = td.Scenario("bench", {"room": "20 [degC]"}, start="room", duration="1 [h]", schedule={"speed": (times, speed.values)})
+    seen = td.simulate(model, scenario, times=times)["case"].kelvin + 0.05 * np.random.default_rng(1).standard_normal(times.size)
+    case = td.Channel.from_array("T", seen, unit="K", role="node", target="case", noise=0.05, accuracy=0.2)
+    found = td.calibrate(
+        model, td.Record.from_arrays("log", times, {"T": case, "rpm": speed}), ["blown"], scenario=scenario.with_(schedule={})
+    )
+    advice = td.design.next_test(found, "blown", [td.design.Action("again", scenario)])
+    assert [o.refused for o in advice.options] == [""]

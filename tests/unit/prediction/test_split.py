@@ -13,7 +13,7 @@ from by_code import raises_code
 from thermid.base.errors import DeckError, IdentificationError
 from thermid.measure.records import Channel, Record
 from thermid.model._tree.identity import to_dict
-from thermid.model.elements import StatedRange
+from thermid.model.tree import StatedRange
 from thermid.physics.finishes import FINISHES, Finish
 from thermid.physics.radiation import linearised_htc
 

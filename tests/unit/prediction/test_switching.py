@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
 import numpy as np
@@ -72,6 +73,28 @@ def told(found: Calibration) -> td.Prediction:
     with pytest.MonkeyPatch.context() as few:
         few.setattr(_predict, "DRAWN_MEMBERS", MEMBERS)
         return td.predict(found, COLD)
+
+
+class _Counting(ThreadPoolExecutor):
+    """Threads that count the tasks that they are given."""
+
+    tasks = 0
+
+    def submit(self, *task: Any) -> Any:
+        self.tasks += 1
+        return super().submit(*task)
+
+
+@pytest.mark.parametrize("scenario", [COLD, COLD.with_(boundaries={"air": "25 [degC]"})], ids=["switches", "settles"])
+def test_members_have_the_same_bits_from_any_workers(found: Calibration, scenario: td.Scenario) -> None:
+    plain = td.predict(found, scenario, draws=MEMBERS)
+    with _Counting(2) as workers:
+        shared = td.predict(found, scenario, draws=MEMBERS, executor=workers)
+    assert workers.tasks > 8
+    assert shared.settled == plain.settled
+    for node, band in plain.bands.items():
+        assert band.members is not None
+        assert np.array_equal(shared[node].members, band.members)
 
 
 def late_ends(band: Band) -> tuple[float, float]:
@@ -150,7 +173,9 @@ def test_random_decks_keep_their_truths_inside() -> None:
         cell, bat, frame, power = (float(draws.uniform(*ends)) for ends in ((0.1, 0.3), (120.0, 300.0), (200.0, 500.0), (6.0, 9.0)))
         scenario = COLD.with_(boundaries={"air": f"{room} [degC]"})
         model = deck(cell, bat, frame, power, (on, on + hysteresis))
-        band = td.predict(td.design.Knowledge(model), scenario, spread=spread, every="10 [min]", nodes=["bat"])["bat"]
+        band = td.predict(
+            td.design.Knowledge(model), scenario, spread=spread, times=np.arange(0.0, COLD.seconds + 1.0, 600.0), nodes=["bat"]
+        )["bat"]
         low, high = band.interval()
         assert band.half_width[band.times > LATE].max() < 0.5 * hysteresis + 0.1
         for _ in range(5):

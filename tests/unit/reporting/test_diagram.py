@@ -11,8 +11,7 @@ import pytest
 import thermid as td
 from by_code import raises_code
 from thermid.base.errors import NameNotFoundError
-from thermid.model.elements import KINDS
-from thermid.model.tree import flatten
+from thermid.model.tree import KINDS, flatten
 from thermid.reporting._diagrams.map import STYLES, clipped, network_map, quantity, width_of
 
 SVG = "{http://www.w3.org/2000/svg}"

@@ -16,11 +16,9 @@ import thermid as td
 from thermid.base.errors import ScenarioError
 from thermid.campaign.stages import Campaign
 from thermid.campaign.verdicts import CampaignPrediction
-from thermid.reporting._blocks.content import Cell, Figures, Head, Section, Table, folded, oversized
-from thermid.reporting._blocks.extras import LONG, SHOWN, Sheets, csv_of, numbered
+from thermid.reporting._blocks.content import LONG, SHOWN, Cell, Figures, Head, Section, Sheets, Table, csv_of, folded, numbered, oversized
 from thermid.reporting._diagrams.map import fitting_map
-from thermid.reporting._pages.campaign import _named, report
-from thermid.reporting._pages.front import NETWORK_SIZE, _decides, _network, course_of, decisive, front, hottest_moment
+from thermid.reporting._pages.campaign import NETWORK_SIZE, _decides, _named, _network, course_of, decisive, front, hottest_moment, report
 from thermid.reporting._pages.tables import glance
 from thermid.reporting._pictures import figures
 from webpage import crossings, limited

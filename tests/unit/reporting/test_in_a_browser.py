@@ -15,8 +15,7 @@ import thermid as td
 from by_code import raises_code
 from studio.browser import CHROMIUM, DRIVER, Page
 from thermid.campaign.stages import Campaign
-from thermid.reporting._blocks.content import Formulas, Section
-from thermid.reporting._blocks.extras import AUDIENCES
+from thermid.reporting._blocks.content import AUDIENCES, Formulas, Section
 from thermid.reporting._pages.campaign import report
 from webpage import SMALLEST, filled
 
@@ -243,7 +242,7 @@ def test_without_script_the_page_stands_as_it_is(browser: Page, address: str) ->
 
 
 def test_a_page_becomes_a_pdf(address: str, tmp_path: Path) -> None:
-    from thermid.reporting._blocks.extras import page_to_pdf
+    from thermid.reporting._blocks.content import page_to_pdf
 
     if CHROMIUM is None:
         pytest.skip("no Chromium to print with")
@@ -291,7 +290,7 @@ def test_no_table_is_cut_on_a_laptop(browser: Page, readers: dict[str, Path], au
 
 @pytest.mark.parametrize(("audience", "most"), [("summary", 2), ("agency", 15), ("all", 30)])
 def test_each_reader_gets_a_pdf_of_the_promised_length(readers: dict[str, Path], tmp_path: Path, audience: str, most: int) -> None:
-    from thermid.reporting._blocks.extras import page_to_pdf
+    from thermid.reporting._blocks.content import page_to_pdf
 
     if CHROMIUM is None:
         pytest.skip("no Chromium to print with")
@@ -321,7 +320,7 @@ def test_formulas_look_the_same_where_no_font_for_them_is_installed(browser: Pag
 
 
 def test_without_a_browser_the_print_says_what_to_do(address: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    from thermid.reporting._blocks import extras
+    from thermid.reporting._blocks import content as extras
 
     monkeypatch.setenv("PATH", str(tmp_path))
     monkeypatch.setattr(extras, "PLACES", ())
@@ -330,7 +329,7 @@ def test_without_a_browser_the_print_says_what_to_do(address: str, tmp_path: Pat
 
 
 def test_a_browser_that_prints_nothing_is_told(address: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    from thermid.reporting._blocks import extras
+    from thermid.reporting._blocks import content as extras
 
     broken = tmp_path / "chromium"
     broken.write_text("#!/bin/sh\necho out of order >&2\n", encoding="utf-8")

@@ -17,8 +17,8 @@ import pytest
 import thermid as td
 from by_code import raises_code
 from thermid.campaign.stages import Campaign
-from thermid.model.elements import Standing
-from thermid.reporting._blocks import extras
+from thermid.model.tree import Standing
+from thermid.reporting._blocks import content as extras
 from thermid.reporting._pages import campaign as page_module
 from thermid.reporting._pages.campaign import report
 from webpage import without_script

@@ -13,7 +13,7 @@ import pytest
 
 import thermid as td
 from by_code import raises_code
-from thermid.model.elements import TableSignal
+from thermid.model.tree import TableSignal
 
 from .large_cases import NODES, warm_block, warming_room
 

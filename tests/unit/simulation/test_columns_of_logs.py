@@ -12,7 +12,7 @@ import thermid as td
 from by_code import raises_code
 from thermid.base.errors import ThermidError
 from thermid.fit.calibration import bind
-from thermid.model.elements import TableSignal
+from thermid.model.tree import TableSignal
 
 LOG = """time_s,room,wall [degC],h,k [W/(m^2 K)],heat,drive,p,w,sun
 1000,20,21,5,3,4,50,101325,0,0

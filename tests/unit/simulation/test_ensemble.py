@@ -16,7 +16,7 @@ import thermid as td
 from by_code import raises_code
 from thermid import _kernel
 from thermid.base.errors import NameNotFoundError, ScenarioError, UnitError
-from thermid.model.elements import TableSignal
+from thermid.model.tree import TableSignal
 from thermid.simulation._ensemble import assemble_members
 from thermid.values.fitted import FittedValue, FittedValues
 

@@ -13,9 +13,9 @@ import pytest
 import thermid as td
 from oracle import Oracle, flatten, si
 from switched import switched
+from thermid.base.units import ICE_POINT
 from thermid.campaign.verdicts import Limits, check_limits, check_readings, margins
-from thermid.model.elements import TableSignal
-from thermid.physics.constants import ICE_POINT
+from thermid.model.tree import TableSignal
 from thermid.prediction.members import hold
 from thermid.simulation._solution import Trace
 from thermid.simulation._solver.extremes import first_above, resolved

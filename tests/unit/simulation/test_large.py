@@ -11,7 +11,7 @@ import pytest
 import thermid as td
 from by_code import raises_code
 from thermid.base.errors import SolverError
-from thermid.model.elements import TableSignal
+from thermid.model.tree import TableSignal
 from thermid.simulation._simulator import prepare
 from thermid.simulation._solver import large_steady, problem
 

@@ -10,7 +10,7 @@ import pytest
 import thermid as td
 from by_code import raises_code
 from thermid.base.errors import ScenarioError, SolverError
-from thermid.model.elements import TableSignal
+from thermid.model.tree import TableSignal
 
 
 def _model(**law: Any) -> td.Model:
@@ -37,6 +37,14 @@ def test_a_linear_network_goes_by_modes() -> None:
     found = td.simulate(_model(), _scenario())
     assert found.statistics["method"] == "modal"
     assert found["case"].kelvin == pytest.approx(290 + 10 * -np.expm1(-found.times / 200), abs=1e-11)
+
+
+def test_temperatures_are_good_to_a_tenth_of_a_millikelvin_unless_asked_otherwise() -> None:
+    """The run that is asked for that error is the one that nobody asked anything; of another error the steps are others."""
+    model, scenario = _model(conductance=None, **RADIATING), _scenario()
+    usual, asked, wider = (td.simulate(model, scenario, options=o) for o in (None, td.Options("0.1 [mK]"), td.Options("0.12 [mK]")))
+    assert np.array_equal(usual["case"].kelvin, asked["case"].kelvin)
+    assert not np.array_equal(wider["case"].kelvin, asked["case"].kelvin)
 
 
 def test_the_integrator_can_be_asked_for() -> None:

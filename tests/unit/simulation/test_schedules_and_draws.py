@@ -7,7 +7,7 @@ import pytest
 
 import thermid as td
 from by_code import raises_code
-from thermid.base.errors import ScenarioError
+from thermid.base.errors import ScenarioError, ThermidError
 
 
 def model(conductance: str) -> td.Model:
@@ -89,6 +89,17 @@ def test_members_of_a_schedule_are_those_of_single_runs() -> None:
         single = td.simulate(two_ways().with_values({k: repr(v) for k, v in own.items()}), falling_and_rising(), every=60.0)
         for node in ("n", "m"):
             assert found.temperatures(node)[:, member] == pytest.approx(single[node].kelvin, abs=2e-4)
+
+
+def test_a_value_whose_effect_is_no_factor_of_what_is_scheduled_is_named() -> None:
+    """The exponent of a logged speed, in a fit; the message named neither it nor what to do."""
+    times = np.arange(0.0, 1800.0, 60.0)
+    warmer = td.Channel.from_array("n", 20.0 + 2.0 * (1.0 - np.exp(-times / 600.0)), unit="degC", role="node", target="n", noise=0.1)
+    speed = td.Channel.from_array("d", np.linspace(0.5, 1.0, times.size), quantity="command", unit="1", role="schedule", target="d")
+    record = td.Record.from_arrays("log", times, {"n": warmer, "d": speed})
+    scenario = td.Scenario("s", boundaries={"air": "20 [degC]"}, start="air", duration="30 [min]")
+    with raises_code("model.element-not-supported", ThermidError, match="'bend'"):
+        td.calibrate(two_ways(), record, ["b", "bend"], scenario=scenario)
 
 
 def test_a_schedule_is_evaluated_for_all_members_at_once(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -13,7 +13,7 @@ import pytest
 import thermid as td
 from by_code import raises_code
 from thermid.base.errors import RecordError, ScenarioError, ThermidError
-from thermid.model.elements import Constant, MeanOf, Mixed, Signal, Sine, TableSignal, common_cycle, joined, multiplied, signal
+from thermid.model.tree import Constant, MeanOf, Mixed, Signal, Sine, TableSignal, common_cycle, joined, multiplied, signal
 from thermid.prediction._monte_carlo.uncertain import begun_at
 from thermid.simulation._network.irradiation import added
 from thermid.site.ascent import Trajectory

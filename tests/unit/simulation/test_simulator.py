@@ -8,7 +8,7 @@ import pytest
 import thermid as td
 from by_code import raises_code
 from thermid.base.errors import DeckError, NameNotFoundError, ScenarioError
-from thermid.model.elements import TableSignal
+from thermid.model.tree import TableSignal
 
 DECK = {
     "title": "pair",

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from thermid.site._atmosphere import EARTH_RADIUS, UPPER
+from thermid.site.site import _EPW, _converted
 from thermid.site.vapour import _Interval
-from thermid.site.weather import _EPW, _converted
 
 
 def test_the_upper_air_weighs_what_its_pressures_differ_by_and_gets_lighter_with_height() -> None:

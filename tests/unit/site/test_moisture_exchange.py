@@ -11,7 +11,7 @@ from scipy.integrate import solve_ivp
 
 import thermid as td
 from by_code import raises_code
-from thermid.model.elements import Constant
+from thermid.model.tree import Constant
 from thermid.physics.air import mass_transfer_coefficient, saturation_pressure, vapour_density, vapour_pressure
 from thermid.site.moisture import Moisture
 from thermid.site.vapour import follow

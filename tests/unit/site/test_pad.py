@@ -153,6 +153,15 @@ def test_wind_and_rain_make_coefficients(weather: td.site.Weather) -> None:
     )
 
 
+def test_a_coefficient_in_wind_is_that_of_air_as_warm_as_stated(weather: td.site.Weather) -> None:
+    """It was that of the weather's dry bulb, or of 300 K where the weather has none."""
+    wind = {"face.htc": {"length": "2 [m]", "calm": "0 [W/(m^2 K)]"}}
+    made = td.site.pad_scenario(SITE, weather, air_temperature="-40 [degC]", wind=wind)
+    assert made.schedule["face.htc"].at(weather["wind"].times)[2] == pytest.approx(
+        float(wind_htc(6.0, 2.0, 233.15, SITE.pressure)), rel=1e-9
+    )
+
+
 def test_a_coefficient_from_a_correlation_feels_the_wind_and_a_fixed_one_is_named(weather: td.site.Weather) -> None:
     made = td.site.pad_scenario(SITE, weather)
     fixed, follows = td.simulate(skin(), made), td.simulate(skin(htc={"length": "2 [m]"}), made)

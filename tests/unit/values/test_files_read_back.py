@@ -27,9 +27,7 @@ from thermid.fit.discrepancy import Discrepancy, OperatingPoint, OwnValue
 from thermid.measure.records import Channel, Record
 from thermid.measure.sensors import SensorCertificate
 from thermid.model.deck import load_model, model_from_dict, save_model
-from thermid.model.elements import KINDS, Standing
-from thermid.model.identity import Dropped
-from thermid.model.tree import Model
+from thermid.model.tree import KINDS, Dropped, Model, Standing
 from thermid.prediction._known import known_of
 from thermid.simulation.runs import Scenario, simulate
 from thermid.values.fitted import load_store, load_values, save_store

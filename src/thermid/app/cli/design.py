@@ -29,7 +29,7 @@ from thermid.base.expression import Kelvin
 from thermid.base.files import FileKinds, check_ending, write_text
 from thermid.campaign.verdicts import Limits, compare_models, size, worst_case
 from thermid.model.deck import load_model
-from thermid.model.elements import UNJUDGED
+from thermid.model.tree import UNJUDGED
 from thermid.physics.htc import compare_htc
 from thermid.reporting.diagrams import network_map
 from thermid.simulation.scenario_files import load_scenario

@@ -62,7 +62,7 @@ from thermid.fit.calibration import Calibration
 from thermid.fit.error_model import SIZES
 from thermid.fit.estimation import estimated
 from thermid.model.deck import load_model, save_model
-from thermid.model.elements import UNJUDGED, literal, worst
+from thermid.model.tree import UNJUDGED, literal, worst
 from thermid.prediction import bands as prediction
 from thermid.prediction.bands import Knowledge, predict_record
 from thermid.prediction.members import load_hold
@@ -125,7 +125,7 @@ def calibrate(
 
 @add_worker_options
 def report(
-    campaign: Annotated[Path | None, typer.Argument(help="A campaign (TOML); the only one of this folder without it.")] = None,
+    campaign: Annotated[Path | None, typer.Argument(help="A campaign (TOML); the only one here without it.")] = None,
     to: Page = None,
     data: Data = None,
     results: Annotated[Path | None, typer.Option("--results", help="Folder for the values files.")] = None,
@@ -150,20 +150,22 @@ def report(
     result, _ = _run(campaign, data, results, fresh, accept, executor)
     with working("writing the report"):
         files = named_page(page.report(result, to=to, audience=audience, tables_to=tables_folder(to)))
-    taken = [f"campaign: {campaign}, the only one of this folder"] if alone else []
+    taken = [f"campaign: {campaign}, the only one here"] if alone else []
     text = result.standing.over("\n".join([*taken, *(f"report: {path}" for path in files.values())]), "stage")
     say(as_json, {**files, "campaign": str(campaign), "passed": result.passed, "standing": campaign_standing(result)}, text)
     leave(result.standing, result.exit_code)
 
 
 def _only_campaign() -> Path:
-    """Return the only campaign of the working folder.
+    """Return the only campaign of the working folder, or of the folders in it where it has no such file itself.
 
     Raises
     ------
     ScenarioError   When it has none or several.
     """
-    found = [path for path in sorted(Path().glob("*.toml")) if kind_of_text(read_bytes(path)) == "a campaign"]
+    found = [
+        path for path in sorted(Path().glob("*.toml")) or sorted(Path().glob("*/*.toml")) if kind_of_text(read_bytes(path)) == "a campaign"
+    ]
     if len(found) != 1:
         raise ScenarioError(
             f"campaigns of this folder: {', '.join(map(str, found)) or 'none'}. Name one: thermid report campaign.toml --to report.html.",
@@ -403,12 +405,12 @@ def predict(
         stages = staged(campaign, data, results, accept, executor=executor, stage=stage, records=record)
         name = stage or list(stages)[-1]
         if conditions is None:
-            _predict_without_scenario(campaign, data, stages, name, record, as_json, verbose)
+            _predict_without_scenario(campaign, data, stages, name, record, as_json, verbose, executor)
             return
         known = stages[name]
     assert conditions is not None
     with working(f"prediction of '{conditions.title}'"):
-        predicted = prediction.predict(known, conditions.vacuum() if vacuum else conditions, spread=spreads, draws=draws)
+        predicted = prediction.predict(known, conditions.vacuum() if vacuum else conditions, spread=spreads, draws=draws, executor=executor)
     predicted = replace(predicted, standing=predicted.standing.accept(accept or ()))
     if csv is not None:
         predicted.to_csv(csv)
@@ -446,10 +448,10 @@ def _refuse_options_of_scenario(campaign: Path, of_records: bool, options: Mappi
         raise ScenarioError(words, content.title, code="command.not-understood")
 
 
-def _predict_named(campaign: Campaign, as_json: bool, verbose: bool) -> None:
+def _predict_named(campaign: Campaign, as_json: bool, verbose: bool, executor: Workers) -> None:
     """Print the predictions that a campaign names, the answers first."""
     with working("predictions of the campaign"):
-        predictions, failed = campaign_predictions(campaign)
+        predictions, failed = campaign_predictions(campaign, executor)
     if not predictions:
         raise next(iter(failed.values()))
     heads = ["\n".join(_heads(predictions if len(predictions) > 1 else (), failed))] if failed or len(predictions) > 1 else []
@@ -481,14 +483,14 @@ def _prediction_code(predictions: Sequence[CampaignPrediction], failed: Mapping[
 
 
 def _predict_without_scenario(
-    campaign: Path, data: Path | None, stages: Campaign, name: str, patterns: Sequence[str], as_json: bool, verbose: bool
+    campaign: Path, data: Path | None, stages: Campaign, name: str, patterns: Sequence[str], as_json: bool, verbose: bool, executor: Workers
 ) -> None:
     """Print what a stage predicts of logged runs, each beside its readings; without patterns of these what the campaign names.
 
     A run is taken as the verdict on it takes it, else as the stage does.
     """
     if not patterns:
-        _predict_named(stages, as_json, verbose)
+        _predict_named(stages, as_json, verbose, executor)
         return
     source, fit = read_campaign(campaign, data), stages[name]
     stage = next(s for s in source.content.stages if s.name == name)

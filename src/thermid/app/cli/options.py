@@ -16,13 +16,12 @@ import typer
 from thermid.app.cli.screen import show
 from thermid.base.codes import add_codes, mark_codes
 from thermid.base.errors import NameNotFoundError, ScenarioError
+from thermid.base.expression import pairs as pairs, with_unit as with_unit
 from thermid.base.extensions import require
 from thermid.base.files import FileKinds, command, may_write
 from thermid.base.results import clean
-from thermid.measure.amounts import pairs as pairs, with_unit as with_unit
 from thermid.model.deck import load_model
-from thermid.model.elements import Standing, literal
-from thermid.model.tree import Model
+from thermid.model.tree import Model, Standing, literal
 from thermid.simulation.runs import KeptTasks, Workers as Workers
 from thermid.simulation.scenario_files import Scenario, load_scenario
 from thermid.values.store import model_standing

@@ -24,8 +24,8 @@ from thermid.app.cli.options import (
     scenario_of,
     with_unit,
 )
-from thermid.model.elements import literal
-from thermid.physics.constants import ICE_POINT
+from thermid.base.units import ICE_POINT
+from thermid.model.tree import literal
 from thermid.site.moisture import Moisture, moisture as moist_run
 
 

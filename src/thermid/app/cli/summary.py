@@ -13,11 +13,10 @@ from thermid.app.cli.screen import SCREEN, Progress, console, folded, severity, 
 from thermid.base.errors import NameNotFoundError, refuse_unknown, spoken
 from thermid.base.extensions import require
 from thermid.base.sourced import VERDICTS
-from thermid.base.units import counted
+from thermid.base.units import counted, digits, short
 from thermid.campaign.stages import Campaign, read_campaign, run_stages
 from thermid.campaign.verdicts import Check, Verdict
 from thermid.fit.calibration import FIRST, LOUD, Calibration
-from thermid.measure.amounts import digits, short
 from thermid.measure.records import open_questions
 from thermid.reporting.pages import check_page
 from thermid.simulation.runs import Workers

@@ -32,15 +32,13 @@ from thermid.base.codes import add_codes
 from thermid.base.errors import RecordError, refuse_unknown
 from thermid.base.expression import amount
 from thermid.base.results import clean
-from thermid.base.units import TEMPERATURE
+from thermid.base.units import ICE_POINT, TEMPERATURE, duration_text
 from thermid.campaign.stages import RunningTest, running_test
-from thermid.measure.amounts import duration_text
 from thermid.measure.readers import read_record, temperature_columns
 from thermid.measure.records import Record
 from thermid.measure.steadiness import rule_of
 from thermid.model.deck import load_model
-from thermid.model.elements import UNJUDGED, Standing, literal
-from thermid.physics.constants import ICE_POINT
+from thermid.model.tree import UNJUDGED, Standing, literal
 from thermid.qualify.steadiness import Forecast, forecast, stability
 from thermid.qualify.watch import BoundColumns, GrowingLog, TemperatureLimit, Watcher, WatchLook, WatchRequest, replayed
 from thermid.simulation.runs import Scenario, simulate

@@ -13,15 +13,13 @@ from thermid.app.studio.desk import Desk, Window, texts_of, thinned_curve
 from thermid.base.errors import ScenarioError, ThermidError, look_up, refuse_unknown
 from thermid.base.sourced import weigh
 from thermid.base.toml_files import project_root, read_toml
+from thermid.base.units import ICE_POINT, duration_text
 from thermid.campaign.verdicts import LimitCheck, Limits, Margin, check_limits, margins, read_limits, spans
-from thermid.measure.amounts import duration_text
-from thermid.model.elements import UNJUDGED, Standing
-from thermid.physics.constants import ICE_POINT
+from thermid.model.tree import UNJUDGED, Standing
 from thermid.prediction.bands import Band, Knowledge, foresee
 from thermid.qualify.plans import Qualification, Trial, load_plan, lock_status, run_plan
 from thermid.qualify.profiles import ProfileRun, ThermalProfile, load_profile, profile_names, profile_of, run_profile, typed
-from thermid.simulation.network import compile_network
-from thermid.simulation.runs import Solution, simulate
+from thermid.simulation.runs import Solution, compile_network, simulate
 
 
 @dataclass(frozen=True)

@@ -16,18 +16,15 @@ import numpy as np
 
 from thermid.base.errors import DeckError, NameNotFoundError, ThermidError, refuse_unknown
 from thermid.base.linear_algebra import Array
-from thermid.base.units import from_si, in_si, unit
+from thermid.base.units import ICE_POINT, from_si, in_si, unit
 from thermid.fit.calibration import Bench, Calibration, Problem, Sums, Unknown, in_place
 from thermid.model.deck import Edit
-from thermid.model.elements import literal
-from thermid.model.tree import Entry, Model
-from thermid.physics.constants import ICE_POINT
+from thermid.model.tree import Entry, Model, literal
 from thermid.physics.finishes import FINISHES
 from thermid.prediction.bands import split
 from thermid.reporting.diagrams import network_map, parts_of
 from thermid.reporting.looks import thinned
-from thermid.simulation.network import compile_network
-from thermid.simulation.runs import Scenario, Simulator, Solution, prepare, simulate
+from thermid.simulation.runs import Scenario, Simulator, Solution, compile_network, prepare, simulate
 from thermid.values.store import INPUT, LeftOut, State, Store, ValueOrigin
 
 Window = tuple[float, float] | None

@@ -13,23 +13,20 @@ import numpy as np
 from thermid.app.studio.desk import Window, number_of, thinned_curve, window_of
 from thermid.base.codes import add_codes
 from thermid.base.errors import DeckError, MissingDataError, RecordError, ThermidError, refuse_unknown
+from thermid.base.expression import pairs, with_unit
 from thermid.base.linear_algebra import Array, Bools
 from thermid.base.results import clean
 from thermid.base.toml_files import project_root, resolve_inside
-from thermid.base.units import TEMPERATURE, unit
+from thermid.base.units import ICE_POINT, TEMPERATURE, unit
 from thermid.campaign.stages import Campaign, running_test
-from thermid.measure.amounts import pairs, with_unit
 from thermid.measure.looks import look
 from thermid.measure.readers import log_cells, name_and_unit, read_record
 from thermid.measure.records import Channel, Record
 from thermid.measure.steadiness import RULES, ChannelStability, StabilityRule, channel_stability, rule_of, since_when
-from thermid.model.elements import UNJUDGED, literal
-from thermid.model.tree import Model
-from thermid.physics.constants import ICE_POINT
+from thermid.model.tree import UNJUDGED, Model, literal
 from thermid.qualify.steadiness import Forecast, Stability, forecast
 from thermid.qualify.watch import BoundColumns, TemperatureLimit, Watcher, WatchRequest, read_whole_lines, roles_of_paths
-from thermid.simulation.network import compile_network
-from thermid.simulation.runs import Scenario
+from thermid.simulation.runs import Scenario, compile_network
 from thermid.values.store import model_standing
 
 WATCHED_ROLES = ("node", "boundary", "load")

@@ -33,7 +33,7 @@ from thermid.fit.calibration import Calibration, Request, build_problem, fit, fi
 from thermid.model.deck import DeckDocument, load_model
 from thermid.model.tree import Model, ParameterSet
 from thermid.reporting.pages import Table, levels
-from thermid.simulation.network import compile_network
+from thermid.simulation.runs import compile_network
 from thermid.simulation.scenario_files import Scenario, load_scenario
 from thermid.values.fitted import load_store, save_store
 from thermid.values.store import Store

@@ -27,8 +27,8 @@ from thermid.base.errors import DeckError, ThermidError, refuse_unknown
 from thermid.base.files import FileKinds, command, read_text, state_folder, write_bytes
 from thermid.base.linear_algebra import Array
 from thermid.base.results import clean
+from thermid.base.units import ICE_POINT
 from thermid.campaign.start import word
-from thermid.physics.constants import ICE_POINT
 from thermid.reporting.objects import campaign_standing, swap_object
 from thermid.values.store import model_standing
 

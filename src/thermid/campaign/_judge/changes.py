@@ -9,14 +9,12 @@ from typing import Any, Final
 
 import numpy as np
 
-from thermid.base.arguments import takes_objects
-from thermid.base.dual import value_of
 from thermid.base.errors import SolverError
+from thermid.base.linear_algebra import value_of
 from thermid.base.results import Result
 from thermid.base.units import si_unit
 from thermid.model.tree import Model, ParameterSet, identities
-from thermid.simulation.network import Numbers, compile_network
-from thermid.simulation.runs import Scenario, steady
+from thermid.simulation.runs import Numbers, Scenario, compile_network, steady
 
 MAX_DIFFERENCE_OF_EQUALS: Final = 1e-9
 """Relative difference below which two numbers are one number written twice."""
@@ -96,7 +94,6 @@ class Changes(Result):
         return [{"path": change.path, "what": change.what, "effect [K]": change.effect, "node": change.node} for change in self.changes]
 
 
-@takes_objects
 def compare_models(old: Model, new: Model, scenarios: Scenario | Sequence[Scenario] = ()) -> Changes:
     """Return what differs between two versions of a model, whatever units, order or arithmetic their decks are written in.
 

@@ -11,19 +11,17 @@ from typing import Any
 
 import numpy as np
 
-from thermid.base.arguments import takes_objects
 from thermid.base.errors import IdentificationError, NameNotFoundError, RecordError, look_up, nearest, quoted, refuse_unknown
 from thermid.base.expression import amount
 from thermid.base.linear_algebra import Array, Bools
 from thermid.base.results import Result, Row
 from thermid.base.sourced import VERDICTS, weigh
-from thermid.campaign._judge.criteria import CRITERIA, Check, Criteria, Deviation, Residuals, judge, rmse
+from thermid.base.units import ICE_POINT
+from thermid.campaign._judge.verdict import CRITERIA, Check, Criteria, Deviation, Residuals, judge, rmse
 from thermid.fit.calibration import Calibration
 from thermid.measure.records import Record, gap_from, usual_step
 from thermid.measure.steadiness import RULES
-from thermid.model.elements import UNJUDGED, Standing
-from thermid.model.tree import Model
-from thermid.physics.constants import ICE_POINT
+from thermid.model.tree import UNJUDGED, Model, Standing
 from thermid.simulation.runs import Scenario, simulate
 from thermid.values.store import model_standing
 
@@ -72,7 +70,6 @@ class Difference(Result):
         return "\n".join(lines)
 
 
-@takes_objects
 def difference(old: Model, new: Model, scenario: Scenario, *, nodes: Sequence[str] = ()) -> Difference:
     """Return the difference of two versions of a model in one scenario, new less old.
 
@@ -337,7 +334,6 @@ class Correlation(Result):
         return [{"sensor": d.sensor, "case": d.case, "kind": d.kind, **{f"{k}_K": d[k] for k in sizes}} for d in self.deviations]
 
 
-@takes_objects
 def correlate(
     readings: Sequence[Overlay] | Calibration | tuple[Record, Record],
     criteria: Sequence[str | Criteria] = ("ECSS",),

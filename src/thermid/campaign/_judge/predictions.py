@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from thermid.base.results import Result
-from thermid.physics.constants import ICE_POINT
+from thermid.base.units import ICE_POINT
 from thermid.prediction.bands import Prediction
 
 Ends = tuple[float, float]

@@ -38,7 +38,7 @@ class LimitTable(StrictTable):
 
 
 class CriteriaTable(Grammar):
-    """Limits of the errors of a model, by metric; which metrics there are says `thermid.campaign._judge.criteria.known_criteria`."""
+    """Limits of the errors of a model, by metric; which metrics there are says `thermid.campaign._judge.verdict.known_criteria`."""
 
     model_config = ConfigDict(extra="allow")
     fault: ClassVar[type[ThermidError]] = ScenarioError

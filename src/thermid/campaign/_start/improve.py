@@ -12,12 +12,12 @@ from tomlkit.items import AoT
 
 from thermid.base.errors import DeckError, IdentificationError, ThermidError, refuse_unknown
 from thermid.base.files import may_write, read_text, unsealed, write_text
+from thermid.base.units import short
 from thermid.campaign._file import CampaignSource, read_campaign
 from thermid.campaign._stages import run_stages
 from thermid.campaign._start.project import TEMPLATE
 from thermid.fit.calibration import Calibration, Request, fit
 from thermid.inference.criticism import EVALUATIONS, MissingElement, StructureSearch, search_structure
-from thermid.measure.amounts import short
 from thermid.measure.records import Record
 from thermid.model.deck import save_model
 from thermid.simulation.runs import Workers
@@ -141,14 +141,14 @@ def improve(path: Path, stage: str = "", evaluations: int = EVALUATIONS, data: P
     names = [s.name for s in source.content.stages]
     name = stage or names[-1]
     refuse_unknown([name], names, path.name, "no stage '{}'.", DeckError)
+    may_write(path.with_name(f"{path.stem}_{NEXT}.toml"), TEMPLATE.titled(f"{path.stem}_{NEXT}"))  # refused before the search
     before = run_stages(source.unjudged, cache=path.parent / "results", executor=executor).stages[name]
-    if before.request is None or not before.request.records:
+    if (request := before.request) is None or not request.records:
         raise DeckError(
             f"stage '{name}' has values tuned by hand and fits nothing, so structures cannot be compared. Give a stage that fits records.",
             path.name,
             code="campaign.refused",
         )
-    request = before.request
     refuse_unseen(request.model, "a search for another structure")
     may = _may_delay(source, request)
     first = search_structure(
@@ -298,12 +298,10 @@ def _written(path: Path, stage: str, before: Request, after: Request, delays: Se
         table["local"] = tomlkit.item({**dict(table.get("local", {})), **local})
     for delay in delays:
         with_step(document["records"][delay.table], delay)
-    kind = TEMPLATE.titled(campaign.stem)
-    may_write(campaign, kind)
     folder.mkdir(exist_ok=True)
     model = replace(after.model, title=f"{after.model.title} {NEXT}")
     save_model(model, deck)
-    write_text(campaign, tomlkit.dumps(document), kind)
+    write_text(campaign, tomlkit.dumps(document), TEMPLATE.titled(campaign.stem))
     return [deck, campaign]
 
 

@@ -21,7 +21,7 @@ from thermid.campaign._start.switching import instants_text, with_instants
 from thermid.fit.calibration import LocalSpec, Request
 from thermid.measure.records import Record, thinned_step
 from thermid.model.deck import model_text
-from thermid.model.elements import parameter
+from thermid.model.tree import parameter
 
 SCHEMA: Final = FileKind("JSON Schema", endings=(".json",))
 FOLDER: Final = "schema"

@@ -239,7 +239,7 @@ def roles_of(
             code="record.nothing-there",
         )
     heated = [_pair(p, False) for p in powers] or [(n, "") for n in (*guessed["power"], *guessed["duty"]) if not _idle(columns[n].values)]
-    heated = [(n, named_part(node, parts)) for n, node in heated]
+    heated = [(n, SURROUNDINGS if node in (around, SURROUNDINGS) else named_part(node, parts)) for n, node in heated]
     logged_powers = _with_shares(_logged(heated, columns, scales, formulas), path)
     taken = {*parts, around, *(p.column for p in logged_powers)}
     units = {n: c.unit for n, c in columns.items() if n in taken and c.assumed and c.unit}

@@ -8,12 +8,10 @@ from typing import Any
 
 import numpy as np
 
-from thermid.base.dual import value_of
-from thermid.base.linear_algebra import Array
+from thermid.base.linear_algebra import Array, value_of
 from thermid.fit._error_model.sizes import DEPARTURE_SAMPLES
-from thermid.model.elements import Law
-from thermid.model.tree import FlatConductor
-from thermid.simulation.network import Network
+from thermid.model.tree import Drawn, FlatConductor, Law, in_run
+from thermid.simulation.runs import Network
 from thermid.simulation.solver import Engine, Options, Traces, Wiring
 
 FREE_AIR, STREAM = "free air", "fan"
@@ -58,7 +56,7 @@ class ElementCourse:
     kelvin : dict               Node or boundary -> temperature (times,). [K]
     flows : dict                Conductor -> heat from its first end to its second (times,). [W]
     follows : dict              Boundary -> conductor -> what one more kelvin of it adds to that heat (times,). [W/K]
-    stores : dict               Node -> heat that it takes up (times,), and its capacitance [J/K]. [W]
+    stores : dict               Node -> heat that it takes up beside its powers (times,), and its capacitance [J/K]. [W]
     powers : dict               Load -> the node, and its power.
     radiated : dict             Conductor -> what of its heat is radiation (times,). [W]
     values : dict               Parameter -> its value. [SI]
@@ -101,18 +99,33 @@ def course_of(wiring: Wiring, engine: Engine, x: Array | None, options: Options,
         beside = wiring.conductor_flows(a.numbers, {**temperatures, b: temperatures[b] + 1e-3}, held, shares)
         follows[b] = {p: (beside[p] - flows[p]) / 1e-3 for p in flows if (beside[p] != flows[p]).any()}
     sizes = {n: float(value_of(c)) for n, c in a.numbers.capacitances.items() if c is not None and n in temperatures}
-    stored = {n: c * np.gradient(run[n], times) for n, c in sizes.items()}
-    stores = {n: (stored[n] if rest is None else np.append(stored[n], 0.0), c) for n, c in sizes.items()}
+    free = {} if x is None else dict(zip(wiring.free, x.tolist(), strict=True))
     driven = {*wiring.scenario.loads, *wiring.scenario.gains}
     powers = {
-        load.path: (load.node, wiring.power(load.path, a.numbers))
+        load.path: (load.node, wiring.power(load.path, a.numbers, free))
         for load in wiring.network.flat.loads
         if load.path in driven or ("power" in load.fields and not load.follows_temperature)
     }
+    brought = dict.fromkeys(sizes, np.zeros(times.size))
+    for node, power in powers.values():
+        if node in brought:
+            brought[node] = brought[node] + integral(in_run(power, end), times)
+    through = {n: np.gradient(c * run[n] - brought[n], times) for n, c in sizes.items()}
+    if rest is not None:
+        through = {n: np.append(x, np.gradient(-brought[n], times)[-1]) for n, x in through.items()}
+    stores = {n: (through[n], c) for n, c in sizes.items()}
     shining = replace(a.numbers, conductors=tuple(row for row in a.numbers.conductors if row.form == "radiation"))
     radiated = wiring.conductor_flows(shining, temperatures, held, shares)
     whole = times if rest is None else np.array([*times[:-1], end - BEFORE_REST, end])
     return ElementCourse(whole, temperatures, flows, follows, stores, powers, radiated, a.numbers.values, rest is not None)
+
+
+def integral(signal: Drawn, times: Array) -> Array:
+    """Return the integral of a signal from the first of some times to each of them (times,); a jump counts where it is. [SI s]"""
+    knots = np.union1d(times, signal.knots(times[0], times[-1]))
+    knots = knots[(knots >= times[0]) & (knots <= times[-1])]
+    values = signal.at(knots)
+    return np.interp(times, knots, np.append(0.0, np.cumsum(0.5 * (values[1:] + values[:-1]) * np.diff(knots))))
 
 
 BEFORE_REST = 1e-3

@@ -12,12 +12,10 @@ from typing import Any, Final
 
 import numpy as np
 
-from thermid.base.arguments import takes_objects
-from thermid.base.dual import value_of
 from thermid.base.errors import IdentificationError
-from thermid.base.linear_algebra import Array, covariance, finite, pseudo_inverse
+from thermid.base.linear_algebra import Array, covariance, finite, pseudo_inverse, value_of
 from thermid.base.results import Result
-from thermid.base.units import counted, from_si, unit
+from thermid.base.units import counted, from_si, short, unit
 from thermid.fit._calibration import Calibration
 from thermid.fit._error_model.courses import (
     ElementCourse,
@@ -34,11 +32,9 @@ from thermid.fit._problem.request import Request, known_before
 from thermid.fit._problem.residuals import Bench, Influence, Problem, Unknown
 from thermid.fit._uncertainty.information import Opened, opened_jacobian
 from thermid.fit._uncertainty.noise import Autocorrelation, Binned, binned, score_excess
-from thermid.measure.amounts import short
-from thermid.model.identity import identity_of
-from thermid.model.tree import FlatConductor
+from thermid.model.tree import FlatConductor, identity_of
 from thermid.physics.gas import GASES, REFERENCE
-from thermid.simulation.network import Media, Network
+from thermid.simulation.runs import Media, Network
 from thermid.values.fitted import FittedValues
 from thermid.values.ranges import RangedValue, ranged_values
 from thermid.values.store import Source
@@ -159,7 +155,6 @@ class AssumedMoves:
         )
 
 
-@takes_objects
 def discrepancy(fit: Calibration) -> Discrepancy:
     """Return the model discrepancy of a fit: operating points of coefficients, unseparated joints, effect of assumed values.
 

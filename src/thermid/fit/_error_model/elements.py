@@ -13,8 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from thermid.base.dual import value_of
-from thermid.base.linear_algebra import Array
+from thermid.base.linear_algebra import Array, value_of
 from thermid.fit._error_model.courses import (
     FREE_AIR,
     STREAM,
@@ -30,27 +29,26 @@ from thermid.fit._error_model.sizes import (
     FREE_EXPONENT,
     FREE_EXPONENT_SD,
     GROWTH_BEND,
+    LACK_ODDS,
     LARGEST_SHARE,
     LEAST_SHARE,
     LEVEL_POINTS,
     LEVELS,
     NODES,
     OTHER_FINISH,
-    PATH_ODDS,
     PATH_SHARE,
     ROOM_KNOTS,
     ROW_OF_ZONES,
 )
-from thermid.model.elements import CARRIED_BY, Curve, Law, TableSignal, in_run
-from thermid.model.tree import FlatConductor, FlatLoad
+from thermid.model.tree import CARRIED_BY, Curve, FlatConductor, FlatLoad, Law, TableSignal, in_run
 from thermid.physics.constants import STEFAN_BOLTZMANN
-from thermid.simulation.network import Network
-from thermid.simulation.runs import Scenario
+from thermid.simulation.runs import Network, Scenario
 
 EXPONENT_OF, SHARE_OF, TREND_OF, BEND_OF, CONDUCTANCE_OF = "exponent", "radiation", "trend", "bend", "conductance"
 """What of a law is not known: of a surface, of a joint, and of a path that the deck lacks."""
-ANOTHER, WITH_PATHS = ", another finish", ", with a path"
-"""What is added to the name of a way in which a finish is not the deck's, and in which a path to a boundary is that the deck lacks."""
+ANOTHER, WITH_PATHS, WITH_ENTRIES = ", another finish", ", with a path", ", through a part"
+"""What is added to the name of a way in which a finish is not the deck's, and of one with what the deck lacks: a path to a boundary, or
+parts through which heat enters."""
 SOLIDS = ("conduction", "contact", "bolted", "wedge_lock")
 """Kinds of conductor whose constant conductance may grow with its level."""
 SURFACE, JOINT, LAW = "surface", "joint", "law"
@@ -230,7 +228,7 @@ def ways_of(
     """Return what may carry the heat of a network's surfaces: one way where the deck says it, free air and a stream where it does not.
 
     Finishes that the deck states, and nobody measured, may be others: then any emissivity is as likely, in a way of their own. Each is
-    there twice, without and with a path to a boundary that the deck lacks.
+    there as it is, with a path to a boundary that the deck lacks, and with parts that it lacks through which heat enters.
 
     Parameters
     ----------
@@ -269,10 +267,12 @@ def ways_of(
             sizes |= {(path, EXPONENT_OF): ("", FREE_EXPONENT_SD)} if free else {}
             sizes |= {(path, SHARE_OF): ("", spread)} if spread else {}
         out.append(Way(carrier + finish, laws, sizes, before))
+        if network.flat.loads:
+            out.append(Way(carrier + finish + WITH_ENTRIES, laws, sizes, before * LACK_ODDS))
         if paths:
-            laws, before = {**laws, **{p: law for p, (law, _) in paths.items()}}, before * PATH_ODDS
+            laws = {**laws, **{p: law for p, (law, _) in paths.items()}}
             sizes = {**sizes, **{(p, CONDUCTANCE_OF): ("", sd) for p, (_, sd) in paths.items()}}
-            out.append(Way(carrier + finish + WITH_PATHS, laws, sizes, before))
+            out.append(Way(carrier + finish + WITH_PATHS, laws, sizes, before * LACK_ODDS))
     return tuple(out)
 
 
@@ -364,8 +364,8 @@ def with_heats(network: Network, scenario: Scenario, heats: Iterable[DepartureHe
     """Return a network and its scenario with loads whose sizes are free."""
     loads, powers = [], {}
     for h in heats:
-        for node, watts in h.into:
-            loads.append(FlatLoad(f"{h.name} into {node}", node, node, {}, scale=h.name))
+        for k, (node, watts) in enumerate(h.into):
+            loads.append(FlatLoad(f"{h.name}, {k}, into {node}", node, node, {}, scale=h.name))
             powers[loads[-1].path] = watts
     return replace(network, flat=replace(network.flat, loads=(*network.flat.loads, *loads))), scenario.with_(loads=powers)
 
@@ -404,12 +404,13 @@ def lagged(x: Array, t: Array, time: float) -> Array:
     return out
 
 
-def hidden_mass(name: str, course: ElementCourse, node: str, time: float) -> DepartureHeat:
-    """Return what a mass of the size of a node's own takes up behind it, with a time constant: ``C (T - T_h) / tau``."""
-    kelvin, t = course.kelvin[node], course.times
-    watts = -course.stores[node][1] * (kelvin - lagged(kelvin, t, time)) / time
-    watts[-1] *= not course.settled
-    return DepartureHeat(name, ((node, TableSignal(t, watts, False)),))
+def entering_heat(network: Network, course: ElementCourse, node: str) -> Array:
+    """Return the heat of all loads of a node (times,), with what leaves it at the beginning for the first: a run begins in balance. [W]"""
+    t, loads = course.times, {load.path for load in network.flat.loads if load.node == node}
+    signals = [in_run(power, float(t[-1])) for load, (_, power) in course.powers.items() if load in loads]
+    entering: Array = sum((0.5 * (s.at(np.maximum(t - 1.0, 0.0)) + s.at(np.minimum(t + 1.0, t[-1]))) for s in signals), np.zeros(t.size))
+    entering[0] = -course.stores[node][0][0]
+    return entering
 
 
 def gradient(name: str, network: Network, course: ElementCourse, node: str) -> DepartureHeat:
@@ -418,9 +419,7 @@ def gradient(name: str, network: Network, course: ElementCourse, node: str) -> D
     A row of zones in steady flow: the mean of the part is ``R (a q + (1 - a) out)`` below that end, late by ``b R C``, and what leaves at
     the other end is carried by ``R q`` less; a and b are `ROW_OF_ZONES`. Temperatures of a node that moves so are those of its sensor.
     """
-    t, capacitance, loads = course.times, course.stores[node][1], {load.path for load in network.flat.loads}
-    signals = [in_run(power, float(t[-1])) for load, (at, power) in course.powers.items() if at == node and load in loads]
-    entering = sum((0.5 * (s.at(np.maximum(t - 1.0, 0.0)) + s.at(np.minimum(t + 1.0, t[-1]))) for s in signals), np.zeros(t.size))
+    t, (_, capacitance), entering = course.times, course.stores[node], entering_heat(network, course, node)
     slopes: dict[str, float] = {}
     leaving = np.zeros(t.size)
     for c in conductors_of(network, course).values():
@@ -430,7 +429,6 @@ def gradient(name: str, network: Network, course: ElementCourse, node: str) -> D
             leaving += flow
             slopes[other] = slopes.get(other, 0.0) + float(flow @ apart / max(float(apart @ apart), FLOWLESS))
     whole, (share, lag) = max(sum(slopes.values()), FLOWLESS), ROW_OF_ZONES
-    entering[0] = leaving[0]  # a run begins in balance
     above, below = (lagged(x / whole, t, lag * capacitance / whole) for x in (entering, share * entering + (1.0 - share) * leaving))
     into = {node: whole * above + capacitance * np.gradient(below, t)} | {n: -g * above for n, g in slopes.items()}
     return DepartureHeat(name, tuple((n, TableSignal(t, w, False)) for n, w in into.items() if n not in network.boundaries))

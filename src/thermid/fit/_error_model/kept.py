@@ -11,6 +11,7 @@ import math
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from itertools import groupby
 from typing import Any
 
 import numpy as np
@@ -27,6 +28,7 @@ from thermid.fit._error_model.elements import (
     EXPONENT_OF,
     SHARE_OF,
     TREND_OF,
+    WITH_ENTRIES,
     WITH_PATHS,
     ElementLaw,
     JointLaw,
@@ -49,10 +51,9 @@ from thermid.fit._error_model.sizes import (
 )
 from thermid.fit._problem.residuals import Problem, Unknown
 from thermid.fit._uncertainty.information import square_between
-from thermid.model.elements import CARRIED_BY, Standing
-from thermid.model.identity import identity_of, outside
+from thermid.model.tree import CARRIED_BY, Standing, identity_of, outside
 from thermid.physics.htc import BIOT_LIMIT
-from thermid.simulation.network import Network
+from thermid.simulation.runs import Network
 from thermid.values.store import AS_FITTED, EXPECTED, INPUT, LaterTable, Normal, Source
 
 KEY = "errors"
@@ -136,9 +137,9 @@ class KeptWay:
         return self.name.partition(", ")[0]
 
     @property
-    def beside_deck(self) -> tuple[bool, bool]:
-        """Whether a finish is not the deck's, and whether a path to a boundary is there that the deck lacks."""
-        return ANOTHER in self.name, self.name.endswith(WITH_PATHS)
+    def beside_deck(self) -> tuple[bool, bool, bool]:
+        """Whether a finish is not the deck's, and whether there is what the deck lacks: a path to a boundary, parts where heat enters."""
+        return ANOTHER in self.name, self.name.endswith(WITH_PATHS), self.name.endswith(WITH_ENTRIES)
 
     @property
     def way(self) -> Way:
@@ -364,8 +365,9 @@ class ErrorModel(Result):
 
     @property
     def carriers(self) -> dict[str, float]:
-        """What may carry the heat of surfaces, and with which finish -> its probability by the readings. [-]"""
-        return {w.name: w.weight for w in self.ways}
+        """What may carry the heat of surfaces, and with which finish -> its probability by the readings, whatever the deck lacks. [-]"""
+        names = sorted((w.name.removesuffix(WITH_PATHS).removesuffix(WITH_ENTRIES), w.weight) for w in self.ways)
+        return {n: sum(weight for _, weight in several) for n, several in groupby(names, lambda pair: pair[0])}
 
     @property
     def sizes(self) -> dict[str, float]:
@@ -382,8 +384,8 @@ class ErrorModel(Result):
             return f"the readings ask for {times:.2g} times a usual departure: {SIZES[name].effect} ({asked})"
         if self.spot:
             return (
-                f"the thermometer of '{self.spot}' does not read the mean of its part but one end of it, where the heat enters or "
-                "opposite. Give the part two nodes or more"
+                f"the thermometer of '{self.spot}' reads as if it sat at one end of its part, where the heat enters or opposite: the "
+                "part needs two nodes, or a contact between parts is missing (`thermid criticise` compares them)"
             )
         far = f"with all departures the readings still lie {self.misfit:.2g} times further from the network than is allowed"
         return far if self.misfit > OUTSIDE else ""
@@ -412,17 +414,6 @@ class ErrorModel(Result):
         apart = np.array([list(w.values.values()) for w in self.ways]) - self.mean
         within = sum(w.weight * w.root[:size, :size] @ w.root[:size, :size].T for w in self.ways)
         return np.asarray(within + (weights[:, None] * apart).T @ apart)
-
-    def sample(self, count: int, seed: int = 0) -> Array:
-        """Return draws (values, count) of the values of the fit, in their fitted form."""
-        generator, size = np.random.default_rng(seed), len(self.seen)
-        which = generator.choice(len(self.ways), count, p=[w.weight for w in self.ways])
-        numbers = generator.standard_normal((size, count))
-        out = np.empty((size, count))
-        for k, way in enumerate(self.ways):
-            of_way = which == k
-            out[:, of_way] = np.array(list(way.values.values()))[:, None] + way.root[:size, :size] @ numbers[:, of_way]
-        return out
 
     @property
     def open_values(self) -> list[str]:
@@ -635,8 +626,7 @@ def with_structural_errors(fit: Calibration, errors: ErrorsOfFit) -> Calibration
     """
     request = fit.request
     assert request is not None
-    table = errors.numbers["table"]
-    contradiction = ErrorModel.from_dict(table).contradiction
+    table, contradiction = errors.numbers["table"], ErrorModel.from_dict(errors.numbers["table"]).contradiction
     # with a stated `adequate` it is the user's to say what residuals may be
     if contradiction and fit.own.fair and not request.adequate:
         fit = replace(fit, own=Standing("not adequate", contradiction, fit.stage, request.accepted)).judged(fit.rests, fit.verdict)

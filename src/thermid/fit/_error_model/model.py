@@ -51,7 +51,7 @@ from thermid.fit._error_model.sizes import (
 )
 from thermid.fit._problem.experiment import LEAST_NOISE, UNSAID_NOISE, Experiment, Observation
 from thermid.fit._problem.residuals import Problem, Unknown, prior_rows
-from thermid.simulation.network import Network
+from thermid.simulation.runs import Network
 
 GROUPS = tuple(name for name in SIZES if name != "left")
 """Sizes that are drawn, in order."""
@@ -300,7 +300,7 @@ def fitted_way(problem: Problem, fitted: Array, way: Way, points: Mapping[str, O
         place = {c.name: len(values) + k for k, c in enumerate(runs.columns)}
         shapes = {(p, w): place[n] for p, law in way.laws.items() for w in law.shape if (n := f"{w} of {p}") in place}
         # the prior's means, as seen from where the derivatives were taken
-        centre = np.concatenate([(fitted - at)[values], np.zeros(len(runs.columns))])
+        centre = np.concatenate([(fitted - at)[values], [c.mean for c in runs.columns]])
         for (path, what), k in shapes.items():
             centre[k] = way.laws[path].shape[what] - laws[path].shape[what]
         cost, step, spread = runs.likeliest([*range(len(values)), *shapes.values()], centre)
@@ -329,20 +329,20 @@ def _averaged(runs: RunsOfFit, way: Way, laws: Mapping[str, ElementLaw], centre:
     prior, few = left_prior(), sizes_at(even_points(max(sets * FIRST_SETS // SETS, 1), len(GROUPS)))
     first = {r: prior[r] + log_sum(several.log_evidence) for r, several in runs.posteriors(centre, few).items()}
     likely = [remainder for remainder, share in zip(first, weights_of(list(first.values())), strict=True) if share > LIKELY]
-    parts, sizes = [], []
+    members, logs_of, sizes = list[Members](), [], []
     for remainder in likely:
-        members: list[Members] = []
 
-        def evidence(points: Array, remainder: tuple[float, float] = remainder, members: list[Members] = members) -> Array:
+        def evidence(points: Array, remainder: tuple[float, float] = remainder) -> Array:
             """Return the log evidence at points (points, sizes) of the hyperparameters."""
             members.append(runs.posterior(centre, sizes_at(points), remainder))
             return members[-1].log_evidence
 
         points, logs = sampled(evidence, sets, len(GROUPS), max(min(SIZE_ROUNDS, sets // (2 * len(GROUPS))), 1))
-        parts.append(replace(Members.joined(members), log_evidence=logs + prior[remainder] - float(np.log(sets))))
+        logs_of.append(logs + prior[remainder] - float(np.log(sets)))
         sizes.append(sizes_at(points))
     sizes_left = np.repeat([(SIZES["left"].value * size, time) for size, time in likely], sets, axis=0)
-    return FittedWay(way, laws, runs, Members.joined(parts), np.concatenate(sizes), sizes_left)
+    joined = replace(Members.joined(members), log_evidence=np.concatenate(logs_of))
+    return FittedWay(way, laws, runs, joined, np.concatenate(sizes), sizes_left)
 
 
 def evidence_of_structure(problem: Problem, fitted: Array, courses: Sequence[ElementCourse]) -> float:

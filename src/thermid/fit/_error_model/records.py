@@ -8,8 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from thermid.base.dual import value_of
-from thermid.base.linear_algebra import Array, Indices, quadratic_forms, symmetric_inverse
+from thermid.base.linear_algebra import Array, Indices, quadratic_forms, symmetric_inverse, value_of
 from thermid.fit._calibration import Calibration
 from thermid.fit._error_model.elements import DepartureHeat, with_laws
 from thermid.fit._error_model.gaussian import Wander
@@ -20,7 +19,7 @@ from thermid.fit._problem.experiment import SCALE, Experiment
 from thermid.fit._problem.gather import build_problem
 from thermid.fit._problem.request import Request
 from thermid.fit._problem.residuals import Influence, Prior, Problem, Unknown
-from thermid.model.elements import Constant
+from thermid.model.tree import Constant
 from thermid.values.store import Store
 
 

@@ -11,14 +11,16 @@ import numpy as np
 from thermid.base.linear_algebra import Array
 from thermid.fit._error_model.courses import ElementCourse, OperatingPoint
 from thermid.fit._error_model.elements import (
+    WITH_ENTRIES,
     DepartureHeat,
     ElementLaw,
     PathLaw,
     Way,
     class_of,
     conductors_of,
+    entering_heat,
     gradient,
-    hidden_mass,
+    lagged,
     moved_heat,
     places,
     room_heats,
@@ -26,12 +28,13 @@ from thermid.fit._error_model.elements import (
 from thermid.fit._error_model.gaussian import RunRows, Wander, features, innovations, pivots
 from thermid.fit._error_model.sizes import (
     ALL_COLUMNS,
-    ASIDE,
     COLUMNS,
     CONDUCTORS,
     EVERY,
     GRADIENT,
     HEATED,
+    LATE_SHARE,
+    LATE_TIME,
     LEFT_OVER,
     LENGTHS,
     NODES,
@@ -39,9 +42,8 @@ from thermid.fit._error_model.sizes import (
     ROOM_TIME,
 )
 from thermid.fit._problem.residuals import Influence, Problem, Unknown
-from thermid.model.elements import TableSignal
-from thermid.model.tree import FlatConductor
-from thermid.simulation.network import Network
+from thermid.model.tree import FlatConductor, TableSignal
+from thermid.simulation.runs import Network
 
 
 @dataclass(frozen=True)
@@ -54,12 +56,14 @@ class UnknownColumn:
     group : str     Which size its prior's standard deviation is a multiple of; empty for none.
     size : float    That multiple, or the standard deviation itself.
     source : str    What a reader is told that it belongs to.
+    mean : float    Of its prior; those of laws have theirs in their laws.
     """
 
     name: str
     group: str
     size: float
     source: str
+    mean: float = 0.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,7 +98,7 @@ class Smooth:
         """
         runs = [(r, thin) for r, thin in several if c.path in r.flows]
         most = max(float(np.abs(r.flows[c.path]).max()) for r, _ in runs)
-        aside = np.array(ASIDE) * np.array(LENGTHS)
+        aside = np.array(LENGTHS)
         pivots_of_gas: list[Array] = []
         gases: list[bool] = []
         for gas in dict.fromkeys(thin for _, thin in runs):
@@ -178,10 +182,18 @@ class Departures:
                 phi, _ = smooth_departure.along(c, course, thinned(network, c))
                 for k, column in enumerate(phi.T):
                     add(f"departure {k}", smooth_departure.kind, 1.0, heat * column)
+        heated = {node for node, _ in course.powers.values()} if way.name.endswith(WITH_ENTRIES) else ()
         for node in (n for n in self.nodes if n in course.stores):
-            for time in self.hidden:
-                name = f"mass ({time:.3g} s) of {node}"
-                out.append((UnknownColumn(name, "hidden", 1.0, node), hidden_mass(name, course, node, time)))
+            # a mass of the size C of the node's own takes up C (T - T_h) / tau, as if that course of heat were late
+            whole = course.stores[node][1] * course.kelvin[node]
+            late = [(UnknownColumn(f"mass ({time:.3g} s) of {node}", "hidden", 1.0, node), whole / time, time) for time in self.hidden]
+            for time in (LATE_TIME * time for time in self.hidden if node in heated):
+                column = UnknownColumn(f"late heat ({time:.3g} s) of {node}", "", LATE_SHARE, node, LATE_SHARE)
+                late.append((column, entering_heat(network, course, node), time))
+            for column, watts, time in late:
+                more = lagged(watts, course.times, time) - watts
+                more[-1] *= not course.settled
+                out.append((column, DepartureHeat(column.name, ((node, TableSignal(course.times, more, False)),))))
         for node in way.spots:
             name = f"gradient of {node}"
             out.append((UnknownColumn(name, "", GRADIENT, node), gradient(name, network, course, node)))
@@ -193,9 +205,11 @@ class Departures:
         for path, c in ((p, c) for p, c in conductors_of(network, course).items() if p in self.smooth):
             name = f"{path} in this run"
             out.append((UnknownColumn(name, "run", 1.0, path), moved_heat(name, network, c.ends, course.times, course.flows[path])))
-        for node, (watts, _) in ((n, s) for n, s in course.stores.items() if n in self.nodes):
-            name = f"{node} in this run"
-            out.append((UnknownColumn(name, "run", 1.0, node), DepartureHeat(name, ((node, TableSignal(course.times, -watts, False)),))))
+        for node, (through, _) in ((n, s) for n, s in course.stores.items() if n in self.nodes):
+            name = f"{node} in this run"  # what jumps in the heat that it takes up are powers: given as they are, or the value would differ
+            powers = ((node, power.scaled(-1.0)) for at, power in course.powers.values() if at == node)
+            taken = DepartureHeat(name, ((node, TableSignal(course.times, -through, False)), *powers))
+            out.append((UnknownColumn(name, "run", 1.0, node), taken))
         for load, (node, power) in course.powers.items():
             name = f"{load} in this run"
             out.append((UnknownColumn(name, "run", 0.5, load), DepartureHeat(name, ((node, power),))))
@@ -228,7 +242,7 @@ def departures_of(
     heat = {p: sum(float(np.abs(r.flows[p]).mean()) for r in courses if p in r.flows) for p in every if p in points}
     several = {p: every[p] for p in sorted(heat, key=lambda p: -heat[p])[:CONDUCTORS]}
     several = {p: c for p, c in every.items() if p in several}
-    stored = {n: sum(float(np.abs(r.stores[n][0]).mean()) for r in courses if n in r.stores) for r in courses for n in r.stores}
+    stored = {n: sum(r.stores[n][1] * float(np.ptp(r.kelvin[n])) for r in courses if n in r.stores) for r in courses for n in r.stores}
     nodes = tuple(sorted(stored, key=lambda n: -stored[n])[:NODES])
     columns = min(COLUMNS, ALL_COLUMNS // max(len(several), 1))
     smooth = {}

@@ -80,9 +80,8 @@ SIZE_SETS: Final = {
 ROOM_TIME: Final = 3600.0
 """Time constant with which a room wanders; prior. [s]"""
 LENGTHS: Final = (0.7, 40.0)
-"""Lengths over which a departure changes: of ln(difference), a factor of two [-], and of the level [K]; prior."""
-ASIDE: Final = (1.0, 1.0)
-"""How far beyond the conditions of a fit features of departures reach, in lengths; what lies further off is independent. [-]"""
+"""Lengths over which a departure changes: of ln(difference), a factor of two [-], and of the level [K]; prior. Its features reach so far
+beyond the conditions of a fit, and what lies further off is independent."""
 LEFT_OVER, COLUMNS = 0.01, 10
 """Part of the variance of a departure that its features may leave, and how many there may be."""
 GROWTH_BEND: Final = 1.0 / 3.0**0.5
@@ -100,9 +99,12 @@ FINISH: Final = 0.15
 """What an emissivity of a deck is good to, relative, whose range nobody prints; prior. [-]"""
 OTHER_FINISH: Final = 0.2
 """Probability before any reading that finishes are not those of the deck; prior. [-]"""
-PATH_ODDS, PATH_SHARE = 0.5, 0.2
-"""Odds before any reading that a path to a boundary is there which the deck lacks, and scale of the part of its node's heat that it then
-carries; priors. [-]"""
+LACK_ODDS, PATH_SHARE = 0.5, 0.2
+"""Odds before any reading that there is what a deck lacks, a path to a boundary or parts through which heat enters, each; and scale of the
+part of its node's heat that the path then carries; priors. [-]"""
+LATE_SHARE, LATE_TIME = 0.25, 0.3
+"""Mean, and standard deviation as of an exponential distribution, of the part of a node's heat that then enters through a part with a time
+constant, so that heat hardly comes before its power; and that time over those of `SHARES_OF_RUN`; priors. [-]"""
 GRADIENT, ROW_OF_ZONES = 0.3, (0.55, 0.075)
 """Standard deviation of the drop inside a part, in parts of that to its neighbours (a Biot number; lumped parts are below 0.1), and what a
 row of three zones has: share of the heat that enters in the drop to its mean, and its lag in parts of R C. [-]"""

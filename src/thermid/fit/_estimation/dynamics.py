@@ -15,14 +15,13 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from thermid.base.dual import value_of
 from thermid.base.errors import IdentificationError
-from thermid.base.linear_algebra import Array
+from thermid.base.linear_algebra import Array, value_of
 from thermid.base.memo import Memo
 from thermid.fit._estimation.process import ProcessNoise
 from thermid.fit._problem.experiment import UNSAID_NOISE, Experiment
 from thermid.fit._problem.residuals import Bench
-from thermid.model.elements import Sine, TableSignal
+from thermid.model.tree import Sine, TableSignal
 from thermid.simulation.solver import Assembled, Traces
 
 MAX_CURVATURE_ERROR: Final = 1e-4

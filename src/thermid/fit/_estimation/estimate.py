@@ -10,10 +10,10 @@ from typing import Any, Final
 
 import numpy as np
 
-from thermid.base.arguments import takes_objects
 from thermid.base.errors import IdentificationError
 from thermid.base.expression import amount
 from thermid.base.linear_algebra import Array, one_thread, symmetric_inverse
+from thermid.base.units import duration_text, short
 from thermid.fit._calibrate import differing
 from thermid.fit._estimation.dynamics import UNKNOWN_START_SD
 from thermid.fit._estimation.estimation import OUTPUT, PROCESS, EstimatedNumber, Estimation, Estimator, whiteness_of
@@ -23,7 +23,6 @@ from thermid.fit._estimation.process import ProcessNoise, read_process
 from thermid.fit._problem.gather import build_problem
 from thermid.fit._problem.request import LocalSpec, Request, freed, priors_of
 from thermid.fit._problem.residuals import Problem
-from thermid.measure.amounts import duration_text, short
 from thermid.measure.records import Record
 from thermid.model.tree import Model
 from thermid.simulation.runs import Scenario
@@ -42,7 +41,6 @@ MOVED: Final = 2.0
 """Errors by which a value may move as the noise goes to zero before it is named."""
 
 
-@takes_objects
 def estimate(
     model: Model,
     records: Record | Sequence[Record],

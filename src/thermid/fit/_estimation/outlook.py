@@ -16,7 +16,7 @@ from thermid.fit._problem.gather import build_problem
 from thermid.fit._problem.request import Request
 from thermid.fit._problem.residuals import Problem
 from thermid.measure.records import Channel, Record
-from thermid.model.elements import literal
+from thermid.model.tree import literal
 from thermid.simulation.runs import Scenario
 
 

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 from thermid.base.errors import IdentificationError, ThermidError, nearest
-from thermid.model.elements import literal
-from thermid.simulation.network import Network
+from thermid.model.tree import literal
+from thermid.simulation.runs import Network
 
 WIENER, MARKOV = "wiener", "gauss-markov"
 FREE: Final = "free"

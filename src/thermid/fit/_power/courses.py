@@ -14,11 +14,11 @@ import numpy as np
 
 from thermid.base.errors import IdentificationError, ThermidError, refuse_unknown
 from thermid.base.linear_algebra import Array
+from thermid.base.units import duration_text, short
 from thermid.fit._minimisation import minimise
 from thermid.fit._power.history import watts, with_load
 from thermid.fit._problem.gather import build_problem
 from thermid.fit._problem.request import Request
-from thermid.measure.amounts import duration_text, short
 from thermid.model.tree import Model
 
 ONE_TURN = "100000 [h]"

@@ -19,10 +19,8 @@ from thermid.base.memo import Memo
 from thermid.measure.records import Channel, Record, SecondClock
 from thermid.measure.sensors import SensorPart
 from thermid.model.deck import model_from_dict
-from thermid.model.elements import Constant, Signal, TableSignal
-from thermid.model.tree import Model, Names, Submodel
-from thermid.simulation.network import Network, compile_network
-from thermid.simulation.runs import Scenario
+from thermid.model.tree import Constant, Model, Names, Signal, Submodel, TableSignal
+from thermid.simulation.runs import Network, Scenario, compile_network
 from thermid.simulation.solver import Engine, Wiring
 from thermid.values.fitted import FittedValue
 
@@ -977,7 +975,7 @@ def bind(
         else:
             role = _driving(channel, role, record)
             inputs.take(channel, role, path, signal_of(record, channel, role, zero), errors)
-    network = network.without_controls(inputs.metered)
+    network = network.with_powers_alone(inputs.metered)
     if not observed:
         words = f"no channel observes a node of {network.title}, so no reading can be compared. Bind one with node = '...'."
         raise RecordError(words, record.name, code="record.does-not-apply")

@@ -33,7 +33,7 @@ from thermid.fit._problem.request import Request, known_before, mean_of
 from thermid.fit._problem.residuals import Influence, Prior, Problem, Unknown
 from thermid.measure.records import Record, SecondClock
 from thermid.measure.sensors import SensorPart
-from thermid.model.elements import Constant, StatedRange, TableSignal
+from thermid.model.tree import Constant, StatedRange, TableSignal
 from thermid.values.spreads import read_spread
 from thermid.values.store import INPUT
 

@@ -22,9 +22,18 @@ from thermid.base.units import TEMPERATURE
 from thermid.fit._problem.experiment import first_reading
 from thermid.fit._problem.residuals import Unknown
 from thermid.measure.records import Channel, Record
-from thermid.model.elements import Constant, StatedRange, literal
-from thermid.model.identity import definition_of, identity_of, inside, local_identities
-from thermid.model.tree import Model, ParameterSet, Tree
+from thermid.model.tree import (
+    Constant,
+    Model,
+    ParameterSet,
+    StatedRange,
+    Tree,
+    definition_of,
+    identity_of,
+    inside,
+    literal,
+    local_identities,
+)
 from thermid.simulation.runs import Scenario
 from thermid.simulation.solver import Options
 from thermid.values.ranges import ranged_values
@@ -142,7 +151,6 @@ class Request:
     held_bias: Mapping[str, float] = field(default_factory=dict)
     held_errors: Mapping[str, float] | None = None
     weights: Mapping[str, float] = field(default_factory=dict)
-    effective: bool = False
     untie: bool = False
     loss: str = "linear"
     loss_scale: float = 1.0
@@ -230,7 +238,6 @@ class Request:
             self.window,
         ]
         how = [self.loss, self.loss_scale, self.search, repr(self.options), sorted(self.weights.items()), self.fit_start]
-        how += [EFFECTIVE] if self.effective else []
         how += ["structural errors"] if self.structural_errors else []
         held = None if self.held_errors is None else sorted(self.held_errors.items())
         priors = [repr(sorted(self.priors.items())), repr(sorted(self.held_bias.items())), repr(held)]
@@ -250,26 +257,6 @@ class Request:
     def stage_key(self, below: list[str]) -> str:
         """Return the hash of all ingredients of a stage's result."""
         return digest(self.ingredients(below))
-
-
-EFFECTIVE = "effective"
-"""In place of weights: readings count as many as residuals that wander are worth."""
-
-
-def weighing(weights: Mapping[str, float] | str, where: str) -> dict[str, Any]:
-    """Return the fields of a request that say how much readings weigh.
-
-    Raises
-    ------
-    IdentificationError   When weights are neither numbers by sensor nor "effective".
-    """
-    if weights == EFFECTIVE:
-        return {"effective": True}
-    if isinstance(weights, str):
-        raise IdentificationError(
-            f"weights are numbers by sensor, or '{EFFECTIVE}', not '{weights}'.", f"{where}.weights", code="value.wrong-kind"
-        )
-    return {"weights": weights}
 
 
 RANGE = "range"

@@ -11,9 +11,8 @@ from typing import overload
 import numpy as np
 from numpy.typing import NDArray
 
-from thermid.base.dual import Dual, Number, gradient_of, value_of
 from thermid.base.errors import DeckError, SolverError
-from thermid.base.linear_algebra import Array
+from thermid.base.linear_algebra import Array, Dual, Number, gradient_of, value_of
 from thermid.base.memo import Memo
 from thermid.fit._problem.experiment import ALL_INSTANTS, OFFSET, RATE, SCALE, SHIFT, SWITCH, Experiment, Observation, clock_target
 from thermid.simulation.solver import Engine, Options, Squares, Traces, Weighing, Wiring, kept_for

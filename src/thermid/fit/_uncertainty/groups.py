@@ -11,9 +11,8 @@ import numpy as np
 
 from thermid.base.errors import quoted
 from thermid.base.linear_algebra import RANK_TOLERANCE, Array, null_space, pseudo_inverse
-from thermid.base.units import NAMES, unit
+from thermid.base.units import NAMES, short, unit
 from thermid.fit._uncertainty.information import Information
-from thermid.measure.amounts import short
 
 SAME_EXPONENT = 1e-3
 

@@ -11,13 +11,12 @@ import numpy as np
 
 from thermid.base.errors import ScenarioError, SolverError
 from thermid.base.linear_algebra import RANK_TOLERANCE, Array, square_root, symmetric_inverse
-from thermid.base.units import from_si, unit
+from thermid.base.units import digits, from_si, short, some, unit
 from thermid.fit._minimisation import Fit
 from thermid.fit._problem.request import Request, form, known_before
 from thermid.fit._problem.residuals import Problem, Unknown
 from thermid.fit._uncertainty.information import Opened, covering, opened_at
 from thermid.fit._uncertainty.noise import Weighed, binned, weighed
-from thermid.measure.amounts import digits, short, some
 from thermid.model.tree import Model
 from thermid.values.fitted import FittedValue, FittedValues
 from thermid.values.store import State, Store

@@ -18,8 +18,7 @@ from thermid.fit._minimisation import Fit, covariances
 from thermid.fit._problem.experiment import SCALE, Experiment, InputNoise, Observation
 from thermid.fit._problem.residuals import Bench, Problem, SensorTrace, loss_of
 from thermid.measure.records import blur_of, shared_rounding, unrounded
-from thermid.model.elements import Constant, Signal, TableSignal
-from thermid.model.tree import FlatLoad
+from thermid.model.tree import Constant, FlatLoad, Signal, TableSignal
 
 MAX_STRETCHES = 80
 """A trace of more than twice as many samples is looked at in so many equal stretches of time; what ties neighbours within one together

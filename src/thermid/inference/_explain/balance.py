@@ -7,20 +7,16 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from thermid.base.arguments import takes_objects
-from thermid.base.dual import value_of
 from thermid.base.errors import DeckError, RecordError
 from thermid.base.expression import Kelvin
-from thermid.base.linear_algebra import Array
+from thermid.base.linear_algebra import Array, value_of
 from thermid.base.results import Result
+from thermid.base.units import ICE_POINT, short
 from thermid.fit.calibration import Calibration, at_their_seats, attached, bind, role_and_target
 from thermid.inference._explain.thresholds import BALANCE_STEP
-from thermid.measure.amounts import short
 from thermid.measure.records import Record
 from thermid.measure.steadiness import SteadyPoint, SteadyValue
-from thermid.model.elements import Constant
-from thermid.model.tree import FlatControl, Model
-from thermid.physics.constants import ICE_POINT
+from thermid.model.tree import Constant, FlatControl, Model
 from thermid.simulation.runs import Scenario, steady
 from thermid.simulation.solver import Engine, Wiring
 
@@ -79,7 +75,6 @@ class EnergyBalance(Result):
         return "\n".join(lines)
 
 
-@takes_objects
 def energy_balance(
     model: Model | Calibration,
     record: Record,

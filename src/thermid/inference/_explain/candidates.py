@@ -12,12 +12,11 @@ from typing import Any
 
 import numpy as np
 
-from thermid.base.dual import value_of
 from thermid.base.errors import quoted
-from thermid.base.linear_algebra import Array
+from thermid.base.linear_algebra import Array, value_of
+from thermid.base.units import short
 from thermid.fit.calibration import MEASURED, Calibration, Experiment, LocalSpec, Problem, Request, SensorTrace, clock_suffix, first_reading
 from thermid.fit.power import PowerCourse
-from thermid.inference._explain.causes import SIZES, SizedValue
 from thermid.inference._explain.thresholds import (
     DEFAULT_COLD_TEMPERATURE,
     HOUR,
@@ -27,16 +26,15 @@ from thermid.inference._explain.thresholds import (
     MAX_TIP_SHARE,
     PACES,
     SETTLING_PACES,
+    SIZES,
     SLOWEST_MASS,
     SLOWEST_SAMPLES,
     START_SHARE,
     WRONG_HOURS,
+    SizedValue,
 )
-from thermid.measure.amounts import short
-from thermid.model.elements import Conductor, Curve, HeatLoad, Node, parameter
-from thermid.model.tree import Model
-from thermid.simulation.network import Network, compile_network
-from thermid.simulation.runs import Scenario
+from thermid.model.tree import Conductor, Curve, HeatLoad, Model, Node, parameter
+from thermid.simulation.runs import Network, Scenario, compile_network
 
 ADDED = "suspected_link_"
 Judge = Callable[[Any], tuple[str, bool]]

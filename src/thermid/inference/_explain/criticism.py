@@ -8,10 +8,10 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from thermid.base.arguments import takes_objects
 from thermid.base.errors import IdentificationError, ThermidError, Wait
 from thermid.base.linear_algebra import Array, one_thread
 from thermid.base.results import Result
+from thermid.base.units import duration_text, short
 from thermid.fit.calibration import Calibration, Request, SensorStatistics, fit as refit
 from thermid.inference._explain.candidates import missing_elements
 from thermid.inference._explain.heats import unlogged_powers
@@ -24,7 +24,6 @@ from thermid.inference._explain.thresholds import (
     VERY_STRONG,
 )
 from thermid.inference._explain.weighing import noise_of
-from thermid.measure.amounts import duration_text, short
 from thermid.simulation.runs import Workers, simulate
 from thermid.simulation.solver import refuse_unseen
 
@@ -196,7 +195,6 @@ class Criticism(Result):
         return "\n".join(lines)
 
 
-@takes_objects
 def criticise(
     fit: Calibration, elements: bool | None = None, *, executor: Workers = None, progress: Callable[[str, float], None] | None = None
 ) -> Criticism:

@@ -17,10 +17,10 @@ import numpy as np
 
 from thermid.base.errors import IdentificationError, ThermidError
 from thermid.base.linear_algebra import Indices, one_thread
+from thermid.base.units import short
 from thermid.fit.calibration import MEASURED, Calibration, Experiment, Request, Unknown, build_problem, fit_problem
 from thermid.fit.discrepancy import FREE_AIR, constant_coefficients
 from thermid.inference._explain.candidates import Fitted, MissingElement, hidden_defects
-from thermid.inference._explain.causes import SizedValue
 from thermid.inference._explain.structures import linearised, starting_values
 from thermid.inference._explain.thresholds import (
     FAR_PART,
@@ -40,11 +40,11 @@ from thermid.inference._explain.thresholds import (
     MIN_PROMISED_FALL,
     UNDETERMINED,
     VERY_STRONG,
+    SizedValue,
 )
 from thermid.inference._explain.weighing import CauseScore, noise_of, shares, weighed_at
-from thermid.measure.amounts import short
 from thermid.measure.records import Channel, Record
-from thermid.model.elements import CARRIED_BY
+from thermid.model.tree import CARRIED_BY
 from thermid.simulation.runs import Scenario
 
 

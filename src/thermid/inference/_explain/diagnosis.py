@@ -11,17 +11,16 @@ from typing import Any
 
 import numpy as np
 
-from thermid.base.arguments import takes_objects
 from thermid.base.errors import IdentificationError, ThermidError
 from thermid.base.expression import amount
 from thermid.base.linear_algebra import Array
 from thermid.base.results import Result
 from thermid.fit.calibration import Calibration
 from thermid.inference._explain.candidates import Fault, faults_of
-from thermid.inference._explain.causes import GROUPS
 from thermid.inference._explain.thresholds import (
     DIAGNOSED_ROUNDS,
     DIAGNOSED_STRETCHES,
+    GROUPS,
     LEFT_BY_EVERY_MODEL,
     MAX_DIAGNOSED_FAULTS,
     MIN_EXPLAINED_SHARE,
@@ -240,7 +239,6 @@ class Diagnosis(Result):
         return "\n".join([*lines, *([f"  otherwise: {', '.join(rest)}"] if rest else [])])
 
 
-@takes_objects
 def diagnose(
     fits: Calibration | Sequence[Calibration],
     *,

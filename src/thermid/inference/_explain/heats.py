@@ -12,11 +12,10 @@ import numpy as np
 
 from thermid.base.errors import ThermidError
 from thermid.base.linear_algebra import Array
-from thermid.base.units import format_value
+from thermid.base.units import ICE_POINT, duration_text, format_value, short
 from thermid.fit.calibration import Calibration, Experiment, Influence, Request, Unknown, build_problem
 from thermid.fit.power import ONE_TURN, SHAPES, PowerCourse, watts, with_load
 from thermid.inference._explain.candidates import MissingElement, first_step, laid_open
-from thermid.inference._explain.causes import SIZES, SizedValue
 from thermid.inference._explain.rough_fit import MAX_DESCENT_STEPS, MAX_RANKING_STEPS, RoughEnd, RoughFit
 from thermid.inference._explain.structures import FittedStructure, linearised, starting_values
 from thermid.inference._explain.thresholds import (
@@ -26,14 +25,13 @@ from thermid.inference._explain.thresholds import (
     MAX_WINDOW_SEARCHES,
     PROMISED_STEP,
     PULSES,
+    SIZES,
     START_UP_PRECISION,
     START_UP_TIMES,
     TELLING_DIFFERENCE,
+    SizedValue,
 )
-from thermid.measure.amounts import duration_text, short
-from thermid.model.elements import HeatLoad, TableSignal, parameter
-from thermid.model.tree import FlatConductor
-from thermid.physics.constants import ICE_POINT
+from thermid.model.tree import FlatConductor, HeatLoad, TableSignal, parameter
 from thermid.simulation.runs import Scenario, Solution, prepare
 
 HEAT_NAME = "unlogged_heat_"

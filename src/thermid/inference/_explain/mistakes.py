@@ -17,28 +17,27 @@ import numpy as np
 
 from thermid.base.errors import ThermidError, quoted
 from thermid.base.linear_algebra import Array
-from thermid.base.units import unit
+from thermid.base.units import ICE_POINT, duration_text, short, unit
 from thermid.fit.calibration import Prior, Request, Unknown
 from thermid.inference._explain.candidates import Fitted, plain_lacks
-from thermid.inference._explain.causes import DECK_VALUE, SIZES
 from thermid.inference._explain.heats import Heat, heats_of, stores_of
 from thermid.inference._explain.rough_fit import MAX_DESCENT_STEPS, MAX_RANKING_STEPS, Extra, RoughEnd, RoughFit
 from thermid.inference._explain.thresholds import (
     ANY_VALUE,
     CHOSEN,
     CLOCK_SHIFTS,
+    DECK_VALUE,
     FULLY_FITTED_HYPOTHESES,
     MAX_HEATED_NODES,
     MAX_PER_CENT,
     MIN_NAMED_GAIN,
     MOST_RECORDS_SEARCHED,
+    SIZES,
     TIE,
     USUAL_AMBIENT,
 )
-from thermid.measure.amounts import duration_text, short
 from thermid.measure.records import COLUMN_UNITS, Channel, Record
-from thermid.physics.constants import ICE_POINT
-from thermid.simulation.network import Environment, Network
+from thermid.simulation.runs import Environment, Network
 
 
 @dataclass(frozen=True)

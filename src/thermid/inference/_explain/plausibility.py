@@ -9,10 +9,10 @@ from typing import Any
 
 import numpy as np
 
-from thermid.base.arguments import takes_objects
-from thermid.base.dual import value_of
 from thermid.base.errors import IdentificationError, NameNotFoundError, nearest
+from thermid.base.linear_algebra import value_of
 from thermid.base.results import Named
+from thermid.base.units import short
 from thermid.fit.calibration import Calibration, power_while_on
 from thermid.inference._explain.thresholds import (
     BARE_CONTACT,
@@ -23,15 +23,12 @@ from thermid.inference._explain.thresholds import (
     SPECIFIC_HEAT,
     UNDETERMINED,
 )
-from thermid.measure.amounts import short
-from thermid.model.elements import literal
-from thermid.model.tree import FlatConductor
+from thermid.model.tree import FlatConductor, literal
 from thermid.physics.air import dry_air
 from thermid.physics.materials import materials
 from thermid.physics.plates import body_htc, conduction_floor
 from thermid.physics.radiation import linearised_htc
-from thermid.simulation.network import Network
-from thermid.simulation.runs import simulate
+from thermid.simulation.runs import Network, simulate
 from thermid.values.fitted import FittedValue
 
 CONTACTS = "Incropera, 6th ed., Tables 3.1 and 3.2; Yovanovich, IEEE Trans. CPT 28 (2005) 182"
@@ -122,12 +119,7 @@ class Plausibility(Named[RangeCheck]):
         lines += [f"  {words}" for words in self.undecided]
         return "\n".join(lines)
 
-    def _ipython_key_completions_(self) -> list[str]:
-        """Return the values."""
-        return [str(row["path"]) for row in self._as_rows() if "path" in row]
 
-
-@takes_objects
 def plausibility(fit: Calibration, *, weights: Mapping[str, str] | None = None, delivered: Mapping[str, str] | None = None) -> Plausibility:
     """Physical plausibility of fitted values: correlations for coefficients, ranges for contacts, capacitances and losses.
 

@@ -20,10 +20,9 @@ from typing import Any
 
 import numpy as np
 
-from thermid.base.dual import value_of
 from thermid.base.errors import IdentificationError, ThermidError
-from thermid.base.linear_algebra import Array, one_thread
-from thermid.base.units import from_si, unit
+from thermid.base.linear_algebra import Array, one_thread, value_of
+from thermid.base.units import duration_text, from_si, short, unit
 from thermid.fit.calibration import (
     MOST_EVALUATIONS,
     Binned,
@@ -39,7 +38,6 @@ from thermid.fit.calibration import (
     white_rows,
 )
 from thermid.inference._explain.candidates import Fitted, MissingElement
-from thermid.inference._explain.causes import SizedValue
 from thermid.inference._explain.thresholds import (
     ABOUT_START,
     ANY_VALUE,
@@ -56,10 +54,10 @@ from thermid.inference._explain.thresholds import (
     SEARCH_DONE_STEP,
     TIE,
     WIDE_ERRORS,
+    SizedValue,
 )
 from thermid.inference._explain.weighing import CauseScore, noise_of, seen_in_stretches, weighed_at, weighed_in_noise
-from thermid.measure.amounts import duration_text, short
-from thermid.model.elements import Constant, TableSignal, exact
+from thermid.model.tree import Constant, TableSignal, exact
 from thermid.simulation.runs import Scenario, Workers, in_tasks, simulate
 
 

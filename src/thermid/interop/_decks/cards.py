@@ -12,7 +12,7 @@ from collections.abc import Iterator
 from dataclasses import replace
 from typing import Final
 
-from thermid.interop._decks.statements import Line
+from thermid.interop._decks.network_file import Line
 
 SUBMODEL: Final = "MAIN"
 """Name of the one submodel that such a deck has."""

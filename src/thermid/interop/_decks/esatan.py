@@ -17,10 +17,26 @@ from typing import Final
 import numpy as np
 
 from thermid.base.errors import DeckError, ThermidError, cap, raising
-from thermid.base.units import counted
-from thermid.interop._decks.network_file import FileConductor, FileCourse, FileLoad, FileNode, NetworkFile, TextSpan, identifier
-from thermid.interop._decks.statements import DeckReading, Line, acts, fields, nesting, numbered, stream, with_defined_ends, with_unit
-from thermid.physics.constants import ICE_POINT, STEFAN_BOLTZMANN
+from thermid.base.units import ICE_POINT, counted
+from thermid.interop._decks.network_file import (
+    DeckReading,
+    FileConductor,
+    FileCourse,
+    FileLoad,
+    FileNode,
+    Line,
+    NetworkFile,
+    TextSpan,
+    acts,
+    fields,
+    identifier,
+    nesting,
+    numbered,
+    stream,
+    with_defined_ends,
+    with_unit,
+)
+from thermid.physics.constants import STEFAN_BOLTZMANN
 
 STEFAN: Final = 5.6686e-8
 """Stefan-Boltzmann constant that ESATAN takes where a deck sets no STEFAN. [W/(m^2 K^4)]"""

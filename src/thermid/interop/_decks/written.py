@@ -7,21 +7,18 @@ import re
 from collections.abc import Iterable, Iterator, Mapping
 from typing import Final
 
-from thermid.base.arguments import takes_objects
-from thermid.base.dual import value_of
 from thermid.base.errors import DeckError
+from thermid.base.linear_algebra import value_of
+from thermid.base.units import ICE_POINT
 from thermid.interop._wired import HeatSource, Wired, Writer, exported, number_text, one_line, resting, table_points, wired
-from thermid.model.elements import Drawn, TableSignal
-from thermid.model.tree import Model
-from thermid.physics.constants import ICE_POINT, STEFAN_BOLTZMANN
-from thermid.simulation.network import ConductorRow
-from thermid.simulation.runs import Scenario
+from thermid.model.tree import Drawn, Model, TableSignal
+from thermid.physics.constants import STEFAN_BOLTZMANN
+from thermid.simulation.runs import ConductorRow, Scenario
 
 MAX_SUBMODEL_LETTERS: Final = 24
 """Letters of a submodel's name; SINDA/FLUINT takes 32."""
 
 
-@takes_objects
 def to_sinda(model: Model, scenario: Scenario, path: str | os.PathLike[str] | None = None) -> str:
     """Return a model in a scenario as a deck of SINDA/FLUINT in SI units and degC.
 
@@ -42,7 +39,6 @@ def to_sinda(model: Model, scenario: Scenario, path: str | os.PathLike[str] | No
     return exported(w, _Sinda(w).lines(), path, "C ")
 
 
-@takes_objects
 def to_esatan(model: Model, scenario: Scenario, path: str | os.PathLike[str] | None = None) -> str:
     """Return a model in a scenario as a deck of ESATAN-TMS.
 

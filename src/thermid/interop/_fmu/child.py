@@ -23,7 +23,17 @@ import numpy as np
 
 from thermid.base.errors import SolverError, ThermidError, cap
 from thermid.base.linear_algebra import Array
-from thermid.interop._fmu.host import ARRAYS, DIFFERENCE_SHARE, EVENTS, REFUSED, FmuDescribed, FmuSetting, InputCourse, fmpy_package, stride
+from thermid.interop._fmu.as_model import (
+    ARRAYS,
+    DIFFERENCE_SHARE,
+    EVENTS,
+    REFUSED,
+    FmuDescribed,
+    FmuSetting,
+    InputCourse,
+    fmpy_package,
+    stride,
+)
 from thermid.interop._fmu.process import NOTE, receive, send
 
 MOST_BYTES: Final = 1 << 40

@@ -16,20 +16,17 @@ from typing import Any, Final
 import numpy as np
 
 from thermid import _kernel
-from thermid.base.arguments import takes_objects
-from thermid.base.dual import value_of
 from thermid.base.errors import OutputError, ThermidError, refuse_unknown
 from thermid.base.files import FileKind, read_bytes, write_bytes
+from thermid.base.linear_algebra import value_of
 from thermid.base.units import DIMENSIONLESS, counted, unit
 from thermid.interop._fmu import image as told
 from thermid.interop._fmu.archive import DESCRIPTION
 from thermid.interop._fmu.description import Described, FmuVariable, build_description, describe, structured
 from thermid.interop._fmu.image import MARK, OPERATIONS, image, still
 from thermid.interop._wired import Formula, identifiers, named, one_line
-from thermid.model.elements import Constant
-from thermid.model.tree import Model
-from thermid.simulation.network import Numbers
-from thermid.simulation.runs import Scenario, network_for
+from thermid.model.tree import Constant, Model
+from thermid.simulation.runs import Numbers, Scenario, network_for
 from thermid.simulation.solver import Assembled, Engine, Wiring
 
 VERSIONS: Final = ("2.0", "3.0")
@@ -104,7 +101,6 @@ class ExportedFmu:
         return "\n".join([*lines, *(f"  {note}" for note in self.notes)])
 
 
-@takes_objects
 def to_fmu(model: Model, scenario: Scenario, to: str | Path, version: str = "3.0") -> ExportedFmu:
     """Write a model in a scenario as an FMU for model exchange and co-simulation.
 

@@ -22,13 +22,12 @@ import numpy as np
 
 from thermid.base.errors import MissingExtraError, RecordError, UnitError, cap, raising
 from thermid.base.extensions import missing, optional
-from thermid.base.units import require, unit as parsed_unit
+from thermid.base.units import DAY, require, unit as parsed_unit
 from thermid.measure._readers.confined import confined
 from thermid.measure._readers.headers import spelt
 from thermid.measure._readers.matlab_objects import objects_of, series_of
 from thermid.measure._readers.stamps import MATLAB_DAYS, SPREADSHEET_EPOCH
 from thermid.measure._readers.textfile import Cells, ChannelSeries, Layout, cells_of_text, merged, text_of
-from thermid.measure.amounts import DAY
 
 _TIMES: Final = ("time", "t", "time_s", "timestamp", "datetime", "tout", "zeit", "tempo", "date_time", "x_value", "tempos", "elapsed")
 _SINCE: Final = re.compile(r"(?P<unit>\w+) since (?P<stamp>.+)\Z")

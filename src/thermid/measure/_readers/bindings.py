@@ -9,10 +9,10 @@ from typing import Any, Final
 
 from thermid.base.errors import NameNotFoundError, RecordError, ThermidError, errors_at, refuse_unknown
 from thermid.base.expression import amount
-from thermid.base.units import DIMENSIONLESS, TEMPERATURE, describe, require, unit
+from thermid.base.units import DIMENSIONLESS, TEMPERATURE, require, unit
 from thermid.measure._readers.headers import LETTERED
 from thermid.measure._readers.power_of_columns import POWER_KEYS
-from thermid.measure._record.channel import INTERPOLATIONS, ROLES, SAMPLES, SI_UNITS, Role
+from thermid.measure._record.channel import INTERPOLATIONS, ROLES, SAMPLES, Role, quantity_of
 from thermid.measure._record.sensor import KEYS, SensorCertificate, SensorPart
 
 _OF_SAMPLES: Final = ("noise", "accuracy", "resolution", "unit", "prompt", "samples", "interpolation", "power")
@@ -197,12 +197,7 @@ def unit_and_quantity(binding: Binding, header_unit: str | None, where: str) -> 
             raise RecordError(
                 f"full_scale is for a column in per cent, and it is in {text}. Leave full_scale out.", code="record.unit-contradicts"
             )
-    if role is not None and role.quantity:
-        return text, role.quantity
-    for quantity, si_unit in SI_UNITS.items():
-        if of.dimension == unit(si_unit).dimension:
-            return text, quantity
-    return text, describe(of.dimension).removeprefix("an ").removeprefix("a ")
+    return text, (role.quantity if role is not None else "") or quantity_of(of)
 
 
 _PER_CENT: Final = "{}, and a load needs watts. Give full_scale = '... [W]', its power at 100 %, or gain, the path of a parameter."

@@ -15,9 +15,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from thermid.base.units import DEVIATION_OF_MEDIAN
 from thermid.measure._readers.questions import SWITCH
 from thermid.measure._record.channel import FloatArray
-from thermid.measure.amounts import DAY, DEVIATION_OF_MEDIAN, HOUR
 
 MAX_COMPARED_READINGS, TRIED_OFFSETS = 400, 300
 """Most readings that two courses are compared at, and offsets that are tried at first. [-]"""
@@ -48,8 +48,6 @@ MIN_INDEPENDENT = 4.0
 FINER = 3
 """How often offsets are tried again, eight times as close about the best."""
 
-ZONES = (*range(-12, 15), -9.5, -3.5, 3.5, 4.5, 5.5, 5.75, 6.5, 8.75, 9.5, 10.5, 12.75)
-"""By how much local times are ahead of UTC, standard and summer (IANA time zone database). [h]"""
 CLOCKS_APART = 300.0
 """By how much clocks that nobody set by each other may differ beside their zones. [s]"""
 
@@ -128,19 +126,18 @@ class LogCourse:
 
         Their `count` time constants run from `fine` to `longest` by equal factors. [s], [W]
         """
-        from scipy.signal import lfilter
+        from scipy.linalg import solve_banded
 
         times, constants = np.arange(0.0, self.times[-1] + fine, fine), np.geomspace(fine, longest, count)
-        out, sizes = [], []
-        for course in (self, *self.beside):
-            held = (
-                course.values[np.clip(np.searchsorted(course.times, times, side="right") - 1, 0, course.times.size - 1)] - course.values[0]
-            )
-            for constant in constants:
-                decay = float(np.exp(-fine / constant))
-                out.append(lfilter([0.0, 1.0 - decay], [1.0, -decay], held))  # the value of an interval acts at its end
-                sizes.append(float(np.ptp(course.values)))
-        return Explanation(times, np.column_stack(out), np.tile(constants, 1 + len(self.beside)), np.array(sizes))
+        courses = (self, *self.beside)
+        held = np.column_stack(
+            [c.values[np.clip(np.searchsorted(c.times, times, side="right") - 1, 0, c.times.size - 1)] - c.values[0] for c in courses]
+        )
+        sizes, out = np.array([float(np.ptp(c.values)) for c in courses]), np.zeros((len(courses), count, times.size))
+        for k, decay in enumerate(np.exp(-fine / constants)):  # y_i - decay y_(i-1) = (1 - decay) x_(i-1): an interval acts at its end
+            bands = np.vstack([np.ones(times.size), np.full(times.size, -decay)])
+            out[:, k, 1:] = solve_banded((1, 0), bands[:, 1:], (1.0 - decay) * held[:-1]).T
+        return Explanation(times, out.reshape(-1, times.size).T, np.tile(constants, len(courses)), np.repeat(sizes, count))
 
     @property
     def switched(self) -> FloatArray:
@@ -206,51 +203,6 @@ def common_step(first: Sequence[LogCourse], second: Sequence[LogCourse]) -> Comm
     return best if best is not None and best.error <= MAX_OFFSET_ERROR * length else None
 
 
-def zone_shared(pairs: Sequence[tuple[Sequence[LogCourse], Sequence[LogCourse], float]]) -> float | None:
-    """Return by how much the clocks of logs without a stated zone are ahead of UTC; None where no zone fits much better than others. [s]
-
-    The zone is that with the largest sum over pairs of N log(squares without the power / squares left), with clocks up to 5 min off.
-    Temperatures are fitted by first-order responses to powers with non-negative shares, so that a response cannot stand for a power that
-    is hours early; a single rise can, so two switches are needed. The second best must have less than `RIVAL` of the information.
-
-    Parameters
-    ----------
-    pairs : sequence of (courses, courses, float)   A log without a zone, one in UTC, and by how much its stamps begin later. [s]
-    """
-    known: dict[float, float] = {}
-    ways = [
-        (*((a, b, 1.0) if b.power else (b, a, -1.0)), late)
-        for first, second, late in pairs
-        for a in _together(first)
-        for b in _together(second)
-        if a.power != b.power and a.heated and b.heated and (a if a.power else b).switched.size > 1
-    ]
-    made = [_explanations(effect, cause)[0] for effect, cause, _, _ in ways]
-    for hours in sorted(ZONES, key=abs):
-        begins = [sign * ((late + hours * HOUR + 0.5 * DAY) % DAY - 0.5 * DAY) for _, _, sign, late in ways]
-        if not any(abs(hours - other) == 24.0 for other in known):  # the same time of day
-            known[hours] = sum(
-                max(_heating_information(effect, one, at + apart) for apart in np.linspace(-CLOCKS_APART, CLOCKS_APART, 13))
-                for at, one, (effect, cause, _, _) in zip(begins, made, ways, strict=True)
-                if _enough_switches(effect, cause, at)
-            )
-    best, rival = sorted(known, key=lambda hours: -known[hours])[:2]
-    return best * HOUR if known[rival] < RIVAL[True] * known[best] else None
-
-
-def _heating_information(seen: LogCourse, made: Explanation, offset: float) -> float:
-    """Return N log(squares without the power / squares left) at an offset [s], shares of responses non-negative; 0 for few readings. [-]"""
-    from scipy.optimize import nnls
-
-    rows, target = _rows(seen, made, offset)
-    own = rows.shape[1] - made.columns.shape[1]
-    if target.size < 4 * rows.shape[1] or float(np.ptp(rows[:, own])) == 0.0:
-        return 0.0
-    rows = rows / np.maximum(np.linalg.norm(rows, axis=0), 1e-300)
-    left = float(nnls(np.column_stack([rows, -rows[:, :own]]), target)[1]) ** 2
-    return -target.size * float(np.log(max(left / max(_solved(rows[:, :own], target)[0], 1e-300), 1e-12)))
-
-
 def _as_pairs_agree(offsets: Sequence[CommonStep]) -> list[CommonStep]:
     """Return offsets; errors of those from a power get the between-pair variance added (DerSimonian and Laird 1986)."""
     sure = [f for f in offsets if not (f.lags or f.candidate)]
@@ -288,11 +240,12 @@ def _compared(a: LogCourse, b: LogCourse) -> CommonStep | None:
     rival = float(np.max(known[np.abs(offsets - first) > DISTINCT * length], initial=0.0))
     refined_offsets = [_refined_offset(effect, responses, first, spacing, step) for responses in ways]
     explained = 1.0 - _part_unexplained(effect, ways[0], refined_offsets[0])
-    mixed = a.power != b.power
+    mixed, at = a.power != b.power, refined_offsets[0]
+    inside = np.count_nonzero((cause.switched > -at) & (cause.switched < effect.times[-1] - at))  # any single rise looks like any other
     if (
-        (cause.power and not _enough_switches(effect, cause, refined_offsets[0]))
+        (cause.power and inside < min(2, cause.switched.size))
         or explained < MIN_EXPLAINED_SHARE[mixed]
-        or rival > RIVAL[mixed] * _information(effect, ways[0], refined_offsets[0])
+        or rival > RIVAL[mixed] * _information(effect, ways[0], at)
     ):
         return None
     error = max(_error(effect, responses, offset, step) for responses, offset in zip(ways, refined_offsets, strict=True))
@@ -322,12 +275,6 @@ def _scatter(course: LogCourse) -> float:
     return float(DEVIATION_OF_MEDIAN * np.median(np.abs(np.diff(course.values, 2))) / np.sqrt(6.0))
 
 
-def _enough_switches(seen: LogCourse, cause: LogCourse, offset: float) -> bool:
-    """Whether a course covers two switches of a power, or all that it has: any single rise looks like any other."""
-    inside = np.count_nonzero((cause.switched > -offset) & (cause.switched < seen.times[-1] - offset))
-    return bool(inside >= min(2, cause.switched.size))
-
-
 def _explanations(effect: LogCourse, cause: LogCourse) -> list[Explanation]:
     """Return the forms in which one course may act on another: sets of responses where a power acts on a temperature, else as it is."""
     if cause.power == effect.power:
@@ -339,7 +286,7 @@ def _explanations(effect: LogCourse, cause: LogCourse) -> list[Explanation]:
 def _refined_offset(effect: LogCourse, responses: Explanation, best: float, spacing: float, step: float) -> float:
     """Return the offset that leaves least, looked for within four spacings of `best` in finer and finer steps. [s]"""
     for _ in range(FINER):
-        tried = best + np.linspace(-4.0, 4.0, 33) * spacing
+        tried = best + np.linspace(-4.0, 4.0, 17) * spacing
         best = float(tried[int(np.argmin([_part_unexplained(effect, responses, o) for o in tried]))])
         spacing /= 8.0
         if spacing < 0.05 * step:
@@ -380,7 +327,9 @@ def _rows(effect: LogCourse, responses: Explanation, offset: float) -> tuple[Flo
     times, target = effect.times[thin], effect.values[thin]
     inside = (times >= offset) & (times <= offset + responses.times[-1])
     times, target = times[inside], target[inside]
-    moved = [np.interp(times - offset, responses.times, column) for column in responses.columns.T]
+    after = np.clip(np.searchsorted(responses.times, times - offset), 1, responses.times.size - 1)
+    part = (times - offset - responses.times[after - 1]) / (responses.times[after] - responses.times[after - 1])
+    moved = responses.columns[after - 1] + part[:, None] * (responses.columns[after] - responses.columns[after - 1])
     since = times - (times[0] if times.size else 0.0)
     decays = (
         np.unique(responses.constants)[np.linspace(1, np.unique(responses.constants).size - 1, DECAYS).astype(int)]
@@ -388,7 +337,7 @@ def _rows(effect: LogCourse, responses: Explanation, offset: float) -> tuple[Flo
         else np.zeros(0)
     )
     own = [np.exp(-since / constant) for constant in decays] or [times / max(effect.times[-1], 1e-9)]
-    return np.column_stack([np.ones(times.size), *own, *moved]), target
+    return np.column_stack([np.ones(times.size), *own, moved]), target
 
 
 def _solved(rows: FloatArray, target: FloatArray) -> tuple[float, FloatArray]:

@@ -10,7 +10,6 @@ from typing import Any, Final
 
 import numpy as np
 
-from thermid.base.arguments import takes_objects
 from thermid.base.errors import NameNotFoundError, RecordError, errors_at, refuse_unknown
 from thermid.base.expression import amount
 from thermid.base.units import from_si, in_si, require, unit
@@ -32,7 +31,6 @@ SCPI_OVERLOAD: Final = 9.9e36
 """What instruments with SCPI write for an overload or an open sensor is 9.9e37, of either sign; it is masked as infinite."""
 
 
-@takes_objects
 def read_record(
     path: str | Path,
     channels: Mapping[str, str | Mapping[str, object]],

@@ -12,13 +12,12 @@ from typing import Any, Final
 
 import numpy as np
 
-from thermid.base.arguments import takes_objects
 from thermid.base.errors import ThermidError
 from thermid.base.linear_algebra import Array
 from thermid.base.results import Result
-from thermid.base.units import counted, in_si, unit
+from thermid.base.units import DAY, HOUR, MINUTE, counted, duration_text, in_si, short, unit
 from thermid.measure._readers.columns import decimal_sign
-from thermid.measure._readers.common_step import CLOCKS_APART, MIN_EXPLAINED_SHARE, CommonStep, LogCourse, common_step, zone_shared
+from thermid.measure._readers.common_step import CLOCKS_APART, MIN_EXPLAINED_SHARE, CommonStep, LogCourse, common_step
 from thermid.measure._readers.formats import log_cells
 from thermid.measure._readers.guess import Column, columns_of
 from thermid.measure._readers.headers import name_and_unit
@@ -27,7 +26,6 @@ from thermid.measure._readers.stamps import Clock, Times, clock_column, day_seco
 from thermid.measure._readers.textfile import Cells
 from thermid.measure._record.channel import SENSOR_FAULT_CODES, Channel, even_step, gap_from, usual_step
 from thermid.measure._record.record import thinned_step
-from thermid.measure.amounts import DAY, HOUR, MINUTE, duration_text, short
 
 ACCURACY: Final = 'add accuracy = "0.5 [K]" to each thermometer, half of the +-1 K of its data sheet; no log shows it'
 SUPPLY: Final = "P_supply"
@@ -205,11 +203,12 @@ class Look(Result):
         for c in self.columns:
             if c.guess in _SHOWN:
                 out += self._channel(c)
-        for supply, pair in self.supplies.items():
-            volts, amperes = (json.dumps(c.name, ensure_ascii=False) for c in pair)
-            power = f"power = {{ volts = {volts}, amperes = {amperes} }}"
-            shared_voltage = "common " if sum(other[0] is pair[0] for other in self.supplies.values()) > 1 else ""
-            out.append(f'{self.again.get(supply, supply)} = {{ load = "{supply}", {power} }}  # a {shared_voltage}voltage and a current')
+        for supply, columns in self.supplies.items():
+            keys = ("volts", "amperes") if len(columns) == 2 else ("energy",)
+            power = ", ".join(f"{key} = {json.dumps(c.name, ensure_ascii=False)}" for key, c in zip(keys, columns, strict=True))
+            common = "common " if sum(other[0] is columns[0] for other in self.supplies.values()) > 1 else ""
+            what = f"a {common}voltage and a current" if len(columns) == 2 else "a counter of energy"
+            out.append(f'{self.again.get(supply, supply)} = {{ load = "{supply}", power = {{ {power} }} }}  # {what}')
         return "\n".join(out) + "\n"
 
     def _channel(self, c: Column) -> list[str]:
@@ -233,7 +232,7 @@ class Look(Result):
         return [f'{key} = {{ {column}{role} = "{target}"{options} }}{why}']
 
     def courses(self) -> list[LogCourse]:
-        """Return temperatures, powers and duties over the clock of the log, and volts times amperes of its supplies."""
+        """Return temperatures, powers and duties over the clock of the log, and the powers of its supplies and counters of energy."""
         if self.times is None:
             return []
         times = self.times.values - self.times.values[0]
@@ -242,18 +241,27 @@ class Look(Result):
             LogCourse(c.name, power, times[c.good], in_si(c.values[c.good], c.unit or ("W" if power else "degC")), c.guess != "boundary")
             for c, power in shown
         ]
-        for pair in self.supplies.values():
-            watts = in_si(pair[0].values, pair[0].unit) * in_si(pair[1].values, pair[1].unit)
+        for columns in self.supplies.values():
+            sizes = [in_si(c.values, c.unit) for c in columns]
+            if len(columns) == 1:  # the mean power until the next reading
+                slopes = np.append(np.diff(sizes[0]) / np.diff(times), np.nan)
+                watts = np.where(slopes >= 0.0, slopes, np.nan)
+            else:
+                watts = sizes[0] * sizes[1]
             good = np.isfinite(watts)
-            out.append(LogCourse(f"{pair[0].name} * {pair[1].name}", True, times[good], watts[good]))
+            out.append(LogCourse(" * ".join(c.name for c in columns), True, times[good], watts[good]))
         return out
 
     @property
-    def supplies(self) -> dict[str, tuple[Column, Column]]:
-        """Name of a power -> its columns in volts and in amperes: the only ones, the only ones with the same other words, or one voltage.
+    def supplies(self) -> dict[str, tuple[Column, ...]]:
+        """Name of a power -> its columns in volts and in amperes, or that of a counter of energy where the log has no other power."""
+        if (pairs := self._pairs()) or any(c.guess == "power" for c in self.columns):
+            return pairs
+        counters = [c for c in self.columns if c.unit and _is(c.unit, "J") and c.values.size]
+        return {SUPPLY + (f"_{k}" if k > 1 else ""): (c,) for k, c in enumerate(counters, 1)}
 
-        Of one voltage and several currents, as of a bus and its consumers, each current has a power.
-        """
+    def _pairs(self) -> dict[str, tuple[Column, ...]]:
+        """Return a power for the only voltage and current, the only ones with the same other words, or every current of one voltage."""
         volts, amperes = ([c for c in self.columns if c.unit and _is(c.unit, slot) and c.values.size] for slot in ("V", "A"))
         if len(volts) == len(amperes) == 1:
             product = in_si(volts[0].values, volts[0].unit) * in_si(amperes[0].values, amperes[0].unit)
@@ -270,8 +278,8 @@ class Look(Result):
 
     @property
     def _of_supplies(self) -> list[Column]:
-        """The columns of voltage and current that make a power together."""
-        return [c for pair in self.supplies.values() for c in pair]
+        """The columns that powers follow from."""
+        return [c for columns in self.supplies.values() for c in columns]
 
     def as_object(self) -> dict[str, Any]:
         """Return the same as JSON holds it; values in the units of the columns, times in seconds."""
@@ -302,7 +310,7 @@ class Look(Result):
         }
 
 
-WHICH_ZONE: Final = "Stamps alone leave whole hours open, and no power with a temperature decides: which zone is it?"
+WHICH_ZONE: Final = "Stamps alone leave whole hours open, and no common step decides. "
 _OF_DAY = re.compile(r"(\d{1,2}):(\d{2})(?::(\d{2}(?:[.,]\d+)?))?(?:\s*([AaPp])\.?[Mm])?")
 
 
@@ -329,32 +337,34 @@ def _zone(look: Look) -> str:
     return look.times.zone if look.times is not None else ""
 
 
-def _starts(looks: Sequence[Look], courses: Sequence[Sequence[LogCourse]]) -> tuple[list[float | None], str]:
+def _starts(looks: Sequence[Look], steps: Mapping[tuple[int, int], CommonStep]) -> tuple[list[float | None], str]:
     """Return the times of day at which logs begin, on one clock [s], and what is to be checked where only some state their zone.
 
-    The zone of the others, taken as one, is that at which powers and temperatures fit. Where none does, their stamps do not count beside
-    those of the rest.
+    The zone of the others, taken as one, is the half hours that common steps leave between the stamps. Where none does, their stamps do
+    not count beside those of the rest.
     """
     starts = [_time_of_day(one) for one in looks]
     stamped = [k for k, start in enumerate(starts) if start is not None]
     local, stated = ([k for k in stamped if bool(_zone(looks[k])) is has] for has in (False, True))
     if not local or not stated:
         return starts, ""
-    ahead = zone_shared([(courses[j], courses[k], _late(starts[j], starts[k]) or 0.0) for j in local for k in stated])
     names, zones = (
         ", ".join(texts) for texts in ([looks[k].path.name for k in local], [f"{looks[k].path.name} {_zone(looks[k])}" for k in stated])
     )
     said = f"check: no time zone is stated in {names}, but in {zones}. "
-    if ahead is None:
-        kept = local if stamped[0] in local else stated
-        starts = [start if k in kept else None for k, start in enumerate(starts)]
-        return starts, said + WHICH_ZONE
-    starts = [start - ahead if start is not None and k in local else start for k, start in enumerate(starts)]
-    sign = "ahead of" if ahead >= 0.0 else "behind"
-    return (
-        starts,
-        said + f"Powers and temperatures fit best if {names} is {abs(ahead) / HOUR:g} h {sign} UTC, and the offsets below count that",
-    )
+    shown = [(steps[j, k], _late(starts[j], starts[k]) or 0.0) for j in local for k in stated if (j, k) in steps]
+    step, late = min((pair for pair in shown if not pair[0].candidate), key=lambda pair: pair[0].error, default=(None, 0.0))
+    ahead = 0.5 * HOUR * round((step.offset - late) / (0.5 * HOUR)) if step is not None else 0.0
+    if step is not None and abs(step.offset - late - ahead) < CLOCKS_APART > step.error:
+        sign = "ahead of" if ahead >= 0.0 else "behind"
+        starts = [start - ahead if start is not None and k in local else start for k, start in enumerate(starts)]
+        said += f"Common steps fit if {names} is {abs(ahead) / HOUR:g} h {sign} UTC, and the offsets below count that"
+        return starts, said
+    kept, others, sign = (local, stated, "+") if stamped[0] in local else (stated, local, "-")
+    late = (starts[others[0]] or 0.0) - (starts[stamped[0]] or 0.0)
+    asked = f"If {names} is h hours ahead of UTC, the offset is {late:.6g} {sign} 3600 h s: which zone is it?"
+    said += "The common steps below give the offsets, so no zone is needed" if step is not None else WHICH_ZONE + asked
+    return [start if k in kept else None for k, start in enumerate(starts)], said
 
 
 def clocks_of(looks: Sequence[Look]) -> list[dict[str, Any]]:
@@ -374,9 +384,9 @@ def clocks_of(looks: Sequence[Look]) -> list[dict[str, Any]]:
     loggers of temperatures meet by way of the supply that both follow.
     """
     courses = [one.courses() for one in looks]
-    starts, said = _starts(looks, courses)
     steps = {(j, k): f for k in range(len(looks)) for j in range(k) if (f := common_step(courses[j], courses[k])) is not None}
     steps |= {(k, j): replace(f, offset=-f.offset, first=f.second, second=f.first) for (j, k), f in steps.items()}
+    starts, said = _starts(looks, steps)
     places = {0: _OffsetSoFar(0.0)}
     entries: dict[int, dict[str, Any]] = {
         k: {"file": further.path.name, "record": further.name, "offset": _late(starts[0], starts[k])} | ({"zone": said} if said else {})
@@ -401,10 +411,6 @@ def clocks_of(looks: Sequence[Look]) -> list[dict[str, Any]]:
             reach = MAX_OFFSET_ERRORS if place.error > STAMPS_APART else 1.0
             entry["at"] = {"offset": place.at, "error": place.error, "stamps": place.stamped} | (after if step is None else {})
             entry["at"] |= {"candidate": place.candidate, "by_stamps": step is None or bool(away <= reach * place.error)}
-    unstamped = [e for e in entries.values() if e["offset"] is None]
-    if said.endswith(WHICH_ZONE) and unstamped and all("at" in e and not e["at"]["candidate"] for e in unstamped):
-        said = f"{said.removesuffix(WHICH_ZONE)}The common steps below give the offsets, so no zone is needed"
-        entries = {k: e | {"zone": said} for k, e in entries.items()}
     return [entries[k] for k in range(1, len(looks))]
 
 
@@ -534,10 +540,11 @@ def _by_step(clock: dict[str, Any], first: Look, other: Look) -> list[str]:
         used = f"{better}, and are used where no fit finds the offset" if clock.get("at", {}).get("by_stamps") else ""
         near = f"; its stamps are {away:.3g} s from that, within {MAX_OFFSET_ERRORS:g} errors{used}"
         return [text if step["stamps"] is None else text + near]
+    by_stamps = clock["at"]["offset"] - late + step["stamps"] if clock["offset"] is None else clock["offset"]
     return [
         text,
         f"    check: its stamps are {away:.3g} s from that, {away / error:.0f} errors, so a clock is wrong. The line below follows the "
-        f"step. If both clocks are right, heat arrives late: write {clock['offset']:.6g} s",
+        f"step. If both clocks are right, heat arrives late: write {by_stamps:.6g} s",
     ]
 
 
@@ -607,7 +614,6 @@ def _short(text: str, width: int) -> str:
     return text if len(text) <= width else f"{text[: width - 6]}..{text[-4:]}"
 
 
-@takes_objects
 def look(
     path: str | Path,
     *,

@@ -8,8 +8,8 @@ from typing import Final
 
 import numpy as np
 
+from thermid.base.units import HOUR, duration_text, short
 from thermid.measure._record.channel import BoolArray, FloatArray, gap_from, usual_step
-from thermid.measure.amounts import HOUR, duration_text, short
 
 ROOM_IN_FAHRENHEIT: Final = (59.0, 95.0)
 """First readings that a room has in degrees Fahrenheit (15 to 35 degC); in degC no room does."""

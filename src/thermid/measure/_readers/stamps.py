@@ -11,13 +11,12 @@ from typing import Final
 import numpy as np
 
 from thermid.base.errors import NameNotFoundError, RecordError, errors_at
-from thermid.base.units import require, unit
+from thermid.base.units import DAY, HOUR, MINUTE, duration_text, require, unit
 from thermid.measure._readers.columns import find_column, numbers
 from thermid.measure._readers.headers import COUNTED, DATED, MISSING, TIME_NAMES, is_time_name, name_and_unit, plainly, spelt
 from thermid.measure._readers.questions import begins_again
 from thermid.measure._readers.textfile import Cells
 from thermid.measure._record.channel import FloatArray
-from thermid.measure.amounts import DAY, HOUR, MINUTE, duration_text
 
 SPREADSHEET_EPOCH: Final = datetime(1899, 12, 30)
 MATLAB_DAYS: Final = (715000.0, 770000.0, 693960.0)

@@ -15,11 +15,21 @@ from numpy.typing import ArrayLike, NDArray
 from thermid.base.arguments import guard_methods
 from thermid.base.codes import CodedText
 from thermid.base.errors import ExpressionError, NameNotFoundError, RecordError, UnitError, errors_at, nearest, refuse_unknown
-from thermid.base.expression import Stamp, amount, instant, quantity, si_values, stated
+from thermid.base.expression import Stamp, amount, instant, positive_seconds, quantity, si_values, stated
 from thermid.base.results import Row, Shown
-from thermid.base.units import TEMPERATURE, format_value, from_si, in_si, require_unit, unit as read_unit
+from thermid.base.units import (
+    DEVIATION_OF_MEDIAN,
+    TEMPERATURE,
+    Unit,
+    describe,
+    duration_text,
+    format_value,
+    from_si,
+    in_si,
+    require_unit,
+    unit as read_unit,
+)
 from thermid.measure._record.sensor import KEYS, SensorCertificate, SensorPart
-from thermid.measure.amounts import DEVIATION_OF_MEDIAN, duration_text, positive_seconds
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
@@ -114,6 +124,12 @@ def frozen(values: ArrayLike, kind: Any) -> NDArray[Any]:
     copy = np.array(values, dtype=kind)
     copy.flags.writeable = False
     return copy
+
+
+def quantity_of(of: Unit) -> str:
+    """Return what readings in a unit measure, in words: temperature, power, command, current ..."""
+    usual = (quantity for quantity, text in SI_UNITS.items() if read_unit(text).dimension == of.dimension)
+    return next(usual, describe(of.dimension).removeprefix("an ").removeprefix("a "))
 
 
 SIZES: Final = ("noise", "accuracy", "resolution", "common")
@@ -481,6 +497,10 @@ class SecondClock:
         return np.min(corners, axis=0), np.max(corners, axis=0)
 
 
+UNPAIRED: Final = 0.05
+"""Part of a record that only one of two joined logs covers, from which the offset between them is questioned. [-]"""
+
+
 @guard_methods
 @dataclass(frozen=True, eq=False, repr=False)
 class Samples:
@@ -504,6 +524,22 @@ class Samples:
             return instant(self.origin.start)
         except UnitError:
             return None
+
+    @property
+    def questions(self) -> tuple[str, ...]:
+        """What its owner should answer: what the logs leave open, and whether it is meant that a joined log covers a part of the time."""
+        out = list(self.origin.questions)
+        for clock in (*self.clocks, *self.stated_clocks):
+            sides = ([c.valid for n, c in self.channels.items() if (n in clock.channels) is joined] for joined in (False, True))
+            here, there = (self.times[np.any(valid, axis=0)] if valid else self.times for valid in sides)
+            begin, end = max(here[0], there[0]), min(here[-1], there[-1])
+            if self.duration - (end - begin) > UNPAIRED * self.duration:
+                out.append(
+                    f"for {duration_text(self.duration - (end - begin))} of its {duration_text(self.duration)} only one of its log and "
+                    f"'{clock.log}' has readings; there a run keeps the first or last reading of an input. Check the offset of "
+                    f"{clock.at[0]:.6g} s. To use only the time of both, trim each log; on this clock it is {begin:.6g} to {end:.6g} s."
+                )
+        return tuple(out)
 
     @property
     def moved(self) -> str:
@@ -816,7 +852,7 @@ def stray_readings(records: Sequence[Samples]) -> tuple[str, ...]:
 
 def open_questions(records: Sequence[Samples]) -> tuple[str, ...]:
     """Return what the owner of the logs should answer first: codes of faults, and the questions of each log."""
-    questions = (f"record '{r.name}': {question}" for r in records for question in r.origin.questions)
+    questions = (f"record '{r.name}': {question}" for r in records for question in r.questions)
     return (*stray_readings(records), *dict.fromkeys(questions))
 
 

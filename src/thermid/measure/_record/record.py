@@ -16,11 +16,11 @@ from typing import TYPE_CHECKING, Any, Final, NamedTuple
 import numpy as np
 
 from thermid.base.errors import RecordError, ThermidError, errors_at, quoted, refuse_unknown
-from thermid.base.expression import amount, clocked, counts_rows, seconds
+from thermid.base.expression import amount, clocked, counts_rows, positive_seconds, seconds
 from thermid.base.extensions import optional
 from thermid.base.files import FileKinds, replacing
 from thermid.base.results import PlottedTrace, Result, Row
-from thermid.base.units import TEMPERATURE, counted, format_value, from_si, in_si, unit
+from thermid.base.units import DEVIATION_OF_MEDIAN, TEMPERATURE, counted, duration_text, format_value, from_si, in_si, unit
 from thermid.measure._record import windows
 from thermid.measure._record.channel import (
     ROLES,
@@ -33,19 +33,17 @@ from thermid.measure._record.channel import (
     digest,
     even_step,
     gap_limit,
+    quantity_of,
     strays,
     with_sensor,
 )
 from thermid.measure._record.sensor import ICE, KEYS, SensorCertificate, SensorPart
 from thermid.measure._record.steadiness import SETTLED, SteadyPoint, steady_point
-from thermid.measure.amounts import DEVIATION_OF_MEDIAN, duration_text, positive_seconds
 
 if TYPE_CHECKING:
     from pandas import DataFrame
     from xarray import Dataset
 
-UNPAIRED: Final = 0.05
-"""Part of a record without a reading of the log that is joined with it, from which the offset between them is questioned. [-]"""
 FAULT_CODES: Final = ("85 [degC]", "-127 [degC]")
 """What a DS18B20 gives after power-on (note to table 1 of its data sheet), and what its usual driver gives when the sensor is gone."""
 
@@ -110,8 +108,9 @@ class Record(Samples, Result):
         ----------
         name : str          Its name.
         frame : DataFrame   A row a time, a column a channel. NaN is a missing sample.
-        channels : mapping  Column -> table: ``unit`` ("degC", "W"), what it is of (``node``, ``boundary``, ``load``, ``prescribed`` or
-                            ``command``: a path in the model), and where known ``noise`` and ``accuracy`` ("0.1 [K]").
+        channels : mapping  Column -> table: ``unit`` ("degC", "W"), what it is of (``node``, ``boundary``, ``load``, ``prescribed``,
+                            ``command`` or ``schedule``, a value that the log gives: a path in the model), and where known ``noise`` and
+                            ``accuracy`` ("0.1 [K]").
         time : str          Column of the times, numbers in seconds or stamps; the index without it, unless that counts rows.
         synthetic : bool    Whether a simulation made the samples.
 
@@ -206,12 +205,24 @@ class Record(Samples, Result):
             raise RecordError(f"only {count} sample lies from {text}; at least two are needed.", "trim", code="record.too-short")
         channels = {name: channel.taken(inside) for name, channel in self.channels.items()}
         steps = (*self.steps, f"trim: {text}, {count} of {inside.size} samples kept")
-        return replace(self, times=self.times[inside], channels=channels, steps=steps)
+        return replace(self._with_clocks(*self.times[inside][[0, -1]].tolist()), times=self.times[inside], channels=channels, steps=steps)
+
+    def _with_clocks(self, first: float, last: float, zero: float = 0.0) -> Record:
+        """Return the record with its further clocks from `first` to `last` of its own one, whose zero moves to `zero`. [s]"""
+
+        def moved(clock: SecondClock) -> SecondClock:
+            later = zero if clock.offset_is == SecondClock.offset_is else 0.0  # a delay is on the record's own clock
+            times = max(clock.times[0], first) - zero, min(clock.times[1], last) - zero
+            at, offset = (clock.at[0] - later, clock.at[1]), (clock.offset[0] - later, clock.offset[1] - later)
+            return replace(clock, offset=offset, at=at, times=times)
+
+        return replace(self, clocks=tuple(map(moved, self.clocks)), stated_clocks=tuple(map(moved, self.stated_clocks)))
 
     def shift_start(self) -> Record:
         """Return the record with its first time subtracted from all times."""
         first = float(self.times[0])
-        return replace(self, times=self.times - first, steps=(*self.steps, f"shift_start: {first:.6g} s taken from all times"))
+        moved = self._with_clocks(first, float(self.times[-1]), first)
+        return replace(moved, times=self.times - first, steps=(*self.steps, f"shift_start: {first:.6g} s taken from all times"))
 
     def median(self, window: str | float, *, powers: bool = False) -> Record:
         """Return temperatures (and powers, if asked) through a moving median, centred in time, of valid samples within half a window.
@@ -404,7 +415,9 @@ class Record(Samples, Result):
         return self._noted(f"mask: {channel} from {text} ({self._masked_since(masked)} samples), {reason}", masked)
 
     def joined(self, other: Record, offset: Any = None, rate: float | tuple[float, float] = 1.0) -> Record:
-        """Return the channels of both records, on the times of both.
+        """Return the channels of both records, on the times of both; where one has no reading, it is missing.
+
+        In a run an input keeps its first and last reading before and after its log; `trim` cuts a record to the time of both.
 
         A time t on the other's clock is ``offset + rate t`` on this one's [s]; without an offset they are laid by their stamps, or, where
         one has none, zero on zero. Pairs are ranges, within which `calibrate` finds them; until then the record stands in their middle.
@@ -500,14 +513,8 @@ class Record(Samples, Result):
                 code="record.not-overlapping",
             )
         times, channels = _interleaved(self, other, there)
-        apart = max(there[0] - self.times[0], 0.0) + max(self.times[-1] - there[-1], 0.0)
-        unpaired = (
-            f"for {duration_text(apart)} of its {duration_text(self.duration)} there is no reading of '{other.name}' beside it, "
-            f"whose clock is {offset:.6g} s late. Check this offset."
-        )
         origin = replace(
             self.origin,
-            questions=(*self.origin.questions, *([unpaired] if apart > UNPAIRED * self.duration else [])),
             file=f"{self.origin.file} + {other.origin.file}",
             sha256=hashlib.sha256(f"{self.origin.sha256} {other.origin.sha256}".encode()).hexdigest(),
             columns=(*self.origin.columns, *other.origin.columns),
@@ -522,10 +529,9 @@ class Record(Samples, Result):
                 f"{self.name}, {other.name}",
                 code="value.excludes-another",
             )
-        environment = {**self.environment, **other.environment}
         return replace(
             self,
-            environment=environment,
+            environment={**self.environment, **other.environment},
             times=times,
             channels=channels,
             origin=origin,
@@ -958,13 +964,13 @@ def _channel_of(column: str, values: FloatArray, table: Mapping[str, Any], name:
         )
     of, role = unit(str(table["unit"])), ROLES[roles[0]]
     warm = role.quantity == "temperature"
-    if of.dimension != unit("K" if warm else role.slot).dimension and role.quantity != "command":
+    if role.slot and of.dimension != unit("K" if warm else role.slot).dimension and role.quantity != "command":
         raise RecordError(f"'{of.text}' is no unit of a {role.quantity}.", where, code="unit.wrong-dimension")
     sizes = {key: amount(table[key], "K" if warm else of.text, where) for key in ("noise", "accuracy") if key in table}
     return Channel.from_array(
         column,
         values,
-        quantity=role.quantity,
+        quantity=role.quantity or quantity_of(of),
         role=roles[0],
         target=str(table[roles[0]]),
         column=column,

@@ -6,8 +6,8 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from thermid.base.units import DEVIATION_OF_MEDIAN
 from thermid.measure._record.channel import BoolArray, FloatArray, usual_step
-from thermid.measure.amounts import DEVIATION_OF_MEDIAN
 
 _CELLS = 1_000_000
 

@@ -16,8 +16,8 @@ from thermid.base.expression import amount
 from thermid.base.linear_algebra import Array, Ints
 from thermid.base.results import Shown
 from thermid.model._deck.modelfile import model_from_dict
-from thermid.model._laws.refusals import refuse_first
 from thermid.model._laws.signal import Constant, Signal, signal
+from thermid.model._laws.stores import refuse_first
 from thermid.model._tree.model import Model
 
 FACES: Final = ("-x", "+x", "-y", "+y", "-z", "+z")

@@ -21,9 +21,9 @@ from thermid.base.grammar import StrictTable
 from thermid.base.units import unit
 from thermid.model._deck.fields import Raw, plain, value_table
 from thermid.model._deck.rows import Reader, rows_of_file
-from thermid.model._laws.refusals import Where, refuse_first
 from thermid.model._laws.signal import literal
-from thermid.model._parts.kinds import KINDS
+from thermid.model._laws.stores import Where, refuse_first
+from thermid.model._parts.elements import KINDS
 
 MAX_TWO_RESISTOR_ERROR: Final = 0.3
 """Largest error of a junction's rise by a two-resistor model, as a share, in comparisons with detailed models (DELPHI project;
@@ -329,9 +329,9 @@ class CoolerTable(StrictTable):
 
     cold: str
     hot: str
-    V_max: str
-    I_max: str
-    dT_max: str  # noqa: N815
+    V_max: Raw
+    I_max: Raw
+    dT_max: Raw  # noqa: N815
     T_hot: str
     Q_max: str | None = None
     current: Raw
@@ -342,24 +342,25 @@ class CoolerTable(StrictTable):
         From the data sheet at T_hot: S = V_max / T_hot, R = V_max (T_hot - dT_max) / (I_max T_hot),
         K = V_max I_max (T_hot - dT_max) / (2 T_hot dT_max), all times `size`.
         """
-        units = COOLER_UNITS | {"T_hot": "temperature"}
-        v, i, d, t = (plain(getattr(self, key), f"coolers.{key}", units[key], where(key)) for key in ("V_max", "I_max", "dT_max", "T_hot"))
-        if not d < t:
+        t = plain(self.T_hot, "coolers.T_hot", "temperature", where("T_hot"))
+        values, written = _Values(COOLER_UNITS, where), {key: getattr(self, key) for key in ("V_max", "I_max", "dT_max")}
+        for key, raw in written.items():
+            values.take(key, raw, source="datasheet")
+        numbers = {key: value_table(raw)["value"] for key, raw in written.items() if key not in values.set}
+        sheet = {key: plain(number, f"coolers.{key}", COOLER_UNITS[key], where(key)) for key, number in numbers.items()}
+        if not sheet.get("dT_max", 0.0) < t:
             raise DeckError(
                 "dT_max must be below T_hot in kelvin: its cold side would be colder than absolute zero.",
                 where(""),
                 code="value.outside-range",
             )
-        parameters: dict[str, Any] = {
-            key: {"value": getattr(self, key), "source": "datasheet"} for key in ("V_max", "I_max", "dT_max", "T_hot")
-        }
-        parameters["size"] = self._size(v * i * (t + d) / (2.0 * t), where)
+        parameters: dict[str, Any] = {"T_hot": {"value": self.T_hot, "source": "datasheet"}}
+        parameters["size"] = self._size(sheet, t, where)
         parameters |= {
             "seebeck": "size*V_max/T_hot",
             "resistance": "size*V_max*(T_hot - dT_max)/(I_max*T_hot)",
             "conductance": "size*V_max*I_max*(T_hot - dT_max)/(2*T_hot*dT_max)",
         }
-        values = _Values(COOLER_UNITS, where)
         values.take("current", self.current)
         parameters |= values.parameters
         pumped = {"temperature_coefficient": "1/T_hot", "reference_temperature": "T_hot"}
@@ -374,10 +375,11 @@ class CoolerTable(StrictTable):
         deck |= {"conductors": {"through": through}, "loads": loads}
         return Assembly(deck, {"cold": self.cold, "hot": self.hot}, values.set)
 
-    def _size(self, expected: float, where: Where) -> dict[str, Any]:
-        """Return the parameter `size`: one, with Q_max / `expected` [W] as the other end of its range."""
-        if self.Q_max is None:
+    def _size(self, sheet: Mapping[str, float], hot: float, where: Where) -> dict[str, Any]:
+        """Return the parameter `size`: one, with Q_max over the one that the numbers of the sheet give at `hot` [K] as its range's end."""
+        if self.Q_max is None or sheet.keys() < {"V_max", "I_max", "dT_max"}:
             return {"value": 1, "source": "datasheet", "basis": "V_max, I_max and dT_max at T_hot"}
+        expected = sheet["V_max"] * sheet["I_max"] * (hot + sheet["dT_max"]) / (2.0 * hot)
         share = literal(self.Q_max, "W", where("Q_max")) / expected
         if not 0.5 < share < 2.0:
             raise DeckError(

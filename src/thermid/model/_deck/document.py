@@ -12,8 +12,7 @@ from typing import Any, Final
 
 from thermid.base.errors import DeckError, ThermidError
 from thermid.base.files import FileKinds, command, parse_toml, read_bytes, write_bytes
-from thermid.model._deck.modelfile import model_beside
-from thermid.model._deck.save import place_of, toml_item
+from thermid.model._deck.modelfile import model_beside, place_of, toml_item
 from thermid.model._parts.parameter import parameter
 from thermid.model._tree.flat import flatten
 

@@ -11,10 +11,9 @@ from pydantic_core import PydanticCustomError
 
 from thermid.base.errors import DeckError, NameNotFoundError, cap, raising
 from thermid.base.grammar import Real, StrictTable, reads
-from thermid.model._laws.curves import Curve, curve
 from thermid.model._laws.options import Source
 from thermid.model._laws.signal import literal
-from thermid.model._laws.stores import SLOPES, TABULATED, tabulated
+from thermid.model._laws.stores import SLOPES, TABULATED, Curve, curve, tabulated
 from thermid.model._parts.parameter import Parameter, parameter
 from thermid.model._parts.ranges import RANGES, outside
 from thermid.model._tree.arrays import Use

@@ -28,14 +28,14 @@ from thermid.model._deck.fields import (
     curve_of,
     plain,
 )
-from thermid.model._laws.curves import Curve, limited
 from thermid.model._laws.options import Box, CarriedBy, StandsFor
-from thermid.model._laws.refusals import Rule, Where, refuse_first
 from thermid.model._laws.signal import literal
-from thermid.model._laws.stores import Supercooling, melting, tabulated
+from thermid.model._laws.stores import Curve, Rule, Supercooling, Where, limited, melting, refuse_first, tabulated
 from thermid.model._parts.controls import CONTROL_SLOTS, KINDS_OF_CONTROL, Control, ModeChange, check_modes, followed, of_difference
 from thermid.model._parts.elements import (
+    CARRIED_BY,
     CONTROLS,
+    KINDS,
     LOAD_SLOTS,
     NODE_SLOTS,
     Conductor,
@@ -51,7 +51,6 @@ from thermid.model._parts.elements import (
     finish_emissivity,
     gap_scatter,
 )
-from thermid.model._parts.kinds import CARRIED_BY, KINDS
 from thermid.model._parts.parameter import Parameter
 from thermid.physics.gas import GASES, gas_named
 from thermid.physics.view_factors import SHAPES, PlacedFace, placed_factors

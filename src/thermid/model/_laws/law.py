@@ -7,13 +7,11 @@ from typing import Any, Final, Literal
 
 import numpy as np
 
-from thermid.base.arguments import takes_objects
 from thermid.base.errors import DeckError, errors_at, nearest
 from thermid.base.expression import si_value
 from thermid.base.linear_algebra import Array, Indices
-from thermid.model._laws.curves import Curve, hermite
 from thermid.model._laws.options import Source
-from thermid.model._laws.refusals import refuse_first
+from thermid.model._laws.stores import Curve, hermite, refuse_first
 
 MIN_POINT_DISTANCE: Final = 1e-3
 """Points stand no closer than this: a kink is rounded over it. [K]"""
@@ -27,7 +25,6 @@ SLOPE_STEP: Final = 1e-5
 """Step of the differences that give slopes. [K]"""
 
 
-@takes_objects
 def law(
     function: Callable[[Any], Any],
     *,

@@ -839,7 +839,7 @@ def signal(value: Any, slot: str, where: str = "", held: bool = False) -> Signal
         DataArray with a unit, whose index or coordinate gives the times, alone or as the values of a table without times;
         ``{times = ["0 [s]", "1 [h]"], values = ["24 [degC]", "25 [degC]"]}`` with ``hold = true`` for steps, ``after`` (hold or repeat;
         ``period`` where the last row does not end it) for the time beyond the last row, ``before`` (hold), and ``samples = "average"``
-        where each value is the mean over the interval that ends at its time;
+        where each value is the mean over the interval that ends at its time; an array as its times is as in a pair;
         ``{mean = "24 [degC]", amplitude = "3 [K]", period = "24 [h]", phase = 0.0}``.
     slot : str      What it must be: a unit text or `temperature`.
     held : bool     Whether each sample of a Series or a DataArray holds until the next where its table does not say.
@@ -858,8 +858,7 @@ def signal(value: Any, slot: str, where: str = "", held: bool = False) -> Signal
         return _from_table(value, slot, where, held)
     with errors_at(where):
         if isinstance(value, tuple) and len(value) == 2 and not isinstance(value[0], str):
-            values, (times, stamp) = si_values(value[1], slot), clocked(value[0])
-            return TableSignal(times, np.atleast_1d(plain_numbers(value[1] if values is None else values)), stamp=stamp)
+            return _paired(*value, slot)
         with_unit = _array(value, slot)
         if with_unit is not None and np.ndim(with_unit.si):
             return _sampled(with_unit, slot, held)
@@ -869,6 +868,12 @@ def signal(value: Any, slot: str, where: str = "", held: bool = False) -> Signal
     raise ScenarioError(
         f"give a signal as a value with a unit, a table of times and values, or a sine.{hint}", where, code="value.incomplete"
     )
+
+
+def _paired(times: Any, values: Any, slot: str) -> TableSignal:
+    """Return a table of an array of times, in seconds where they have no unit, and of values, in SI where they have none."""
+    in_si, (seconds, stamp) = si_values(values, slot), clocked(times)
+    return TableSignal(seconds, np.atleast_1d(plain_numbers(values if in_si is None else in_si)), stamp=stamp)
 
 
 def _array(value: Any, slot: str) -> Quantity | None:
@@ -936,8 +941,12 @@ def _from_table(value: Mapping[str, Any], slot: str, where: str, held: bool = Fa
             raise ScenarioError(f"the {key} of a table are a list, not {value[key]!r}.", where, code="value.wrong-kind")
     if {"times", "values"} <= keys <= {"times", "values", "hold", *CONDUCT}:
         with errors_at(where):
-            times, values = _column(value["times"], "s", where), _column(value["values"], slot, where)
-            return TableSignal(times, values, bool(value.get("hold", False))).with_details(value, where)
+            rows = (
+                _paired(value["times"], value["values"], slot)
+                if isinstance(value["times"], np.ndarray)
+                else TableSignal(_column(value["times"], "s", where), _column(value["values"], slot, where))
+            )
+            return replace(rows, hold=bool(value.get("hold", False))).with_details(value, where)
     if {"mean", "amplitude", "period"} <= keys <= {"mean", "amplitude", "period", "phase"}:
         difference = "K" if slot == TEMPERATURE else slot
         period = literal(value["period"], "s", where)

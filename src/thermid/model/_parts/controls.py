@@ -10,8 +10,7 @@ from dataclasses import dataclass, field
 from typing import Final
 
 from thermid.base.errors import DeckError, refuse_unknown
-from thermid.model._laws.curves import Curve
-from thermid.model._laws.refusals import refuse_first
+from thermid.model._laws.stores import Curve, refuse_first
 from thermid.model._parts.parameter import Parameter
 
 KINDS_OF_CONTROL: Final = ("thermostat", "proportional", "pid", "table", "modes")

@@ -219,8 +219,12 @@ class Parameter:
     standing: Standing | None = field(default=None, compare=False, repr=False)
 
     def __repr__(self) -> str:
-        """Return its kind, the value as written, and its source."""
-        return f"<Parameter: {self.text}{self.source and f', {self.source}'}>"
+        """Its kind, and the value as written."""
+        return f"<Parameter: {self}>"
+
+    def __str__(self) -> str:
+        """The value as written, and where it comes from."""
+        return self.text + (f" ({self.source})" if self.source else "")
 
     @property
     def text(self) -> str:

@@ -12,7 +12,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Final
 
-from thermid.base.dual import value_of
+from thermid.base.linear_algebra import value_of
 from thermid.base.units import TEMPERATURE
 
 INFINITE: Final = float("inf")

@@ -5,8 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from thermid.base.arguments import takes_objects
-from thermid.base.dual import value_of
+from thermid.base.linear_algebra import value_of
 from thermid.model._parts.elements import exposed_area
 from thermid.model._tree.flat import flatten
 from thermid.model._tree.model import Model
@@ -31,7 +30,6 @@ class LedgerLine:
     joints: Mapping[str, float]
 
 
-@takes_objects
 def ledger(model: Model) -> tuple[LedgerLine, ...]:
     """Return the area ledger of a model: for every surface, at every depth, its total and what is exposed, in contact and in gaps.
 

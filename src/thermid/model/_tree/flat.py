@@ -10,16 +10,14 @@ from typing import Any, Final
 import numpy as np
 
 from thermid.base.codes import CodedText
-from thermid.base.dual import Number, value_of
 from thermid.base.errors import DeckError, NameNotFoundError, errors_at, quoted, refuse_unknown
+from thermid.base.linear_algebra import Number, value_of
 from thermid.base.units import require, require_unit
-from thermid.model._laws.curves import Curve
 from thermid.model._laws.signal import Signal
-from thermid.model._laws.stores import HeatStore, potential, store
+from thermid.model._laws.stores import Curve, HeatStore, potential, store
 from thermid.model._parts.controls import COMPLEMENT, Control, ModeChange, named_control, of_difference, slot_of
-from thermid.model._parts.elements import CONTROLS, LOAD_SLOTS, NODE_SLOTS, Facing, HeatLoad, Joint, MadeIn, Surface, Take
+from thermid.model._parts.elements import KINDS, LOAD_SLOTS, NODE_SLOTS, Facing, HeatLoad, Joint, Law, MadeIn, Surface, Take
 from thermid.model._parts.enclosures import Enclosed, Face, FaceExchange, pairs
-from thermid.model._parts.kinds import KINDS, Law
 from thermid.model._parts.ranges import RANGES, Range, outside, range_of
 from thermid.model._tree.tree import Names, ParameterSet, Tree
 from thermid.physics.gas import GASES
@@ -141,10 +139,9 @@ class FlatLoad:
         return bool(self.controls) or self.curve is not None or any(f in laws or f.endswith("_coefficient") for f in self.fields)
 
     @property
-    def uncontrolled(self) -> FlatLoad:
-        """The load with nothing that switches or sets its power."""
-        fields = {name: path for name, path in self.fields.items() if name.partition(".")[0] not in CONTROLS}
-        return self if fields == self.fields and not self.controls else replace(self, fields=fields, controls=())
+    def power_alone(self) -> FlatLoad:
+        """The load as its power alone: no temperature changes it, nothing switches or sets it; itself where it has no power."""
+        return replace(self, fields={"power": self.fields["power"]}, controls=(), cycle=None) if "power" in self.fields else self
 
 
 @dataclass(frozen=True)

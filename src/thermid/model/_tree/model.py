@@ -6,13 +6,11 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
-from thermid.base.arguments import takes_objects
 from thermid.base.errors import NameNotFoundError, refuse_unknown
 from thermid.base.expression import Quantity
 from thermid.base.results import Row, Shown
 from thermid.base.units import si_unit, unit
-from thermid.model._tree.identity import Identity, cut, definition_of, identity_of, lay_values, local_identities
-from thermid.model._tree.replacement import Replacement, replaced
+from thermid.model._tree.identity import Identity, Replacement, cut, definition_of, identity_of, lay_values, local_identities, replaced
 from thermid.model._tree.rules import Finding, findings
 from thermid.model._tree.tree import ParameterSet, Tree
 
@@ -148,7 +146,6 @@ class Model(Tree, Shown):
         }
 
 
-@takes_objects
 def identities(model: Model) -> Mapping[str, Identity]:
     """Return path -> `Identity` of every value of a tree.
 

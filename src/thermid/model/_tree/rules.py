@@ -13,11 +13,10 @@ from typing import Any, Final, Literal
 import numpy as np
 
 from thermid.base.codes import CodedText, code_of
-from thermid.base.dual import value_of
 from thermid.base.errors import ThermidError, quoted
+from thermid.base.linear_algebra import value_of
 from thermid.model._parts.controls import named_control
-from thermid.model._parts.elements import exposed_area
-from thermid.model._parts.kinds import CARRIED_BY
+from thermid.model._parts.elements import CARRIED_BY, exposed_area
 from thermid.model._tree.flat import Flat, FlatConductor, FlatLoad, FlatNode, flatten
 from thermid.model._tree.identity import APART, cuts_of, local_identities
 from thermid.model._tree.tree import Tree

@@ -11,10 +11,9 @@ from thermid.base.errors import DeckError, ExpressionError, NameNotFoundError, e
 from thermid.base.memo import Memo
 from thermid.base.toml_files import Places
 from thermid.base.units import Dimension
-from thermid.model._laws.curves import Curve
+from thermid.model._laws.stores import Curve
 from thermid.model._parts.controls import Control, named_control
-from thermid.model._parts.elements import Conductor, Enclosure, HeatLoad, Joint, MadeIn, Node, Surface
-from thermid.model._parts.kinds import KINDS
+from thermid.model._parts.elements import KINDS, Conductor, Enclosure, HeatLoad, Joint, MadeIn, Node, Surface
 from thermid.model._parts.parameter import LEAST_EMISSIVITY, SHARES, Parameter, StatedRange, check_bounds
 
 Element = Node | Conductor | Surface | Joint | Enclosure | HeatLoad | Control

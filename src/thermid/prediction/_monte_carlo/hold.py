@@ -11,17 +11,15 @@ from typing import Any
 
 import numpy as np
 
-from thermid.base.arguments import takes_objects
 from thermid.base.errors import ScenarioError
 from thermid.base.extensions import by_grammar
 from thermid.base.linear_algebra import Array
 from thermid.base.results import PlottedTrace, Result, Shown
 from thermid.base.toml_files import Places, read_toml, resolve_inside
+from thermid.base.units import ICE_POINT
 from thermid.fit.error_model import BandCause
 from thermid.model.deck import load_model
-from thermid.model.elements import UNJUDGED, Standing
-from thermid.model.tree import Model
-from thermid.physics.constants import ICE_POINT
+from thermid.model.tree import UNJUDGED, Model, Standing
 from thermid.prediction._budget import OFF, SILENT, UNFITTED
 from thermid.prediction._known import known_of
 from thermid.prediction._monte_carlo.chunks import Job, Limit, MemberRuns, Progress, RunCost
@@ -312,7 +310,6 @@ class Hold(Result):
         return [p.name for p in self.points]
 
 
-@takes_objects
 def hold(runs: UncertainRuns, limits: Mapping[str, Any], *, confidence: float = 0.95) -> Hold:
     """Return how long limits are kept in the members of a campaign of runs.
 
@@ -468,7 +465,6 @@ class HoldQuestion(Shown):
         return runs, hold(runs, self.limits, confidence=self.confidence)
 
 
-@takes_objects
 def load_hold(path: str | os.PathLike[str]) -> HoldQuestion:
     """Return the hold question of a TOML file; files that it names are relative to it and stay inside the project.
 

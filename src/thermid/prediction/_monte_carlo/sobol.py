@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 
-from thermid.base.arguments import takes_objects
 from thermid.base.errors import MissingExtraError, NameNotFoundError, ScenarioError, refuse_unknown
 from thermid.base.extensions import missing
 from thermid.base.linear_algebra import Array
@@ -47,7 +46,6 @@ class Sobol:
         return "\n".join(lines)
 
 
-@takes_objects
 def sobol_of(
     job: Job,
     node: str,

@@ -12,24 +12,20 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from thermid.base.arguments import takes_objects
 from thermid.base.errors import NameNotFoundError, ScenarioError, cap, raising, refuse_unknown
 from thermid.base.extensions import optional
 from thermid.base.linear_algebra import Array
 from thermid.base.results import PlottedTrace, Result
-from thermid.base.units import TEMPERATURE, counted
+from thermid.base.units import ICE_POINT, TEMPERATURE, counted
 from thermid.fit.calibration import Calibration
-from thermid.model.elements import Standing, literal
-from thermid.model.tree import Model
-from thermid.physics.constants import ICE_POINT
+from thermid.model.tree import Model, Standing, literal
 from thermid.prediction._budget import AVERAGED, Spread, assumed_left_out, budget_of, check_variants, first_line, in_order
 from thermid.prediction._known import Knowledge, known_of
 from thermid.prediction._monte_carlo.chunks import Chunk, CountTable, Job, Limit, MemberRuns, Progress, chunk_name
 from thermid.prediction._predict import BENT, SWITCHING, WayAnswer, centre_words, mixed_answer
 from thermid.prediction._reduction.macro import assumed
 from thermid.prediction._setting import Setting
-from thermid.simulation.network import compile_network
-from thermid.simulation.runs import Counted, JobFolder, KeptTasks, Scenario, Workers, output_times, shares_of, simulate
+from thermid.simulation.runs import Counted, JobFolder, KeptTasks, Scenario, Workers, compile_network, output_times, shares_of, simulate
 from thermid.simulation.solver import MemberTurnings, Options
 from thermid.values.fitted import FittedValues
 from thermid.values.store import Choice, LeftOut, Source, model_standing
@@ -282,7 +278,7 @@ class UncertainRuns(Result):
         if job.variant is not None or not self.reached.size:
             return ""
         ways = [
-            WayAnswer.of_budget(w, budget_of_way, self.nodes, None, job.times, job.options, job.scenarios[0])
+            WayAnswer.of_budget(w, budget_of_way, self.nodes, job.times, job.options, job.scenarios[0])
             for w, budget_of_way in job.budget.weighted_ways
         ]
         best = simulate(job.model, job.scenarios[0], times=job.times, options=job.options)
@@ -427,7 +423,6 @@ class UncertainRuns(Result):
         return [PlottedTrace(n, self.times, middle, low, high) for n, (middle, low, high) in quantiles]
 
 
-@takes_objects
 def uncertain_runs(
     model: Model,
     scenario: Scenario | Sequence[Scenario],

@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 from dataclasses import dataclass
 
-from thermid.base.arguments import takes_objects
 from thermid.base.errors import DeckError, NameNotFoundError, quoted, refuse_unknown
 from thermid.model.deck import load_model
 from thermid.model.tree import Entry, Model
@@ -32,7 +31,6 @@ class HostValue:
     origin: str
 
 
-@takes_objects
 def macro_model(host: Model | str | os.PathLike[str], unit: Model | str | os.PathLike[str] | None = None, at: str = UNIT) -> Model:
     """Return a host with a unit in it, once every value of the host is known to have a source.
 
@@ -90,7 +88,6 @@ def _source(entry: Entry, model: Model) -> str:
     return entry.parameter.source or ("calibrated" if fitted else "")
 
 
-@takes_objects
 def assumed(model: Model) -> tuple[str, ...]:
     """Return the assumed values and tables of a model, each place in a deck once, by the path of its first instance."""
     first: dict[str, str] = {}

@@ -12,19 +12,26 @@ from typing import Any
 
 import numpy as np
 
-from thermid.base.arguments import takes_objects
-from thermid.base.dual import value_of
 from thermid.base.errors import DeckError, ScenarioError
 from thermid.base.expression import amount
-from thermid.base.linear_algebra import Array
+from thermid.base.linear_algebra import Array, value_of
 from thermid.base.results import Result
 from thermid.model.deck import model_from_dict
-from thermid.model.elements import KINDS, LOAD_SLOTS
-from thermid.model.identity import made_to
-from thermid.model.tree import FlatConductor, FlatLoad, Model
+from thermid.model.tree import KINDS, LOAD_SLOTS, FlatConductor, FlatLoad, Model, made_to
 from thermid.physics.constants import STEFAN_BOLTZMANN
-from thermid.simulation.network import ConductorRow, Network, Numbers, conductance, control_names
-from thermid.simulation.runs import STEADY, Scenario, Solution, Start, network_for, simulate
+from thermid.simulation.runs import (
+    STEADY,
+    ConductorRow,
+    Network,
+    Numbers,
+    Scenario,
+    Solution,
+    Start,
+    conductance,
+    control_names,
+    network_for,
+    simulate,
+)
 
 COMPARED_SAMPLES = 201
 """Samples of a run by which reductions are compared."""
@@ -130,11 +137,10 @@ def part_of(network: Network, run: Solution, inside: str, shown: frozenset[str],
             network.title,
             code="model.element-not-supported",
         )
-    means = {n: float(np.trapezoid(run[n].kelvin, run.times) / (run.times[-1] - run.times[0])) for n in (*nodes, *outside)}
     shares = {n: _relative_specific_heat(network, run, n) for n in nodes if n in network.stores}
     capacitances = np.array([value_of(numbers.capacitances[n] or 0.0) * shares.get(n, (1.0,))[0] for n in nodes])
     fixed = frozenset(e for r in rows if r.form == "flow" for e in r.ends if e in nodes)
-    secants = np.array([_secant(r, means, run) for r in rows])
+    secants = np.array([_secant(r, run) for r in rows])
     judged = tuple(nodes.index(p) for p in points)
     return Subnetwork(nodes, outside, capacitances, rows, secants, fixed, shown | fixed, judged, shares)
 
@@ -166,18 +172,15 @@ def _relative_specific_heat(network: Network, run: Solution, node: str) -> tuple
     return mean, float(share.min()), float(share.max())
 
 
-def _secant(row: ConductorRow, means: Mapping[str, float], run: Solution) -> float:
-    """Return the conductance of a row: its own, that at the mean temperatures, or the mean over the run weighted by (T_a - T_b)^2. [W/K]"""
-    first, (a, b) = value_of(row.coefficients[0]), (means[e] for e in row.ends)
-    if row.kernel.linear:
-        return first
+def _secant(row: ConductorRow, run: Solution) -> float:
+    """Return the conductance of a row: its own, or the mean over the run weighted by (T_a - T_b)^2. [W/K]"""
     coefficients = [value_of(c) for c in row.coefficients]
-    if row.form in ("radiation", "power"):
-        return float(conductance(row.form, coefficients, row.curve, np.array([a]), np.array([b]))[0])
+    if row.kernel.linear:
+        return coefficients[0]
     hot, cold = (run[end].kelvin for end in row.ends)
     weights = (hot - cold) ** 2
     conductances = conductance(row.form, coefficients, row.curve, hot, cold)
-    return float(np.sum(conductances * weights) / weights.sum()) if weights.any() else 0.0
+    return float(np.average(conductances, weights=weights if weights.any() else None))
 
 
 @dataclass(frozen=True)
@@ -425,7 +428,6 @@ class Reduction(Result):
         return "\n".join([head, *lines, *(f"  remark: {r}" for r in self.remarks)])
 
 
-@takes_objects
 def reduce(
     model: Model,
     scenarios: Scenario | Sequence[Scenario],

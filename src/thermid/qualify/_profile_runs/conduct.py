@@ -14,21 +14,17 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from thermid.base.arguments import takes_objects
 from thermid.base.errors import ScenarioError, SolverError, refuse_unknown
 from thermid.base.expression import Kelvin, amount
 from thermid.base.extensions import extension
 from thermid.base.linear_algebra import Array
 from thermid.base.memo import Memo
-from thermid.measure.amounts import duration_text
+from thermid.base.units import ICE_POINT, duration_text
 from thermid.measure.steadiness import StabilityRule, rule_of
-from thermid.model.elements import Constant, Signal, TableSignal, multiplied
-from thermid.model.tree import Model
-from thermid.physics.constants import ICE_POINT
+from thermid.model.tree import Constant, Model, Signal, TableSignal, multiplied
 from thermid.qualify._profile_runs.profile_run import Phase, ProfileRun, SettledWater
 from thermid.qualify._profiles.profile import ProfileStep, ThermalProfile, check_level_order
-from thermid.simulation.network import Environment, compile_network
-from thermid.simulation.runs import Scenario, network_for, simulate
+from thermid.simulation.runs import Environment, Scenario, compile_network, network_for, simulate
 from thermid.simulation.solver import Assembled, Engine, Options, Traces, Wiring, settle
 
 HELD_AFTER_END = 1e6
@@ -524,7 +520,6 @@ def nodes_to_watch(bench: ChamberSetup, watch: Sequence[str]) -> tuple[str, ...]
     return tuple(n for n in network.nodes if capacities.get(n) is not None)
 
 
-@takes_objects
 def run_profile(
     model: Model,
     profile: ThermalProfile,

@@ -10,8 +10,7 @@ import numpy as np
 
 from thermid.base.linear_algebra import Array
 from thermid.base.results import PlottedTrace, Result
-from thermid.measure.amounts import duration_text
-from thermid.physics.constants import ICE_POINT
+from thermid.base.units import ICE_POINT, duration_text
 from thermid.qualify._profiles.profile import ThermalProfile
 from thermid.simulation.runs import Scenario, Solution, Trace
 

@@ -16,17 +16,15 @@ from typing import Any, Final
 
 import numpy as np
 
-from thermid.base.arguments import takes_objects
 from thermid.base.errors import RecordError, ScenarioError
-from thermid.base.expression import amount
+from thermid.base.expression import amount, positive_seconds
 from thermid.base.linear_algebra import Array, Bools
 from thermid.base.memo import Memo
 from thermid.base.results import Result, Row
-from thermid.measure.amounts import duration_text, positive_seconds, short
+from thermid.base.units import ICE_POINT, duration_text, short
 from thermid.measure.records import FloatArray, Record
 from thermid.measure.steadiness import StabilityRule, effective_samples, rule_of
 from thermid.model.tree import Model
-from thermid.physics.constants import ICE_POINT
 from thermid.simulation.runs import Scenario, simulate
 
 MEDIANS_OF_READINGS: Final = 120
@@ -571,7 +569,6 @@ def _reference_readings(record: Record, channel: str, inside: Bools) -> tuple[Ar
     return record.times[inside & air.valid], air.values[inside & air.valid]
 
 
-@takes_objects
 def forecast(
     record: Record,
     channel: str = "",

@@ -12,11 +12,11 @@ from typing import Any
 
 import numpy as np
 
-from thermid.base.arguments import takes_objects
-from thermid.base.dual import value_of
 from thermid.base.errors import RecordError, quoted
+from thermid.base.expression import positive_seconds
+from thermid.base.linear_algebra import value_of
 from thermid.base.results import Result
-from thermid.measure.amounts import duration_text, positive_seconds
+from thermid.base.units import duration_text
 from thermid.measure.records import FloatArray, Record
 from thermid.measure.steadiness import (
     DOUBT_IN_ERRORS,
@@ -185,7 +185,6 @@ class Stability(Result):
         return "\n".join(lines)
 
 
-@takes_objects
 def stability(
     of: Record | Solution | ProfileRun,
     rule: str | StabilityRule = "3 C/h",

@@ -20,7 +20,7 @@ from thermid.base.files import FileKinds, scratch, write_bytes
 from thermid.base.linear_algebra import Array, Bools
 from thermid.measure.readers import UNFINISHED, is_bench_log
 from thermid.measure.records import Channel, Record, usual_step
-from thermid.model.elements import TableSignal
+from thermid.model.tree import TableSignal
 from thermid.simulation.runs import Scenario
 
 Places = NDArray[np.intp]

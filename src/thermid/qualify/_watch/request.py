@@ -18,8 +18,7 @@ from thermid.model.tree import Model
 from thermid.qualify._watch.growing import read_whole_lines
 from thermid.qualify._watch.stopping import Stopping, TemperatureLimit
 from thermid.qualify._watch.watcher import Watcher, WatchLook, roles_of_paths
-from thermid.simulation.network import compile_network
-from thermid.simulation.runs import Scenario
+from thermid.simulation.runs import Scenario, compile_network
 
 
 @dataclass

@@ -14,16 +14,13 @@ from typing import Any, Final
 
 import numpy as np
 
-from thermid.base.dual import value_of
 from thermid.base.errors import RecordError, SolverError
-from thermid.base.linear_algebra import HALF_WIDTH_95, Array, Bools
+from thermid.base.linear_algebra import HALF_WIDTH_95, Array, Bools, value_of
+from thermid.base.units import ICE_POINT, duration_text, short
 from thermid.fit.calibration import Bench, Experiment, bind
 from thermid.fit.estimation import WIENER, At, Belief, Dynamics, Passing, ProcessNoise
-from thermid.measure.amounts import duration_text, short
 from thermid.measure.records import Channel, Record
-from thermid.model.elements import Constant
-from thermid.model.tree import Model
-from thermid.physics.constants import ICE_POINT
+from thermid.model.tree import Constant, Model
 from thermid.qualify._watch.growing import (
     FIRST_READINGS,
     MIN_NOISE,
@@ -49,8 +46,7 @@ from thermid.qualify._watch.stopping import (
     unknowns_with_priors,
     unlogged_ambients,
 )
-from thermid.simulation.network import Network, compile_network
-from thermid.simulation.runs import Scenario
+from thermid.simulation.runs import Network, Scenario, compile_network
 from thermid.simulation.solver import Traces, settle
 
 MIN_JUMP_CHANGES: Final = 8.0

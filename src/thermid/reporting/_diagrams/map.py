@@ -10,15 +10,14 @@ from typing import Any, Final
 
 import numpy as np
 
-from thermid.base.dual import value_of
 from thermid.base.errors import NameNotFoundError, refuse_unknown
-from thermid.model.elements import COMPLEMENT, named_control
-from thermid.model.tree import Flat, FlatConductor, FlatNode, Model, Tree
-from thermid.physics.constants import ICE_POINT
+from thermid.base.linear_algebra import value_of
+from thermid.base.units import ICE_POINT
+from thermid.model.tree import COMPLEMENT, Flat, FlatConductor, FlatNode, Model, Tree, named_control
 from thermid.reporting._blocks.content import oversized
 from thermid.reporting._diagrams.places import Card, MapPlaces, Point, docked, places
 from thermid.reporting._pictures.chart import blend
-from thermid.simulation.network import Network, Numbers, compile_network, conductance
+from thermid.simulation.runs import Network, Numbers, compile_network, conductance
 
 # class of the line, what the legend says
 STYLES: Mapping[str, tuple[str, str]] = {

@@ -8,14 +8,11 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from thermid.base.arguments import takes_objects
-from thermid.base.units import counted, from_si
+from thermid.base.units import ICE_POINT, counted, from_si
 from thermid.campaign.stages import Campaign
 from thermid.campaign.studies import Study
 from thermid.campaign.verdicts import metric
-from thermid.model.elements import Parameter
-from thermid.model.tree import Model
-from thermid.physics.constants import ICE_POINT
+from thermid.model.tree import Model, Parameter
 from thermid.reporting._blocks.content import (
     DASH,
     Cell,
@@ -26,21 +23,22 @@ from thermid.reporting._blocks.content import (
     Notes,
     PageBlock,
     Section,
+    Sheets,
     Table,
     Words,
+    check_page,
     folded,
     number,
     plain,
     pretty,
     signed,
+    write_page,
 )
-from thermid.reporting._blocks.extras import Sheets, check_page, write_page
 from thermid.reporting._pages import tables
-from thermid.reporting._pages.front import VERDICTS_TABLE, front
+from thermid.reporting._pages.campaign import VERDICTS_TABLE, front
 from thermid.reporting._pages.tables import glance
 
 
-@takes_objects
 def study_report(
     study: Study,
     campaign: Campaign,

@@ -13,13 +13,12 @@ from importlib.metadata import PackageNotFoundError, version
 import numpy as np
 
 from thermid.base.linear_algebra import HALF_WIDTH_95
-from thermid.base.units import counted, from_si, si_unit, unit
+from thermid.base.units import ICE_POINT, counted, from_si, si_unit, unit
 from thermid.campaign.stages import Campaign
 from thermid.campaign.verdicts import CampaignPrediction, Check, Verdict, metric
 from thermid.fit.calibration import MOVED, Calibration
 from thermid.measure.records import Record
 from thermid.model.tree import Model, ParameterSet, flatten, ledger
-from thermid.physics.constants import ICE_POINT
 from thermid.reporting._blocks.content import (
     DASH,
     SAME_AS_ABOVE,

@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+from thermid.base.units import ICE_POINT
 from thermid.campaign.stages import Campaign, next_command
 from thermid.campaign.studies import RetunePlan
 from thermid.fit.calibration import Calibration, Moves
-from thermid.physics.constants import ICE_POINT
 from thermid.values.fitted import FittedValue
 
 

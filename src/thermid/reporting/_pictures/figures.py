@@ -13,8 +13,8 @@ from typing import Final
 import numpy as np
 
 from thermid.base.linear_algebra import Array
+from thermid.base.units import ICE_POINT
 from thermid.fit.calibration import SensorTrace
-from thermid.physics.constants import ICE_POINT
 from thermid.prediction.bands import Prediction
 from thermid.reporting._blocks.content import NARROW, Graphic, LegendEntry, Plot
 from thermid.reporting._pictures.chart import (

@@ -12,17 +12,15 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from thermid.base.arguments import takes_objects
 from thermid.base.errors import ThermidError
 from thermid.base.files import FileKinds, check_ending, write_bytes, write_text
-from thermid.base.units import from_si, unit
+from thermid.base.units import ICE_POINT, from_si, unit
 from thermid.inference.criticism import Criticism
 from thermid.inference.intervals import Profile
 from thermid.measure.looks import Look
-from thermid.physics.constants import ICE_POINT
 from thermid.prediction.members import Hold, clock
 from thermid.qualify.profiles import ProfileRun
-from thermid.reporting._blocks.extras import extra
+from thermid.reporting._blocks.content import extra
 from thermid.reporting._pictures.chart import DASHES, SERIES, time_unit
 from thermid.reporting._pictures.figures import GRID, INK, RESIDUAL, SIMULATED, SOFT
 from thermid.reporting._pictures.log import log_drawing
@@ -36,7 +34,6 @@ SHADE = 0.13
 """How opaque an area behind lines is. [-]"""
 
 
-@takes_objects
 def picture(thing: Profile | Criticism | Hold | ProfileRun | Look, to: str | os.PathLike[str]) -> Path:
     """Write the picture of a profile, a criticism, a hold, a profile's run (png, svg, pdf) or a look at a log (svg), and return its path.
 

@@ -9,12 +9,10 @@ from typing import Any
 
 import numpy as np
 
-from thermid.base.arguments import takes_objects
 from thermid.base.sourced import VERDICTS, weigh
-from thermid.base.units import counted
+from thermid.base.units import ICE_POINT, counted
 from thermid.campaign.verdicts import Correlation, Limits, heading, spans
 from thermid.model.tree import flatten
-from thermid.physics.constants import ICE_POINT
 from thermid.qualify.plans import Qualification, Trial
 from thermid.reporting._blocks.content import (
     DASH,
@@ -33,11 +31,12 @@ from thermid.reporting._blocks.content import (
     Table,
     Words,
     capitalised,
+    check_page,
     folded,
     number,
+    write_page,
 )
-from thermid.reporting._blocks.extras import check_page, write_page
-from thermid.reporting._pages.front import SYNTHETIC
+from thermid.reporting._pages.campaign import SYNTHETIC
 from thermid.reporting._pages.tables import versions
 from thermid.reporting._pictures import figures
 from thermid.reporting._pictures.chart import Area, Stroke
@@ -46,7 +45,6 @@ from thermid.reporting._qualification import tables
 from thermid.reporting._qualification.tables import hours, mark
 
 
-@takes_objects
 def qualification_report(q: Qualification, *, to: str | os.PathLike[str]) -> Path:
     """Write a qualification as one HTML page, or as a PDF where its name ends in .pdf, and return its path.
 
@@ -99,7 +97,6 @@ def running(q: Qualification) -> str:
     return " · ".join(t for t in (d.number, f"issue {d.issue}" if d.issue else "", d.date, q.plan.title) if t)
 
 
-@takes_objects
 def correlation_report(c: Correlation, *, to: str | os.PathLike[str], synthetic: bool = False) -> Path:
     """Write a correlation as one HTML page, or as a PDF where its name ends in .pdf, and return its path: metrics, gates, overlays.
 

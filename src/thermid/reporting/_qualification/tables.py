@@ -10,8 +10,8 @@ import numpy as np
 
 from thermid.base.linear_algebra import HALF_WIDTH_95
 from thermid.base.sourced import MARKS
+from thermid.base.units import ICE_POINT
 from thermid.campaign.verdicts import Correlation, Overlay
-from thermid.physics.constants import ICE_POINT
 from thermid.qualify.plans import Qualification, Trial, sensors_of
 from thermid.reporting._blocks.content import (
     DASH,

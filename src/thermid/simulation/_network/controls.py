@@ -12,11 +12,9 @@ from typing import Any, Final
 
 import numpy as np
 
-from thermid.base.dual import Number, value_of
 from thermid.base.errors import DeckError
-from thermid.base.linear_algebra import Array
-from thermid.model.elements import COMPLEMENT, Curve, Melt, named_control
-from thermid.model.tree import FlatControl
+from thermid.base.linear_algebra import Array, Number, value_of
+from thermid.model.tree import COMPLEMENT, Curve, FlatControl, Melt, named_control
 from thermid.simulation._network.rows import LoadRow
 
 ZERO, SPAN = 300.0, 100.0

@@ -8,7 +8,7 @@ from numbers import Real
 from typing import Any
 
 from thermid.base.errors import ScenarioError
-from thermid.model.elements import Constant, Signal, literal, signal
+from thermid.model.tree import Constant, Signal, literal, signal
 from thermid.physics.constants import ATMOSPHERE, STANDARD_GRAVITY
 from thermid.physics.gas import gas_named
 

@@ -16,8 +16,7 @@ from thermid.base.expression import amount
 from thermid.base.linear_algebra import Array
 from thermid.base.results import Shown
 from thermid.base.units import TEMPERATURE
-from thermid.model.elements import Constant, Facing, Mixed, Signal, signal
-from thermid.model.tree import Flat, FlatLoad, FlatSurface
+from thermid.model.tree import Constant, Facing, Flat, FlatLoad, FlatSurface, Mixed, Signal, signal
 from thermid.physics.constants import STEFAN_BOLTZMANN
 
 Given = Mapping[str, Signal]

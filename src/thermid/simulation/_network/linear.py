@@ -10,10 +10,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from thermid.base.arguments import takes_objects
-from thermid.base.dual import value_of
 from thermid.base.errors import DeckError, SolverError
-from thermid.base.linear_algebra import Array
+from thermid.base.linear_algebra import Array, value_of
 from thermid.simulation._network.network import Network, Numbers
 
 
@@ -61,7 +59,6 @@ class Modes:
     nodes: tuple[str, ...]
 
 
-@takes_objects
 def state_space(network: Network, numbers: Numbers | None = None) -> StateSpace:
     """Return the state-space matrices of a linear network.
 
@@ -154,7 +151,6 @@ def _weights(network: Network, heat: Array, everything: Array, massless: list[in
     return weights
 
 
-@takes_objects
 def modes(space: StateSpace) -> Modes:
     """Return the modes of a linear network, slowest first: time constants -1 / k of the eigenvalues k of A, and its eigenvectors.
 

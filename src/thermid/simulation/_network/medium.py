@@ -14,12 +14,24 @@ from typing import Any
 import numpy as np
 
 from thermid.base.codes import CodedText
-from thermid.base.dual import Number, value_of
 from thermid.base.errors import ScenarioError, quoted
-from thermid.base.linear_algebra import Array
+from thermid.base.linear_algebra import Array, Number, value_of
 from thermid.base.memo import Memo
-from thermid.model.elements import ACCOMMODATION, Constant, Curve, Law, MadeIn, Mixed, Signal, Sine, TableSignal, degrees, literal
-from thermid.model.tree import Flat, FlatConductor
+from thermid.model.tree import (
+    ACCOMMODATION,
+    Constant,
+    Curve,
+    Flat,
+    FlatConductor,
+    Law,
+    MadeIn,
+    Mixed,
+    Signal,
+    Sine,
+    TableSignal,
+    degrees,
+    literal,
+)
 from thermid.physics.constants import AMBIENT_DEFAULT, ATMOSPHERE, STANDARD_GRAVITY
 from thermid.physics.convection import duct_nusselt, fin_efficiency
 from thermid.physics.correlations import forced_plate_nusselt, gap_nusselt_table, nusselt_table

@@ -16,13 +16,24 @@ from typing import Any, Final
 
 import numpy as np
 
-from thermid.base.arguments import takes_objects
 from thermid.base.codes import CodedText
-from thermid.base.dual import Number, value_of
 from thermid.base.errors import DeckError, errors_at
+from thermid.base.linear_algebra import Number, value_of
 from thermid.base.memo import Memo
-from thermid.model.elements import COMPLEMENT, Curve, HeatStore, Law, exposed_area
-from thermid.model.tree import Flat, FlatConductor, FlatLoad, FlatNode, Model, flatten, streams_of
+from thermid.model.tree import (
+    COMPLEMENT,
+    Curve,
+    Flat,
+    FlatConductor,
+    FlatLoad,
+    FlatNode,
+    HeatStore,
+    Law,
+    Model,
+    exposed_area,
+    flatten,
+    streams_of,
+)
 from thermid.simulation._network.controls import PHASE, ControlRow, control_names, control_row, phase_row, state_of
 from thermid.simulation._network.irradiation import absorbers
 from thermid.simulation._network.medium import TRACE, Media, check_gas_laws, conductors_with_trace
@@ -214,10 +225,10 @@ class Network:
         phases = tuple(phase_row(state_of(n, PHASE), held_in(n), s.melt) for n, s in self.stores.items() if s.melt is not None)
         return Numbers(capacitances, conductors, loads, parts["values"], (*controls, *phases))
 
-    def without_controls(self, loads: Collection[str]) -> Network:
-        """Return the network with no thermostat, proportional control or named control on some loads; itself where none has one."""
-        bare = tuple(load.uncontrolled if load.path in loads else load for load in self.flat.loads)
-        return self if bare == self.flat.loads else replace(self, flat=replace(self.flat, loads=bare))
+    def with_powers_alone(self, loads: Collection[str]) -> Network:
+        """Return the network with some loads as their powers alone, with no law over temperature, cycle or control; itself if they are."""
+        alone = tuple(load.power_alone if load.path in loads else load for load in self.flat.loads)
+        return self if alone == self.flat.loads else replace(self, flat=replace(self.flat, loads=alone))
 
     @property
     def controls(self) -> tuple[str, ...]:
@@ -345,7 +356,6 @@ def _absorbed(load: FlatLoad, fields: Mapping[str, Any], values: Mapping[str, An
     return LoadRow(load.path, "signal", load.node, load.sensor, (first,), None, f"load {load.path}", "", load.controls)
 
 
-@takes_objects
 def compile_network(model: Model, *, media: Media | None = None, prescribed: Iterable[str] = ()) -> Network:
     """Return a model compiled to a network.
 

@@ -10,9 +10,8 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 
 from thermid import _kernel
-from thermid.base.dual import Number
-from thermid.base.linear_algebra import Array
-from thermid.model.elements import EXTENSION_REACH, Curve, Law
+from thermid.base.linear_algebra import Array, Number
+from thermid.model.tree import EXTENSION_REACH, Curve, Law
 
 ANCHOR: Final = _kernel.GAS_ANCHOR
 """Temperature to which the coefficients of gas laws refer. [K]"""
@@ -105,7 +104,7 @@ def heat(form: str, coefficients: Sequence[Any], curve: Curve | None, hot: Array
 
     Parameters
     ----------
-    form : str                  As in `thermid.model._parts.kinds.Law`.
+    form : str                  As in `thermid.model._parts.elements.Law`.
     coefficients : sequence     Floats or arrays (times,). [SI]
     curve : Curve or None       For tables.
     hot, cold : array (times,)  Temperatures of the first and the second end. [K]

@@ -14,12 +14,12 @@ from typing import Any
 import numpy as np
 
 from thermid.base.codes import CodedText
-from thermid.base.dual import Number
 from thermid.base.errors import ScenarioError, quoted
+from thermid.base.linear_algebra import Number
 from thermid.base.memo import Memo
-from thermid.model.elements import Constant, Drawn, Law, Mixed, Signal
-from thermid.model.tree import Flat, FlatConductor, streams_of
-from thermid.physics.constants import AMBIENT_DEFAULT, ATMOSPHERE, ICE_POINT
+from thermid.base.units import ICE_POINT
+from thermid.model.tree import Constant, Drawn, Flat, FlatConductor, Law, Mixed, Signal, streams_of
+from thermid.physics.constants import AMBIENT_DEFAULT, ATMOSPHERE
 from thermid.physics.gas import GASES
 from thermid.simulation._network.medium import AIR_RANGE, VACUUM_LIMIT, Media
 from thermid.simulation._network.rows import ConductorRow, reached

@@ -11,8 +11,7 @@ from thermid.base.errors import ScenarioError, errors_at, refuse_unknown
 from thermid.base.expression import amount, instant, kelvin
 from thermid.base.results import Shown
 from thermid.base.units import TEMPERATURE
-from thermid.model.elements import Constant, Signal, TableSignal, check_span, in_run, literal, own_signal, signal
-from thermid.model.tree import Flat
+from thermid.model.tree import Constant, Flat, Signal, TableSignal, check_span, in_run, literal, own_signal, signal
 from thermid.simulation._network.environment import Environment
 from thermid.simulation._network.irradiation import Irradiation, Sky
 from thermid.simulation._network.medium import Media
@@ -89,7 +88,7 @@ class Scenario(Shown):
     duration : float        [s]
     begins : str            Stamp of the run's beginning, ``2026-02-01 08:00``; without it the earliest of all signals that have stamps.
     as_printed : bool       Vacuum as the source document prints it: every coefficient zero, radiation inside it included.
-    metered : tuple of str  Loads whose power was measured where it heats: no thermostat or other control of the deck acts on it again.
+    metered : tuple of str  Loads whose power was measured where it heats: no law over temperature, cycle or control of the deck acts on it.
     """
 
     title: str = "scenario"

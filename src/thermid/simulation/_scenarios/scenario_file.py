@@ -8,12 +8,11 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from thermid.base.arguments import takes_objects
 from thermid.base.errors import ScenarioError, ThermidError, errors_at
 from thermid.base.extensions import by_grammar, extension
 from thermid.base.toml_files import Places, read_toml, resolve_inside
 from thermid.base.units import TEMPERATURE
-from thermid.model.elements import Signal, TableSignal, literal, signal
+from thermid.model.tree import Signal, TableSignal, literal, signal
 from thermid.simulation._network.environment import Environment
 from thermid.simulation._network.irradiation import Irradiation
 from thermid.simulation._scenarios.scenario import SLOTS, Scenario
@@ -22,7 +21,6 @@ SURROUNDINGS = ("site", "weather", "sun", "wind", "ascent", "orbit")
 """Tables of a scenario file that stand for boundaries, gases and radiation."""
 
 
-@takes_objects
 def load_scenario(path: str | os.PathLike[str]) -> Scenario:
     """Return the scenario of a TOML file.
 

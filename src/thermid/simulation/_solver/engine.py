@@ -14,11 +14,10 @@ from numpy.typing import NDArray
 
 from thermid import _kernel
 from thermid.base.codes import CodedText
-from thermid.base.dual import value_of
 from thermid.base.errors import ScenarioError, SolverError, nearest, refuse_unknown
-from thermid.base.linear_algebra import Array
-from thermid.model.elements import Constant, Sine, TableSignal
-from thermid.physics.constants import ICE_POINT
+from thermid.base.linear_algebra import Array, value_of
+from thermid.base.units import ICE_POINT
+from thermid.model.tree import Constant, Sine, TableSignal
 from thermid.simulation._network.controls import PHASE, state_of
 from thermid.simulation._network.network import held_in, unreached
 from thermid.simulation._scenarios.scenario import MEAN, STEADY

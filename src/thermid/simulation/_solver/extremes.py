@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thermid.base.linear_algebra import Array
-from thermid.physics.constants import ICE_POINT
+from thermid.base.units import ICE_POINT
 
 PIECES = 16
 """Into how many an interval is divided in which a course passes a level."""

@@ -10,7 +10,7 @@ import numpy as np
 from thermid.base.errors import SolverError
 from thermid.base.extensions import missing
 from thermid.base.linear_algebra import Array, one_thread
-from thermid.physics.constants import ICE_POINT
+from thermid.base.units import ICE_POINT
 from thermid.simulation._solver.problem import unsettled
 from thermid.simulation._solver.sparse import NONE, SparseNetwork
 

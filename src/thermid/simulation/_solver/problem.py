@@ -13,12 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thermid import _kernel
-from thermid.base.dual import gradient_of, value_of
 from thermid.base.errors import ScenarioError, SolverError, ThermidError, refuse_unknown
-from thermid.base.linear_algebra import Array
+from thermid.base.linear_algebra import Array, gradient_of, value_of
 from thermid.base.memo import Memo
-from thermid.model.elements import Constant, Curve, Drawn, Signal, Sine, TableSignal, literal, named_control
-from thermid.model.tree import Tree
+from thermid.model.tree import Constant, Curve, Drawn, Signal, Sine, TableSignal, Tree, literal, named_control
 from thermid.simulation._network.controls import FREE, FactorForm, GuardForm
 from thermid.simulation._network.network import Network, Numbers, held_in
 from thermid.simulation._network.rows import CONTROLS, LOADS, KernelLaw, curve_arrays, tables_behind

@@ -10,11 +10,10 @@ from typing import Any, NamedTuple, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from thermid.base.dual import Dual, Number, gradient_of, value_of
-from thermid.base.errors import ScenarioError, nearest, refuse_unknown
-from thermid.base.linear_algebra import Array
+from thermid.base.errors import ScenarioError, errors_at, nearest, refuse_unknown
+from thermid.base.linear_algebra import Array, Dual, Number, gradient_of, value_of
 from thermid.base.units import TEMPERATURE, require
-from thermid.model.elements import (
+from thermid.model.tree import (
     COMPLEMENT,
     Constant,
     Drawn,
@@ -64,7 +63,8 @@ def normalised(network: Network, scenario: Scenario) -> Scenario:
         """Return the path of a parameter of the needed unit; refuse another."""
         path = flat.names.model.canonical(name)
         refuse_unknown([path], flat.parameters.table, where, f"no parameter '{name}'.", ScenarioError)
-        require(flat.parameters.dimension(path), need, flat.parameters.table[path].parameter.unit)
+        with errors_at(f"{where}, gains, '{name}' (a number where 'loads' gives a power, a power where 'commands' gives a duty)"):
+            require(flat.parameters.dimension(path), need, flat.parameters.table[path].parameter.unit)
         return path
 
     boundaries = {network.find(k, where): v for table in (scenario.boundaries, scenario.prescribed) for k, v in table.items()}
@@ -304,10 +304,10 @@ class ScheduledCoefficients:
         for k in range(len(schedule.rows)) if free else ():
             sample = first[k] if k in first else at(k)
             _check_masses(sample, base, network.title)
-            self._check(k, sample, mine)
+            self._check(k, sample, mine, free)
         return self._with_coefficients(base, mine)
 
-    def _check(self, k: int, varied: Varied, mine: list[list[Number]]) -> None:
+    def _check(self, k: int, varied: Varied, mine: list[list[Number]], free: Mapping[str, Number]) -> None:
         """Refuse values at which a coefficient of sample k, or its derivatives, is not its reference in `mine` times its ratio."""
         for r, row in enumerate(varied.rows):
             for c, number in enumerate(row.coefficients):
@@ -321,10 +321,13 @@ class ScheduledCoefficients:
                         self.network.title,
                         code="model.element-not-supported",
                     )
-                if course is not None and not _same_slopes(number, ratio, mine[r][c]):
+                other = np.zeros(0, dtype=bool) if course is None else _other_slopes(number, ratio, mine[r][c])
+                if other.any():
+                    path = next(p for p, n in free.items() if gradient_of(n, other.size)[other].any())
                     raise ScenarioError(
-                        f"in '{row.name}' a free parameter and a scheduled one do not act as a product, so their effects cannot be "
-                        "separated. Fix the parameter.",
+                        f"in '{row.name}' the effect of '{path}' is no product of a number and of what a schedule gives, so it cannot be "
+                        "computed along a run. Do not fit it. A value with min and max counts as uncertain beside a fit too: write it as "
+                        "one number.",
                         self.network.title,
                         code="model.element-not-supported",
                     )
@@ -355,11 +358,12 @@ def _check_masses(varied: Varied, first: Varied, title: str) -> None:
             )
 
 
-def _same_slopes(number: Number, ratio: float, base: Number) -> bool:
-    """Return whether the derivatives of a number are `ratio` times those of its reference; True where either has none."""
-    none = not isinstance(number, Dual) or not isinstance(base, Dual) or not base.gradient.size
-    least = 1e-12 * float(np.abs(gradient_of(base, 0)).max(initial=0.0))
-    return none or np.allclose(gradient_of(number, 0), ratio * gradient_of(base, 0), rtol=1e-9, atol=least)
+def _other_slopes(number: Number, ratio: float, base: Number) -> NDArray[np.bool_]:
+    """Return which derivatives of a number are not `ratio` times those of its reference (parameters,); none where either has none."""
+    if not isinstance(number, Dual) or not isinstance(base, Dual):
+        return np.zeros(0, dtype=bool)
+    least = 1e-12 * float(np.abs(base.gradient).max(initial=0.0))
+    return ~np.isclose(number.gradient, ratio * base.gradient, rtol=1e-9, atol=least)
 
 
 class PlacedConductor(NamedTuple):
@@ -496,7 +500,7 @@ class Wiring:
     """
 
     def __init__(self, network: Network, scenario: Scenario, free: Sequence[str] = (), keep: frozenset[str] = frozenset()) -> None:
-        self.network = network = network.without_controls(scenario.metered)
+        self.network = network = network.with_powers_alone(scenario.metered)
         self.scenario = normalised(network, scenario)
         self.free = tuple(free)
         self.parameters = tuple(n for n in self.free if n in network.flat.parameters.table)
@@ -823,10 +827,13 @@ class Wiring:
             out.append((number, follow or signal))
         return out
 
-    def power(self, load: str, numbers: Numbers) -> Signal:
-        """Return the power of a load along the run, by its path: as the scenario or the deck gives it, with its gain. [W]"""
+    def power(self, load: str, numbers: Numbers, values: Mapping[str, Number] | None = None) -> Signal:
+        """Return the power of a load along the run, by its path: as the scenario or the deck gives it, with its gain. [W]
+
+        `values` of free names [SI] have its factor, where that is free.
+        """
         watts = next(row.coefficients[0] for row in numbers.loads if row.name == load)
-        signal, factor = self.signals[f"load {load}"], float(value_of(self._load_factor(load, watts, numbers, {})))
+        signal, factor = self.signals[f"load {load}"], float(value_of(self._load_factor(load, watts, numbers, values or {})))
         return signal if factor == 1.0 else signal.scaled(factor)  # a log in watts is not copied
 
     def _load_factor(self, load: str, watts: Number, numbers: Numbers, values: Mapping[str, Number]) -> Number:

@@ -239,8 +239,12 @@ class TestReport:
     ) -> None:
         monkeypatch.chdir(fitted_campaign.parent)
         said = call("report")
-        assert "campaign: campaign.toml, the only one of this folder" in said.out
+        assert "campaign: campaign.toml, the only one here" in said.out
         assert Path("report.html").is_file()
+        monkeypatch.chdir("..")  # as after `thermid example`, which writes a folder
+        folder = fitted_campaign.parent.name
+        assert str(Path(folder, "campaign.toml")) in call("report").out
+        monkeypatch.chdir(folder)
         Path("second.toml").write_bytes(fitted_campaign.read_bytes())
         assert "campaigns of this folder: campaign.toml, second.toml. Name one" in call("report").err
 
@@ -254,7 +258,7 @@ class TestReport:
     ) -> None:
 
         monkeypatch.setenv("PATH", str(tmp_path))
-        from thermid.reporting._blocks import extras
+        from thermid.reporting._blocks import content as extras
 
         monkeypatch.setattr(extras, "PLACES", ())
         said = call("report", campaign, "--to", tmp_path / "page.pdf")
@@ -264,7 +268,7 @@ class TestReport:
         assert list(tmp_path.glob("page*")) == []
 
     def test_a_pdf_alone_leaves_no_page_behind(self, call: Call, fitted_campaign: Path, tmp_path: Path) -> None:
-        from thermid.reporting._blocks import extras
+        from thermid.reporting._blocks import content as extras
 
         try:
             extras.browser()

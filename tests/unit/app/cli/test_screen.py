@@ -23,7 +23,7 @@ from thermid.base.extensions import missing, modules_of, require
 from thermid.campaign.stages import run_stages
 from thermid.fit.calibration import Calibration, Input, InputTable
 from thermid.inference._explain.structures import EvaluationBudget
-from thermid.reporting._blocks import extras
+from thermid.reporting._blocks import content as extras
 from unit.app.cli.conftest import Call
 
 pty = pytest.importorskip("pty", reason="a pseudo-terminal needs a posix system")
@@ -253,6 +253,16 @@ def test_the_time_left_of_a_stage_ends_with_it(monkeypatch: pytest.MonkeyPatch) 
     assert "left of this stage" in progress.time_left()
     progress("b", 1, 1.0)
     assert "left of this stage" not in progress.time_left()
+
+
+@pytest.mark.parametrize(("seconds", "said"), [(9.9, []), (10.0, ["a: a search"])])
+def test_what_takes_ten_seconds_is_said_beforehand(seconds: float, said: list[str], monkeypatch: pytest.MonkeyPatch) -> None:
+    """As long as a reader waits without a word; a line for each shorter search would fill the screen."""
+    heard: list[str] = []
+    progress = summary.CampaignProgress({"a": 3.0})
+    monkeypatch.setattr(progress, "say", heard.append)
+    progress.ahead("a", "a search", seconds)
+    assert heard == said
 
 
 @pytest.mark.parametrize(

@@ -8,7 +8,7 @@ import pytest
 
 import thermid as td
 from thermid.app.cli.options import PRECEDENCE, leave
-from thermid.model.elements import CREDIBLE, UNJUDGED, Standing
+from thermid.model.tree import CREDIBLE, UNJUDGED, Standing
 from unit.app.cli.conftest import Call, Said
 from unit.fit.planted import planted
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -9,7 +10,6 @@ import numpy as np
 import pytest
 
 from by_code import raises_code
-from planted import campaign
 from thermid.app.studio.desk import curves_object
 from thermid.app.studio.follow import Follower
 from thermid.app.studio.project import Project
@@ -21,11 +21,8 @@ from unit.app.studio.test_live import warm, write
 
 
 @pytest.fixture(scope="module")
-def project(tmp_path_factory: pytest.TempPathFactory) -> Project:
-    made = Project(campaign(tmp_path_factory.mktemp("correlate")))
-    for name in made.stages:
-        made.look(name)
-        made.run(name)
+def project(run_before: Callable[[], Project]) -> Project:
+    made = run_before()
     made.judge(write=True)
     return made
 

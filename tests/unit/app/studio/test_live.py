@@ -21,6 +21,8 @@ from thermid.model.tree import Model
 from unit.fit.estimation.rig import Array, logged, rig, run
 
 RULE = rule_of("3 C/h")
+STEP = 10.0
+"""Between readings of the logs. [s]"""
 DECK = """
 title = "rig"
 needs = ["air"]
@@ -54,7 +56,7 @@ free = ["pad.conductance", "fins.htc"]
 
 def write(file: Path, courses: dict[str, Array], seed: int, end: int | None = None) -> Path:
     """Write a synthetic log of the rig's two sensors and return its path."""
-    made = logged({n: v[:end] for n, v in courses.items()}, seed)
+    made = logged({n: v[:end] for n, v in courses.items()}, seed, STEP)
     rows = [
         f"{t:.0f},{a:.3f},{b:.3f}" for t, a, b in zip(made.times, made["chip"].values - 273.15, made["case"].values - 273.15, strict=True)
     ]
@@ -63,7 +65,7 @@ def write(file: Path, courses: dict[str, Array], seed: int, end: int | None = No
 
 
 def warm(seconds: float) -> dict[str, Array]:
-    return run(rig(), seconds, {"start": "22 [degC]"}, 10.0)
+    return run(rig(), seconds, {"start": "22 [degC]"}, STEP)
 
 
 @pytest.fixture
@@ -190,7 +192,7 @@ DUTY = {"Q1": {"load": "heater", "full_scale": "24 [W]"}}
 
 def unnamed(path: Path, seconds: float) -> Path:
     """Write a synthetic log whose columns have no name of the deck and no unit: one in degF, a duty in per cent."""
-    made = logged(warm(seconds), 3)
+    made = logged(warm(seconds), 3, STEP)
     chip, case = (made[n].values - 273.15 for n in ("chip", "case"))
     rows = [f"{t:.0f},{1.8 * a + 32.0:.4f},{b:.4f},50" for t, a, b in zip(made.times, chip, case, strict=True)]
     path.write_text("\n".join(["# SYNTHETIC", "time_s,A0,A1,Q1 [%]", *rows]) + "\n", encoding="utf-8")

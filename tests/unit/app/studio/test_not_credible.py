@@ -74,7 +74,8 @@ def test_its_mending_is_seen_by_whatever_rests_on_it(work: Work) -> None:
     project.path.write_text(text.replace('"0.1 [K]"', '"3 [K]"'), encoding="utf-8")
     work.fresh()
     assert [s.state for s in project.states.values()] == ["stale", "waiting", "waiting"]
-    work.run("whole", below=True)
+    work.run("pair", below=True)
     idle(work)
-    assert all(s.usable for s in project.states.values())
+    assert [(s.state, s.usable) for s in project.states.values()][:2] == [("done", True)] * 2
+    assert project.states["whole"].state != "done"
     project.path.write_text(text, encoding="utf-8")

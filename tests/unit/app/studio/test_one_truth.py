@@ -135,14 +135,28 @@ def test_the_campaign_of_example_04_is_as_calibrate_prints_it(tmp_path: Path) ->
     agree(opened(folder / "campaign.toml"), printed("calibrate", str(folder / "campaign.toml")))
 
 
-def test_a_stage_that_was_not_judged_yet_is_open(tmp_path: Path) -> None:
-    project = Project(planted(tmp_path, "met"))
-    for name in project.stages:
-        project.look(name)
-        state = project.run(name)
-    assert project.states["pair"].open == "its hold-out records are not judged yet"
-    assert state.open == ""
-    (tmp_path / "pair_one.csv").write_text("time_s,T_X [degC]\n0,1\n", encoding="utf-8")
+@pytest.fixture(scope="module")
+def met(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A campaign whose criteria are met, run."""
+    file = planted(tmp_path_factory.mktemp("met"), "met")
+    work = opened(file)
+    work.run("whole", below=True)
+    idle(work)
+    return file
+
+
+@pytest.fixture
+def copied(met: Path, tmp_path: Path) -> Path:
+    """A copy of it to be changed."""
+    shutil.copytree(met.parent, tmp_path / "met")
+    return tmp_path / "met" / met.name
+
+
+def test_a_stage_that_was_not_judged_yet_is_open(copied: Path) -> None:
+    project = Project(copied)
+    states = [project.look(name) for name in project.stages]
+    assert [(s.state, s.open) for s in states] == [("done", ""), ("done", "its hold-out records are not judged yet"), ("done", "")]
+    (copied.parent / "pair_one.csv").write_text("time_s,T_X [degC]\n0,1\n", encoding="utf-8")
     project.judge()
     assert "pair_one" in project.states["pair"].open
 
@@ -202,10 +216,8 @@ def saved(project: Project, name: str, values: dict[str, float]) -> float:
 
 
 @pytest.fixture(scope="module")
-def project(tmp_path_factory: pytest.TempPathFactory) -> Project:
-    work = opened(planted(tmp_path_factory.mktemp("saved"), "met"))
-    work.run("whole", below=True)
-    return idle(work)._project
+def project(met: Path) -> Project:
+    return opened(met)._project
 
 
 def test_what_is_saved_after_a_run_and_a_slider_are_the_curves(project: Project) -> None:
@@ -248,13 +260,11 @@ def test_what_is_saved_after_a_fit_of_two_of_eighteen_are_the_curves(project: Pr
     assert {p: states[p].value for p in known} == known
 
 
-def test_what_is_written_into_the_deck_after_its_difference_was_seen_are_the_values_in_force(tmp_path: Path) -> None:
+def test_what_is_written_into_the_deck_after_its_difference_was_seen_are_the_values_in_force(copied: Path) -> None:
     """Fitted, inherited and moved: a simulation of the deck alone is as the curves' model; only lines of these values are changed."""
-    work = opened(planted(tmp_path, "met"))
-    work.run("whole", below=True)
-    project = idle(work)._project
+    project = opened(copied)._project
     for name, values in (("pair", {"foot_x.conductance": 0.9}), ("whole", {"base.capacitance": 2600.0})):
-        desk, file = project.desk(name), tmp_path / f"{name}.toml"
+        desk, file = project.desk(name), copied.parent / f"{name}.toml"
         before = file.read_bytes()
         _, diff = project.written_back(name, values)
         assert file.read_bytes() == before

@@ -14,9 +14,8 @@ import thermid as td
 from by_code import raises_code
 from thermid.base.errors import IdentificationError, ScenarioError
 from thermid.campaign._judge.correlation import Overlay, correlate
-from thermid.campaign._judge.criteria import METRICS, Criteria, Residuals
-from thermid.campaign._judge.limits import Limits
-from thermid.campaign._judge.margins import fixed_margin, heater_duty, margins
+from thermid.campaign._judge.limits import Limits, fixed_margin, heater_duty, margins
+from thermid.campaign._judge.verdict import METRICS, Criteria, Residuals
 from thermid.prediction.bands import Knowledge, foresee
 from unit.qualify.things import soak, unit
 

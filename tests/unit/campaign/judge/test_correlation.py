@@ -9,7 +9,7 @@ import thermid as td
 from by_code import raises_code
 from thermid.base.errors import IdentificationError, NameNotFoundError, RecordError, ScenarioError
 from thermid.campaign._judge.correlation import Exclusions, Overlay, correlate
-from thermid.campaign._judge.criteria import CRITERIA, Criteria
+from thermid.campaign._judge.verdict import CRITERIA, Criteria
 from unit.qualify.things import soak, unit
 
 TIMES = np.arange(0.0, 7200.1, 60.0)

@@ -10,8 +10,7 @@ import pytest
 import thermid as td
 from by_code import raises_code
 from thermid.base.errors import NameNotFoundError, ScenarioError
-from thermid.campaign._judge.limits import Limits
-from thermid.campaign._judge.margins import POLICIES, fixed_margin, heater_duty, margins
+from thermid.campaign._judge.limits import POLICIES, Limits, fixed_margin, heater_duty, margins
 from thermid.prediction.bands import Knowledge, foresee
 from unit.qualify.things import soak, unit
 

@@ -11,7 +11,7 @@ import thermid as td
 from by_code import raises_code
 from thermid.base.errors import ScenarioError
 from thermid.campaign._judge.correlation import correlate
-from thermid.campaign._judge.criteria import METRICS, Criteria, Metric, Residuals
+from thermid.campaign._judge.verdict import METRICS, Criteria, Metric, Residuals
 from thermid.reporting._pages.study import step_log
 from thermid.reporting._pages.tables import verdicts
 from thermid.reporting._qualification.tables import gates

@@ -9,11 +9,10 @@ import pytest
 
 from by_code import raises_code
 from thermid.base.errors import IdentificationError, ScenarioError, UnitError
-from thermid.campaign._judge.criteria import Criteria
-from thermid.campaign._judge.verdict import compare, validate
+from thermid.campaign._judge.verdict import Criteria, compare, validate
 from thermid.fit.calibration import Calibration, Request, build_problem, calibrate
 from thermid.measure.records import Record
-from thermid.model.elements import Standing
+from thermid.model.tree import Standing
 from unit.fit.bench import HTC, MASS, box, log, metered
 
 

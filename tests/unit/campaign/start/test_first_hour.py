@@ -20,7 +20,7 @@ from typer.testing import CliRunner
 import thermid as td
 from thermid.app.cli.app import app
 from thermid.base.errors import ThermidError
-from thermid.campaign._start.proposal import Proposal, StatedFacts, _begun, known_masses, not_physical, weights
+from thermid.campaign._start.proposal import Proposal, StatedFacts, _begun, base_deck, known_masses, not_physical, weights
 from thermid.campaign._start.roles import roles_of, with_noise
 from thermid.campaign.start import Roles
 from thermid.inference.criticism import EvaluationBudget
@@ -341,3 +341,17 @@ def test_a_power_that_parts_share_has_fitted_shares(tmp_path: Path) -> None:
     assert found["board.capacitance"] == pytest.approx(130.0, rel=0.05)
     code, _ = said("init", str(first), "--to", str(tmp_path / "twice"), "--power", "P_IN=board", "--power", "P_IN=board")
     assert code == 2
+
+
+def test_heat_that_leaves_with_light_is_a_share_of_the_surroundings(tmp_path: Path) -> None:
+    """Shares of parts had to sum to one."""
+    found = roles_of(supplied(tmp_path / "log.csv", "P_IN", 1), powers=["P_IN=board", "P_IN=psu", "P_IN=surroundings"])
+    assert [p.node for p in found.powers] == ["board", "psu", "surroundings"]
+    model = td.model_from_dict(base_deck(found, 100.0, 1.0))
+    room = td.Scenario("s", boundaries={"surroundings": "22 [degC]"}, loads={p.load: "10 [W]" for p in found.powers})
+    gains = {p.load: p.share for p in found.powers}
+    rises = [
+        td.steady(model.with_values({"in_to_psu": "0", "in_to_surroundings": share}), room.with_(gains=gains))["board"] - 295.15
+        for share in ("0", "0.4")
+    ]
+    assert rises[1] == pytest.approx(0.6 * rises[0], rel=1e-3)

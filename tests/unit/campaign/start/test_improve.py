@@ -58,7 +58,7 @@ def project(folder: Path, hidden: float) -> Path:
     return folder / "campaign.toml"
 
 
-def test_what_is_proved_becomes_the_next_structure(tmp_path: Path) -> None:
+def test_what_is_proved_becomes_the_next_structure(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     path = project(tmp_path, 260.0)
     made = improve(path, evaluations=3000)
     assert [f.name for f in made.files] == ["plate.toml", "campaign_next.toml"]
@@ -73,8 +73,9 @@ def test_what_is_proved_becomes_the_next_structure(tmp_path: Path) -> None:
     # a search from many points may end in another minimum, where a value of the proposal acts on no reading
     assert [getattr(fit.request, "search", "") for fit in (again.stages["plate"], made.after)] == ["local", "local"]
     made.files[1].write_text("mine = 1\n")
+    monkeypatch.delattr("thermid.campaign._start.improve.search_structure")  # a file of somebody else is seen before the search
     with pytest.raises(OutputError):
-        improve(path, evaluations=3000)
+        improve(path)
 
 
 def test_nothing_is_written_where_nothing_is_proved(tmp_path: Path) -> None:

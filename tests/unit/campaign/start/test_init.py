@@ -20,7 +20,7 @@ from thermid.campaign._start.project import TEMPLATES, parted, write_template
 from thermid.campaign._start.proposal import KnownMass, StatedFacts, _within, propose, request_of
 from thermid.campaign._start.roles import named_part, noise_of, part_name, roles_of, with_noise
 from thermid.inference.criticism import Fitted, fitted_structure
-from thermid.model.elements import TableSignal
+from thermid.model.tree import TableSignal
 
 
 def bench(

@@ -14,8 +14,7 @@ import thermid as td
 from thermid.fit._estimation.estimation import Estimation
 from thermid.measure.records import Channel, Record
 from thermid.model.deck import model_from_dict
-from thermid.model.elements import TableSignal
-from thermid.model.tree import Model
+from thermid.model.tree import Model, TableSignal
 from thermid.simulation.runs import Scenario
 
 Array = NDArray[np.float64]

@@ -18,7 +18,7 @@ from thermid.fit._estimation.process import read_process
 from thermid.fit._problem.gather import build_problem
 from thermid.fit._problem.request import Request
 from thermid.measure.records import Channel, Record
-from thermid.simulation.network import compile_network
+from thermid.simulation.runs import compile_network
 
 from .house import ICE, TRUTH, VALUES, Array, Case, Truth, drawn, house, straight, van_loan
 from .test_filter import rack

@@ -13,7 +13,7 @@ import thermid as td
 from by_code import raises_code
 from thermid.base.errors import IdentificationError
 from thermid.fit._power.history import Pins, _likeliest
-from thermid.model.elements import TableSignal
+from thermid.model.tree import TableSignal
 from unit.fit.bench import HTC, MASS, box, log, metered
 
 

@@ -9,7 +9,7 @@ import numpy as np
 
 import thermid as td
 from thermid.inference._explain.candidates import laid_open
-from thermid.model.elements import Conductor, parameter
+from thermid.model.tree import Conductor, parameter
 
 GROUPS = ("boundary or reference", "power", "link", "sensor", "capacitance")
 NOISE, ACCURACY, VISIBLE = 0.05, 0.2, 0.8

@@ -10,15 +10,15 @@ import numpy as np
 import pytest
 
 import thermid as td
-from thermid.base.dual import value_of
+from thermid.base.linear_algebra import value_of
 from thermid.fit.calibration import Calibration, Request, SensorStatistics
 from thermid.inference._explain.candidates import faults_of, missing_elements
 from thermid.inference._explain.criticism import Candidate, Criticism, TraceCriticism
 from thermid.inference._explain.diagnosis import Diagnosis, Suspect
 from thermid.inference._explain.plausibility import RangeCheck
-from thermid.model.elements import TableSignal
+from thermid.model.tree import TableSignal
 from thermid.physics.materials import materials
-from thermid.simulation.network import compile_network
+from thermid.simulation.runs import compile_network
 from unit.fit.bench import HTC, MASS, box, log, pair
 
 RNG = np.random.default_rng(4)

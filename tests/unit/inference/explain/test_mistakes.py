@@ -14,7 +14,7 @@ import thermid as td
 from by_code import raises_code
 from thermid.fit.calibration import LocalSpec, Request
 from thermid.inference._explain.mistakes import Mistakes, _shifted, _units, find_mistakes
-from thermid.model.elements import TableSignal
+from thermid.model.tree import TableSignal
 
 PAIR = td.model_from_dict(
     {

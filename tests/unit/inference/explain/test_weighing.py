@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from thermid.fit.calibration import binned, build_problem, evidences, starting_point
-from thermid.inference._explain.causes import SIZES, SizedValue
+from thermid.inference._explain.thresholds import SIZES, SizedValue
 from thermid.inference._explain.weighing import CauseScore, noise_of, shares, weighed_at, weighed_in_noise
 from unit.fit.bench import HTC, MASS, box, log
 

@@ -234,3 +234,13 @@ def test_a_question_that_needs_more_memory_than_allowed_is_refused(folder: Path,
 def test_a_mistake_on_the_command_line_is_an_object_too(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert command("hold", folder / "hole.toml", "--json") == 2
     assert "Did you mean 'hold.toml'?" in json.loads(capsys.readouterr().out)["message"]
+
+
+def test_a_picture_shows_the_share_of_members_in_per_cent(folder: Path) -> None:
+    figure = pytest.importorskip("matplotlib.figure").Figure()
+    from thermid.reporting._pictures.trust import draw_hold
+
+    found = asked(folder)
+    draw_hold(figure, found)
+    (curve,) = (line for line in figure.axes[0].lines if len(line.get_ydata()) > 2)
+    assert max(curve.get_ydata()) == pytest.approx(100.0 * found.points[0].exceedance[-1])

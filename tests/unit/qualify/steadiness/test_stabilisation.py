@@ -33,6 +33,9 @@ def test_what_is_left_is_rate_times_time_constant():
     left = found.remaining["T2"]
     assert left.low < truth < left.high
     assert found.stable
+    # twice the standard error, of the rate and of a time constant that is good to a fifth
+    rate = found.channels["T2"]
+    assert left.high - left.value == pytest.approx(2.0 * np.hypot(5000.0 * rate.error, 0.2 * left.value), rel=1e-9)
     assert "still has 4.2 K to go" in str(found)  # 3 K/h times 1.39 h: stable by the rule, and not there yet
 
 

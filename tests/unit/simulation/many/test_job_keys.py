@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import thermid as td
-from thermid.model.elements import Mixed, Signal, Sine, TableSignal, multiplied
+from thermid.model.tree import Mixed, Signal, Sine, TableSignal, multiplied
 from thermid.simulation._many.kept import digest
 from thermid.simulation._network.irradiation import added
 

@@ -11,8 +11,8 @@ from hypothesis import given, settings, strategies as st
 from numpy.typing import NDArray
 
 from by_code import raises_code
-from thermid.base.dual import Dual, gradient_of, value_of
 from thermid.base.errors import DeckError
+from thermid.base.linear_algebra import Dual, gradient_of, value_of
 from thermid.model.deck import model_from_dict
 from thermid.model.tree import Model
 from thermid.simulation._network.network import Network, Numbers, Reduced, compile_network, eliminable, reduce_network

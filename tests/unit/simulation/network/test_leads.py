@@ -12,7 +12,7 @@ import thermid as td
 from by_code import raises_code
 from thermid.base.errors import DeckError, ScenarioError
 from thermid.model._tree.identity import to_dict
-from thermid.model.elements import Constant, TableSignal
+from thermid.model.tree import Constant, TableSignal
 from thermid.physics.conduction import fin_conductances, fin_parameter
 from thermid.physics.constants import ATMOSPHERE, STEFAN_BOLTZMANN
 

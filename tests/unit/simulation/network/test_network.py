@@ -9,11 +9,10 @@ import pytest
 
 import thermid as td
 from by_code import raises_code
-from thermid.base.dual import Dual, gradient_of, value_of
 from thermid.base.errors import DeckError, NameNotFoundError, ScenarioError, ThermidError
+from thermid.base.linear_algebra import Dual, gradient_of, value_of
 from thermid.model.deck import model_from_dict
-from thermid.model.elements import Constant, Sine, TableSignal
-from thermid.model.tree import Model
+from thermid.model.tree import Constant, Model, Sine, TableSignal
 from thermid.physics.constants import ATMOSPHERE
 from thermid.simulation._network.environment import Environment
 from thermid.simulation._network.medium import Media

@@ -15,7 +15,7 @@ from by_code import raises_code
 from thermid.app.cli.app import main
 from thermid.base.errors import DeckError, NameNotFoundError, ScenarioError
 from thermid.model._tree.identity import to_dict
-from thermid.model.elements import TableSignal
+from thermid.model.tree import TableSignal
 from thermid.physics.constants import ATMOSPHERE, STEFAN_BOLTZMANN
 
 ROOM = td.Scenario("room", boundaries={"air": "20 [degC]"}, start="air", duration="10 [h]")
