@@ -643,7 +643,7 @@ class Store(Shown):
         return replace(self, sources=tuple(s for s, u in zip(self.sources, used, strict=True) if u), root=self.root[:, used])
 
 
-def model_standing(model: Model) -> Standing:
+def model_standing(model: Tree) -> Standing:
     """Return the worst standing of the values that act in a model and of its decks; unjudged where all values are those of the decks.
 
     A deck from which parts are missing makes it incomplete. A value that was laid over the model carries its standing; one that a [set]

@@ -348,10 +348,10 @@ def test_what_a_schedule_stands_for_is_said(tmp_path: Path) -> None:
     assert (motor.source, motor.words) == ("log", "follows 'speed'")
     asked = {n: bench.with_(schedule={"speed": f"{n} [rpm]"}) for n in (0, 1490, 2000, 4000)}
     known = td.design.Knowledge(model, fits["linear"].values)  # as from a file
-    warned = {n: "\n".join(td.predict(known, s, every="10 [min]").warnings) for n, s in asked.items()}
+    warned = {n: "\n".join(td.predict(known, s, times=[0.0, 1800.0, 3600.0]).warnings) for n, s in asked.items()}
     assert ["never in the logs" in w for w in warned.values()] == [True, False, False, True]
     assert "speed 0 rpm: never in the logs (1500 to 3000 rpm)" in warned[0]
-    assert "speed 3000 rpm" not in "\n".join(td.predict(known, bench.with_(schedule={}), every="10 [min]").warnings)
+    assert "speed 3000 rpm" not in "\n".join(td.predict(known, bench.with_(schedule={}), times=[0.0, 1800.0, 3600.0]).warnings)
 
 
 def test_a_column_of_speeds_drives_a_parameter_and_a_factor_of_it_is_fitted(tmp_path: Path) -> None:

@@ -125,7 +125,7 @@ def integral(signal: Drawn, times: Array) -> Array:
     knots = np.union1d(times, signal.knots(times[0], times[-1]))
     knots = knots[(knots >= times[0]) & (knots <= times[-1])]
     values = signal.at(knots)
-    return np.interp(times, knots, np.append(0.0, np.cumsum(0.5 * (values[1:] + values[:-1]) * np.diff(knots))))
+    return np.asarray(np.interp(times, knots, np.append(0.0, np.cumsum(0.5 * (values[1:] + values[:-1]) * np.diff(knots)))))
 
 
 BEFORE_REST = 1e-3
