@@ -14,7 +14,7 @@ import os
 import re
 import time
 import warnings
-from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from difflib import get_close_matches
 from functools import lru_cache
@@ -167,29 +167,27 @@ def foretell(words: str, seconds: float) -> None:
         warnings.warn(ThermidWarning(words, code="fit.takes-long"), stacklevel=3)
 
 
-class Wait:
-    """Progress of work that nobody watches: says once what is left, as soon as what is done tells it; see `foretell`.
+def time_left(work: str) -> Callable[[str, float], None]:
+    """Return what takes the share of a work that is finished, where nothing else takes it: it tells once what is left, see `foretell`."""
+    begun = time.perf_counter()
 
-    Parameters
-    ----------
-    work : str      What is being done.
-    """
-
-    def __init__(self, work: str) -> None:
-        self.work, self._begun = work, time.perf_counter()
-
-    def __call__(self, words: str, share: float) -> None:
-        """Take what is done next, and the share of all that is finished."""
-        left = (time.perf_counter() - self._begun) * (1.0 - share) / share if share > 0.0 else 0.0
+    def tell(words: str, share: float) -> None:
+        """Take what follows, and the share of all that is finished."""
+        nonlocal begun
+        left = (time.perf_counter() - begun) * (1.0 - share) / share if share > 0.0 else 0.0
         if left > LONG_WAIT:
-            self._begun = math.inf
-            foretell(f"{self.work} goes on with {words}: about {spoken(left)} left.", left)
+            begun = math.inf
+            foretell(f"{work} goes on with {words}: about {spoken(left)} left.", left)
 
-    def over(self, items: Iterable[V], count: int, words: str) -> Iterator[V]:
-        """Yield `count` items; each is finished when the next one is asked for."""
-        for k, item in enumerate(items, 1):
-            yield item
-            self(words, k / count)
+    return tell
+
+
+def with_time_left(items: Iterable[V], count: int, work: str, words: str) -> Iterator[V]:
+    """Yield `count` items, each finished when the next one is asked for, and tell once what is left."""
+    tell = time_left(work)
+    for k, item in enumerate(items, 1):
+        yield item
+        tell(words, k / count)
 
 
 CAPS: Final[Mapping[str, tuple[float, str]]] = {

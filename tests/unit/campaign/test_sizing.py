@@ -99,7 +99,7 @@ def test_windows_agree_with_bisection() -> None:
 def test_long_work_says_once_what_is_left(monkeypatch: pytest.MonkeyPatch) -> None:
     model, scenarios, limits, _ = _random(0)
     monkeypatch.setattr("thermid.base.errors.LONG_WAIT", 0.0)
-    with pytest.warns(ThermidWarning, match="size goes on with further values of the range: about .* left") as told:
+    with pytest.warns(ThermidWarning, match="^size goes on .* left") as told:
         size(model, "glow.area", limits, scenarios, between=("0.005 [m^2]", "0.6 [m^2]"))
     assert len(told) == 1
 

@@ -275,7 +275,7 @@ def test_the_other_column_of_a_data_sheet_lies_in_the_range() -> None:
     seebeck = model.value("tec.seebeck")
     assert float(seebeck) == pytest.approx(14.4 / 298.15, rel=0.02)
     assert repr(seebeck).endswith("[V/K]")
-    assert (str(model.value("tec.V_max")), repr(model.at("tec.V_max"))) == ("14.4 [V]", "<Parameter: 14.4 [V] (datasheet)>")
+    assert (str(model.value("tec.V_max")), repr(model.at("tec.V_max")).count("14.4 [V]")) == ("14.4 [V]", 1)
     with pytest.raises(NameNotFoundError, match="V_mx"):
         model.value("tec.V_mx")
     assert 323.15 - td.steady(model, hot)["cold"] == pytest.approx(75.0, rel=0.03)

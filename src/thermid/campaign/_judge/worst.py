@@ -17,7 +17,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from thermid.base.errors import NameNotFoundError, ScenarioError, Wait, refuse_unknown
+from thermid.base.errors import NameNotFoundError, ScenarioError, refuse_unknown, with_time_left
 from thermid.base.expression import Kelvin, amount
 from thermid.base.linear_algebra import Array
 from thermid.base.results import Result
@@ -149,7 +149,7 @@ def size(
     if not items:
         raise ScenarioError("no limit applies to a scenario. Give limits of the state of the scenarios.", path, code="value.incomplete")
     grid = np.linspace(low, high, RANGE_SAMPLES)
-    samples = Wait("size").over(grid.tolist(), RANGE_SAMPLES, "further values of the range")
+    samples = with_time_left(grid.tolist(), RANGE_SAMPLES, "size", "further values of the range")
     spare = np.array([[item.spare(x) for item in items] for x in samples]).T
     ends = [(x, item) for item, row in zip(items, spare, strict=True) for x in _crossings(item, grid, row)]
     edges: list[tuple[float, _LimitSide | None]] = [(low, None), *sorted(ends, key=lambda end: end[0]), (high, None)]
