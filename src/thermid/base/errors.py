@@ -12,7 +12,9 @@ from __future__ import annotations
 import math
 import os
 import re
-from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+import time
+import warnings
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from difflib import get_close_matches
 from functools import lru_cache
@@ -153,6 +155,39 @@ def spoken(seconds: float) -> str:
         return f"{minutes} min {rest} s" if minutes < 10 and rest else f"{round(whole / 60)} min"
     hours, minutes = divmod(round(whole / 60), 60)
     return f"{hours} h {minutes} min"
+
+
+LONG_WAIT: Final = 30.0
+"""What is left of long work, from which it is told. [s]"""
+
+
+def foretell(words: str, seconds: float) -> None:
+    """Warn of what follows where it takes longer than `LONG_WAIT`."""
+    if seconds > LONG_WAIT:
+        warnings.warn(ThermidWarning(words, code="fit.takes-long"), stacklevel=3)
+
+
+def time_left(work: str) -> Callable[[str, float], None]:
+    """Return what takes the share of a work that is finished, where nothing else takes it: it tells once what is left, see `foretell`."""
+    begun = time.perf_counter()
+
+    def tell(words: str, share: float) -> None:
+        """Take what follows, and the share of all that is finished."""
+        nonlocal begun
+        left = (time.perf_counter() - begun) * (1.0 - share) / share if share > 0.0 else 0.0
+        if left > LONG_WAIT:
+            begun = math.inf
+            foretell(f"{work} goes on with {words}: about {spoken(left)} left.", left)
+
+    return tell
+
+
+def with_time_left(items: Iterable[V], count: int, work: str, words: str) -> Iterator[V]:
+    """Yield `count` items, each finished when the next one is asked for, and tell once what is left."""
+    tell = time_left(work)
+    for k, item in enumerate(items, 1):
+        yield item
+        tell(words, k / count)
 
 
 CAPS: Final[Mapping[str, tuple[float, str]]] = {

@@ -534,7 +534,7 @@ def quantity(values: Any, *, unit: str) -> Quantity:
 
     Parameters
     ----------
-    values : float, array, Series or DataArray  In that unit. Of a Series or a DataArray the index gives the times of a signal: numbers in
+    values : float, array, series, DataArray    In that unit. Of a Series or a DataArray the index gives the times of a signal: numbers in
                                                 seconds, stamps or durations.
     unit : str                                  Such as ``"degC"``, ``"K"`` or ``"W"``.
 

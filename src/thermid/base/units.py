@@ -46,6 +46,8 @@ NAMES: Final = {
     "W": "a power",
     "V": "a voltage",
     "A": "a current",
+    "V/K": "a Seebeck coefficient",
+    "V/A": "an electrical resistance",
     "J": "an energy",
     "Pa": "a pressure",
     "W/(m^2 K)": "a heat transfer coefficient",

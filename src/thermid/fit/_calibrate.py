@@ -33,10 +33,10 @@ from thermid.fit._error_model.kept import KEY as ERRORS, ErrorsOfFit, Keeping, w
 from thermid.fit._error_model.sizes import OUTSIDE
 from thermid.fit._inputs import inputs_of
 from thermid.fit._minimisation import Fit, KeptFit, covariances, ended, minimise
-from thermid.fit._problem.experiment import ALL_INSTANTS, CHANCE_DEVIATIONS, LEAST_NOISE, UNSAID_NOISE
+from thermid.fit._problem.experiment import ALL_INSTANTS, CHANCE_DEVIATIONS, LEAST_NOISE, UNSAID_NOISE, role_and_target
 from thermid.fit._problem.gather import build_problem
 from thermid.fit._problem.request import LocalSpec, Request, counted_twice, freed, mean_of, priors_of
-from thermid.fit._problem.residuals import Predictions, Problem, Unknown, pooled, starting_point, wanders
+from thermid.fit._problem.residuals import Bench, Predictions, Problem, Unknown, pooled, starting_point, wanders
 from thermid.fit._search import CHANCE, Progress, at_clocks, in_turns, searched, widened_by_noise_of_powers, with_clocks
 from thermid.fit._uncertainty.groups import SHARE, Group, percent, structural_groups, together
 from thermid.fit._uncertainty.information import Information, Responses, elsewhere, responses
@@ -551,7 +551,7 @@ def _warnings(problem: Problem, minimum: Fit, total: Array, spread: Autocorrelat
         )
     out += differing(problem)
     out += _noise_apart(problem)
-    out += _taken_as_instants(problem)
+    out += _taken_as_instants(problem, minimum)
     out += _taken_as_switched(problem, minimum, total)
     out += without_lags(problem, minimum, total)
     freedom = round(problem.freedom)
@@ -585,26 +585,42 @@ def _wandering(spread: Autocorrelation) -> list[str]:
     ]
 
 
-def _taken_as_instants(problem: Problem) -> list[str]:
-    """Return one remark on logged boundaries that change between samples by more than the noise, where nobody said what a sample is.
+def _taken_as_instants(problem: Problem, minimum: Fit) -> list[str]:
+    """Return remarks on logged inputs for which it matters by more than the noise what a sample is, where nobody said it.
 
-    The mean over an interval is the instant of its middle: half a change between two samples apart.
+    The mean of a boundary over an interval is the instant of its middle: half a change between two samples apart. What schedules a value
+    is held until the next sample: the root mean square of what straight lines change at a thermometer is stated.
     """
     apart: dict[str, float] = {}
-    for e in problem.experiments:
+    bent: dict[str, float] = {}
+    for i, (e, bench) in enumerate(zip(problem.experiments, problem.benches(), strict=True)):
         noise = min((o.noise for o in e.observations if o.noise is not None), default=UNSAID_NOISE)
         for name, boundary in e.scenario.boundaries.items():
             if isinstance(boundary, TableSignal) and not boundary.held and not boundary.samples:
                 half = 0.5 * float(np.sqrt(np.mean(np.diff(boundary.levels) ** 2)))
                 if half > noise:
                     apart[name] = max(half, apart.get(name, 0.0))
-    if not apart:
-        return []
-    shown = ", ".join(f"'{n}' ({short(k)} K)" for n, k in apart.items())
-    return [
+        for name, path in ((n, role_and_target(e.record, c, e.network)[1]) for n, c in e.record.channels.items() if c.role == "schedule"):
+            channel, course = e.record.channels[name], e.scenario.schedule.get(path)
+            if isinstance(course, TableSignal) and course.held and not (channel.interpolation or channel.samples):
+                lines = e.scenario.with_(schedule={**e.scenario.schedule, path: replace(course, hold=False)})
+                both = (bench, Bench.of_experiment(replace(e, scenario=lines), bench.free))
+                held, straight = (b.temperatures(problem.inputs(i, minimum.fitted)[0], False, None)[0] for b in both)
+                far = float(np.sqrt(np.mean((straight - held) ** 2, axis=0)).max())
+                if far > noise:
+                    bent[name] = max(far, bent.get(name, 0.0))
+    texts = (
         "samples of logged boundaries are taken as instants. Taken as means over the interval up to their stamps, they would change "
-        f"the simulated temperatures by more than the noise: {shown}. State samples = 'instant' or 'average' for their channels."
-    ]
+        "the simulated temperatures by more than the noise: {}. State samples = 'instant' or 'average' for their channels.",
+        "samples of logged schedules are held until the next one. With straight lines between them they would change the simulated "
+        "temperatures by more than the noise: {}. State interpolation = 'linear' for the channel of a value that a controller moves "
+        "all the time, 'previous' for one that is switched.",
+    )
+    several = zip(texts, (apart, bent), strict=True)
+    return [text.format(", ".join(f"'{n}' ({short(k)} K)" for n, k in sizes.items())) for text, sizes in several if sizes]
+
+
+ONLY_PLAIN_LOADS = "only where samples are instants, the load has no curve, flux, cycle or control, and the model is no FMU."
 
 
 def _taken_as_switched(problem: Problem, minimum: Fit, total: Array) -> list[str]:
@@ -613,8 +629,8 @@ def _taken_as_switched(problem: Problem, minimum: Fit, total: Array) -> list[str
     effective |= {n for e in problem.experiments for c in e.record.clocks for n in c.channels}
     out = [
         f"{FIRST}prompt = false of '{n}' has no effect, and its changes count from their samples. A fit looks for the moment of a change "
-        "only where samples are instants, the load has no curve, flux, cycle or control, and the model is no FMU."
-        for n in dict.fromkeys(n for e in problem.experiments for n, c in e.record.channels.items() if c.prompt is False)
+        + ("of powers and commands only, and this channel schedules a value." if c.role == "schedule" else ONLY_PLAIN_LOADS)
+        for n, c in {n: c for e in problem.experiments for n, c in e.record.channels.items() if c.prompt is False}.items()
         if n not in effective
     ]
     switches = list(own_switches(problem, minimum))

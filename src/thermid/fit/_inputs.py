@@ -8,6 +8,7 @@ from typing import Any, Literal
 
 import numpy as np
 
+from thermid.base.errors import quoted
 from thermid.base.units import ICE_POINT, short
 from thermid.fit._problem.experiment import Experiment, role_and_target
 from thermid.fit._problem.request import Request
@@ -204,6 +205,7 @@ def _loads(e: Experiment, free: Collection[str]) -> Iterator[Input]:
     moved = parameters.evaluate({p: 1.5 * float(values[p]) + 1.0 for p in free if p in values})
     origins = {str(layer.origin) for layer in e.model.layers}
     scaled = {t.removeprefix("scale.") for t, _ in e.shared.values() if t.startswith("scale.")}
+    followers = {p: {*parameters.downstream([p])} for p in map(e.model.canonical, e.scenario.schedule)}
     for row in {load.path: load for load in e.network.flat.loads}.values():
         name = row.path
         by: tuple[Source, str] = _channel_source(e, driving[name]) if name in driving else ("scenario", "")
@@ -219,6 +221,8 @@ def _loads(e: Experiment, free: Collection[str]) -> Iterator[Input]:
         if name in e.scenario.commands:
             low, high, mean = (power * x for x in _values(e, e.scenario.commands[name]))
             yield Input(record, "load", name, by[0], f"{by[1]}{' ' if by[1] else ''}times {path}", low, high, mean, fitted)
+        elif by_schedule := [p for p, those in followers.items() if path in those]:
+            yield Input(record, "load", name, "log" if {*by_schedule} <= {*driving} else "scenario", f"follows {quoted(by_schedule)}")
         elif set(row.fields) != {"power"}:
             yield Input(record, "load", name, "deck", f"by its law in the deck ({', '.join(row.fields)})", fitted=fitted)
         elif fitted or origin in origins or power == 0.0:

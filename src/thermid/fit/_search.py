@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import math
 import time
-import warnings
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
 from itertools import islice, product
@@ -19,7 +18,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from thermid.base.errors import IdentificationError, ScenarioError, SolverError, ThermidWarning, refuse_unknown, spoken
+from thermid.base.errors import IdentificationError, ScenarioError, SolverError, foretell, refuse_unknown, spoken
 from thermid.base.linear_algebra import NOTHING, Array, pseudo_inverse
 from thermid.base.units import counted
 from thermid.fit._minimisation import Fit, ended, minimise
@@ -46,8 +45,6 @@ PROVED = 9.0
 GENERATIONS = 300
 BATCH = 16
 """Members that run at once; the interrupt key acts between batches."""
-WARNED_SEARCH_TIME = 30.0
-"""What a search may take before plain Python is warned of it. [s]"""
 UNASKED = 6e9
 """What further descents may take that nobody asked for, in temperatures and derivatives of integrator steps: some ten minutes of a
 processor, whichever computes."""
@@ -151,7 +148,7 @@ def searched(
                             another end at a bound, or where residuals contradict the stated noise at all. ``differential evolution``: a
                             population over the box, then one descent.
     loss, loss_scale, progress    As in `minimise`. What further starts will cost is told before they are made: to ``progress.ahead(words,
-                            seconds)`` where there is one, else as a warning from `WARNED_SEARCH_TIME` on.
+                            seconds)`` where there is one, else as a warning, see `foretell`.
     stoppable : bool        Whether the interrupt key ends it with the best fit so far: `Fit.stopped`, not converged.
     executor : see `Workers`    Who makes the descents from several starts; one process for few seconds.
 
@@ -295,9 +292,8 @@ class Search:
         )
         if ahead is not None:
             ahead(words, seconds)
-        elif loud and seconds > WARNED_SEARCH_TIME:
-            text = f"a fit goes on with {words}"
-            warnings.warn(ThermidWarning(text, code="fit.takes-long"), stacklevel=2)
+        elif loud:
+            foretell(f"a fit goes on with {words}", seconds)
 
     def affordable(self, first: Fit, why: str) -> Fit:
         """Return the best of as many descents as an automatic search makes; a first one that took long is said to stand alone."""

@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
@@ -12,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from thermid.base.errors import IdentificationError, NameNotFoundError, SolverError, quoted, refuse_unknown
+from thermid.base.errors import IdentificationError, NameNotFoundError, SolverError, foretell, quoted, refuse_unknown, spoken
 from thermid.base.linear_algebra import Array, covariance
 from thermid.base.results import Named, PlottedTrace, Result
 from thermid.base.units import counted, from_si
@@ -438,6 +439,10 @@ MAX_POINTS_PER_SIDE, FIRST_LOG_STEP, MAX_LOG_STEP = 14, 0.7, 7.0
 """Points on one side; how far a logarithm goes at first, and at most (a factor of 1100)."""
 
 
+USUAL_EVALUATIONS = 64
+"""Evaluations that a profile takes: some 16 points, each fitted anew in four."""
+
+
 @dataclass(frozen=True, eq=False)
 class PartlyFixed(Problem):
     """A problem with some unknowns fixed, whose readings scatter `spread` times as much as their noise states.
@@ -631,7 +636,10 @@ class _Walk:
         request = fit.request
         self.loss, self.loss_scale = (request.loss, request.loss_scale) if request is not None else ("linear", 1.0)
         self.problem, self.k, self.spread, self.threshold = problem, k, spread, threshold
+        begun = time.perf_counter()
         whole = minimise(PartlyFixed.with_fixed(problem, at, (), spread), self.loss, self.loss_scale, at)
+        seconds = USUAL_EVALUATIONS * (time.perf_counter() - begun) / max(whole.evaluations, 1)
+        foretell(f"profile goes on with some {USUAL_EVALUATIONS} evaluations: about {spoken(seconds)} left.", seconds)
         self.at, self.cost, self.best = whole.fitted, whole.cost, float(whole.fitted[k])
         u: Unknown = problem.unknowns[k]
         self.step = fit.values[u.name].error / u.slope(self.best)

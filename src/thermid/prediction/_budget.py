@@ -17,6 +17,7 @@ from thermid.base.errors import IdentificationError, NameNotFoundError, Scenario
 from thermid.base.expression import plain_numbers
 from thermid.base.linear_algebra import Array, Indices, quadratic_forms, symmetric_inverse, value_of
 from thermid.base.results import Shown
+from thermid.base.units import from_si, short
 from thermid.fit.calibration import Calibration
 from thermid.fit.discrepancy import MAX_GAS_CONDUCTANCE, Discrepancy, contacts_in_other_gas, told_first
 from thermid.fit.error_model import BandCause, ErrorModel, KeptWay, SeenValue
@@ -25,6 +26,7 @@ from thermid.model.tree import UNJUDGED, Model, Standing
 from thermid.prediction._known import Knowledge, Rows, known_of, normal_sources, rows_of
 from thermid.prediction._split import split_values
 from thermid.simulation.runs import Network, Scenario, Simulator, compile_network, network_for, prepare
+from thermid.simulation.solver import read_schedule
 from thermid.values.fitted import FittedValues
 from thermid.values.ranges import RANGE_OF, RangedValue, bracketed, narrowed, ranged_values, without_spread
 from thermid.values.spreads import cut
@@ -59,6 +61,8 @@ CAUSES = (
 """What `without` may name whether or not a question has such a source."""
 ELEMENTS = ("structural", BandCause.STRUCTURE)
 """Kinds and causes without which nothing departs: the answer is that of the model's own structure, with the errors of its fits."""
+SCHEDULE_SLACK = 0.01
+"""Part of a logged schedule's largest value by which a scenario may pass its ends before that is named. [-]"""
 ROOM_HATS = 25
 """Numbers by which a logged room may wander in a run, at most."""
 
@@ -118,6 +122,21 @@ class Spread(Shown):
         bare_values = values.bare()
         also, logs = {p: v.also for p, v in bare_values.items() if v.also}, tuple(v.log for v in bare_values.values())
         return cls(f"fit of {values.stage}", tuple(bare_values), bare_values.covariance, logs, also)
+
+
+def never_logged(discrepancies: Sequence[Discrepancy], network: Network, scenario: Scenario) -> str:
+    """Return a remark on scheduled values, such as a fan's speed, that a scenario takes where no record of the fits did; else nothing."""
+    schedule, values = read_schedule(network, scenario), network.flat.parameters.evaluate({})
+    words = []
+    for path in dict.fromkeys(p for k in discrepancies for p in k.scheduled):
+        ends = [x for k in discrepancies for x in k.scheduled.get(path, ())]
+        asked = schedule.signals[path].bounds if schedule is not None and path in schedule.signals else (float(values[path]),)
+        far = [x for x in asked if max(min(ends) - x, x - max(ends)) > SCHEDULE_SLACK * max(map(abs, ends))]
+        if far:
+            unit = network.flat.parameters.table[path].parameter.unit
+            low, high, *shown = (short(from_si(x, unit)) for x in (min(ends), max(ends), *dict.fromkeys(far)))
+            words.append(f"{path} {' and '.join(shown)} {unit}: never in the logs ({low} to {high} {unit})")
+    return f"{'; '.join(words)}. The expressions that take it are extrapolated" if words else ""
 
 
 def followed_by(discrepancies: Sequence[Discrepancy]) -> dict[str, dict[str, float]]:
@@ -691,7 +710,7 @@ def budget_of(
 
     Parameters
     ----------
-    source_of_values : Model, Calibration, Known, or fitted values  What is known.
+    source_of_values : Model, Calibration, Knowledge, or fitted values  What is known.
     scenario : Scenario     What is done to the model.
     stated : dict, Spread, or several   What else is not known exactly: name or pattern of parameters -> spread as text; see `read_spread`.
     without : sequence      Sources that are not counted: kinds (``structural``, ``misfit``), causes or names; the result states this.
@@ -716,7 +735,8 @@ def budget_of(
     split_model, rows = split_rows(source, rows, scenario, [n for s in plain for n in _names(s)], lawful)
     rows, idle = rows.without({*map(split_model.canonical, scenario.schedule)})
     make = Budget.of_rows(rows, split_model, scenario)
-    network = network_for(split_model, scenario if scenario.seconds else lasting(scenario))
+    run = scenario if scenario.seconds else lasting(scenario)
+    network = network_for(split_model, run)
     if errors:
         make = make.below(errors).with_elements(errors, network, as_logged)
     contacts, remark = open_contacts(source, rows, scenario)
@@ -731,7 +751,8 @@ def budget_of(
     driven = (
         f"the scenario's schedule gives {quoted(idle)}: what was fitted of it does not act, and its error is not counted" if idle else ""
     )
-    whole = replace(make, remarks=tuple(r for r in (unseen, unsought, remark, kept_as_solid(source, rows, scenario), driven) if r))
+    never = never_logged(source.discrepancies, network, run)
+    whole = replace(make, remarks=tuple(r for r in (never, unseen, unsought, remark, kept_as_solid(source, rows, scenario), driven) if r))
     names = [*dict.fromkeys((*CAUSES, *(s.name for s in whole.sources), *whole.causes))]
     words = f"'{{}}' is no source of errors.{{near}} Kinds are {', '.join(get_args(Kind))}; the table of a prediction names the causes."
     refuse_unknown(without, names, f"{source.model.title}, without", words, ScenarioError)

@@ -41,7 +41,7 @@ class Knowledge(Result):
     model : Model                       With its best values.
     values : tuple of FittedValues      What was fitted, each with its covariance, as such or as the path of its file; of two
                                         that hold a value the later counts. One alone needs no tuple.
-    fit : Calibration or None           The fit itself, where it is at hand.
+    fit : Calibration or None           The fit itself, where it is at hand; its values are those where none are given.
     synthetic : bool                    Whether any record behind the values was made and not measured.
     at : str                            The submodel that the values belong to; empty for the model itself.
     remarks : tuple of str              What a reader must know first: values of a file that no longer apply, and what it cannot say.
@@ -60,14 +60,16 @@ class Knowledge(Result):
             if not isinstance(value := getattr(self, name), kind):
                 takes = getattr(kind, "__name__", "Calibration")
                 raise DeckError(f"`{name}` takes {takes}, not {value!r:.60}.", "Knowledge", code="value.wrong-kind")
-        object.__setattr__(self, "values", fitted_values(self.values, self.model.title))
+        given = self.values if self.values or self.fit is None else (self.fit.values,)
+        object.__setattr__(self, "values", fitted_values(given, self.model.title))
+        object.__setattr__(self, "synthetic", self.synthetic or (self.fit is not None and self.fit.synthetic))
 
     @classmethod
     def of_source(cls, source: Model | Calibration) -> Knowledge:
         """Return what a fit knows; of a model that nobody fitted, nothing but its values."""
         if isinstance(source, Model):
             return cls(source)
-        return cls(source.model, (source.values,), source, source.synthetic)
+        return cls(source.model, fit=source)
 
     @classmethod
     def of_file(cls, filled: Filed) -> Knowledge:
@@ -181,7 +183,7 @@ def known_of(source: Knowledge | Model | Calibration | FittedValues | Sequence[A
 
     Parameters
     ----------
-    source : Known, Model, Calibration, FittedValues, or several of the last two
+    source : Knowledge, Model, Calibration, FittedValues, or several of the last two
     model : Model       What values are laid over; a fit's own where it is not given.
     at : str            The submodel that the values belong to.
     """
@@ -195,7 +197,7 @@ def known_of(source: Knowledge | Model | Calibration | FittedValues | Sequence[A
     base = model if model is not None else source
     assert isinstance(base, Model)
     if len(many) == 1 and isinstance(many[0], Calibration):
-        return Knowledge(base, (many[0].values,), many[0], many[0].synthetic, at).for_model(base)
+        return Knowledge(base, fit=many[0], at=at).for_model(base)
     values = fitted_values(many, base.title)
     is_synthetic = any(isinstance(v, Calibration) and v.synthetic for v in many)
     return Knowledge(base, values, None, is_synthetic, at).for_model(base)

@@ -432,7 +432,7 @@ def predict(
 
     Parameters
     ----------
-    fit : Calibration, Known    What is known: a fit, or a model with fitted values.
+    fit : Calibration, Knowledge    What is known: a fit, or a model with fitted values.
     scenario : Scenario         What is done to the model; it is taken as exact but for what `spread` says.
     model : Model               Another model that holds the fitted paths, on which the fit's values are laid; the fitted one by default.
     spread : dict, Spread       What else is not known exactly: name -> spread as text, or `Spread`, or several of these.
@@ -939,7 +939,7 @@ def foresee(
 
     Parameters
     ----------
-    knowledge : Known       The model and what is known of its values.
+    knowledge : Knowledge   The model and what is known of its values.
     scenario : Scenario     The test.
     nodes : sequence        Nodes to predict; all by default.
     spread : dict           What else is not known exactly, as in `predict`.

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from thermid.base.arguments import guard_methods
-from thermid.base.errors import IdentificationError, NameNotFoundError, ThermidError, nearest, quoted
+from thermid.base.errors import IdentificationError, NameNotFoundError, ThermidError, nearest, quoted, with_time_left
 from thermid.base.expression import amount
 from thermid.base.linear_algebra import Array, value_of, variance
 from thermid.base.results import Result, Shown
@@ -546,8 +546,8 @@ def next_test(
     wanted = _goal(goal, slot, value)
     todo = tuple(actions) or usual_actions(model, base, instruments)
     tasks = [(f"action '{a.name}'", (before, a, a.sensors or instruments, every, gradient, wanted)) for a in todo]
-    options = [option for _, option in sorted(in_tasks(_option, tasks, executor), key=lambda numbered: numbered[0])]
-    ranked = sorted(options, key=lambda o: _rank(o, wanted))
+    done = with_time_left(in_tasks(_option, tasks, executor), len(tasks), "next_test", "further actions")
+    ranked = sorted((option for _, option in sorted(done, key=lambda numbered: numbered[0])), key=lambda o: _rank(o, wanted))
     remarks = (*_remarks(before, instruments), *_repeat_remarks(ranked, slot, value))
     not_counted = next((SWITCHING_REMARK.format(a.name) for a in todo if _switches(model, a.scenario)), "")
     return Advice(label, value, now, slot, wanted, tuple(ranked), beside, remarks, not_counted)

@@ -5,7 +5,7 @@ from thermid.prediction._budget import (
     UNFITTED as UNFITTED,
     Spread as Spread,
 )
-from thermid.prediction._known import Knowledge as Knowledge
+from thermid.prediction._known import Knowledge as Knowledge, known_of as known_of
 from thermid.prediction._predict import (
     IN_TESTS as IN_TESTS,
     Band as Band,

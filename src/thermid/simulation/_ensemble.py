@@ -25,7 +25,7 @@ from thermid.base.expression import kelvin
 from thermid.base.linear_algebra import Array, Bools, Dual, Indices, real_power
 from thermid.base.results import PlottedTrace, Result
 from thermid.base.units import ICE_POINT
-from thermid.model.tree import Constant, Model
+from thermid.model.tree import UNJUDGED, Constant, Model, Standing
 from thermid.simulation._many.kept import JobFolder, digest
 from thermid.simulation._many.tally import PILOT, Counted, CountGrid, Tally, added
 from thermid.simulation._many.tasks import KeptTasks, Workers, in_tasks
@@ -53,6 +53,7 @@ class Ensemble(Result):
     failed : dict           Member -> why it did not reach the end.
     statistics : dict       Steps (of a group of members, or of one), rejected steps, members run one by one, instruction set.
     warnings : tuple        What a reader must know.
+    standing : Standing     Of the values that it rests on: those of the model, and those that were drawn.
     """
 
     title: str
@@ -68,6 +69,7 @@ class Ensemble(Result):
     _counts: Mapping[str, Tally] = field(repr=False)
     _turnings: Mapping[str, MemberTurnings] = field(repr=False)
     warnings: tuple[str, ...] = ()
+    standing: Standing = UNJUDGED
 
     def temperatures(self, node: str) -> Array:
         """Return the temperature (times, members) of a node in every member, NaN where a member failed. [K]
@@ -203,7 +205,7 @@ class Ensemble(Result):
         if self._counts:
             off = max(float(self.quantile_error(n, BAND).max()) for n in self.nodes)
             lines.append(f"  members were counted in bins: quantiles may be {1000.0 * off:.2g} mK off")
-        return "\n".join([*lines, *(f"  warning: {w}" for w in self.warnings)])
+        return self.standing.over("\n".join([*lines, *(f"  warning: {w}" for w in self.warnings)]))
 
     def _as_traces(self) -> Sequence[PlottedTrace]:
         """Return the mean of every node, and where 95 % of the members lie."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from difflib import get_close_matches
 from functools import cached_property
 from typing import Any, Final
@@ -16,7 +16,7 @@ from thermid.base.expression import amount, quantity, seconds, si_values
 from thermid.base.linear_algebra import Array, value_of
 from thermid.base.results import Shown
 from thermid.base.units import TEMPERATURE, unit
-from thermid.model.tree import POSITIVE, Constant, Model, streams_of
+from thermid.model.tree import POSITIVE, Constant, Model, streams_of, worst
 from thermid.simulation._ensemble import Ensemble, run_members
 from thermid.simulation._many.tasks import Workers
 from thermid.simulation._network.medium import gas_remarks
@@ -26,8 +26,9 @@ from thermid.simulation._solution import Run, Solution
 from thermid.simulation._solver.engine import Engine, settle
 from thermid.simulation._solver.problem import Options, Traces
 from thermid.simulation._solver.wiring import Wiring, held_inputs
+from thermid.values.fitted import Draws
 from thermid.values.spreads import read_spread
-from thermid.values.store import Distribution, domain, uniforms
+from thermid.values.store import Distribution, domain, model_standing, uniforms
 
 DEFAULT_SAMPLES = 301
 NUMBER = unit("1").dimension
@@ -244,7 +245,9 @@ class Simulator(Shown):
             )
         names = (*self.wiring.network.nodes, *self.wiring.network.boundaries)
         nodes = nodes if nodes is not None or not self.without_gas else [n for n in names if n not in self.without_gas]
-        return run_members(self.engine, values, self.times, self.options, nodes, quantiles, threads, simd, self._remarks, executor)
+        runs = run_members(self.engine, values, self.times, self.options, nodes, quantiles, threads, simd, self._remarks, executor)
+        standings = [model_standing(self.wiring.network.flat.names.model), *([draws.standing] if isinstance(draws, Draws) else [])]
+        return replace(runs, standing=worst(standings))
 
     def settled(self, values: Mapping[str, Any] | None = None, *, sensitivities: bool = True) -> tuple[dict[str, float], dict[str, Array]]:
         """Return node -> temperature with the inputs of the end held for good [K], and its derivatives (free,) [K per SI unit].

@@ -9,4 +9,4 @@ from thermid.simulation._solver.problem import (
     kept_for as kept_for,
     refuse_unseen as refuse_unseen,
 )
-from thermid.simulation._solver.wiring import Assembled as Assembled, Wiring as Wiring
+from thermid.simulation._solver.wiring import Assembled as Assembled, Wiring as Wiring, read_schedule as read_schedule

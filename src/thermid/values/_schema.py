@@ -4,11 +4,10 @@ from __future__ import annotations
 
 from typing import Annotated, Any, ClassVar, Literal, Self, get_args
 
-import numpy as np
 from pydantic import ConfigDict, Field, model_validator
 from pydantic_core import PydanticCustomError
 
-from thermid.base.errors import DeckError, ThermidError
+from thermid.base.errors import DeckError
 from thermid.base.grammar import Finite, Flag, Real, StrictTable, Whole, reads
 from thermid.base.units import unit
 from thermid.model.tree import State as StandingState
@@ -209,6 +208,7 @@ class StructuralTable(StrictTable):
     separated: list[str]
     assumed: dict[str, list[Real]] = {}
     of_assumed: dict[str, Pair] = {}
+    scheduled: dict[str, Pair] = {}
 
 
 class MadeTable(StrictTable):
@@ -253,47 +253,4 @@ class ValuesFile(StrictTable):
                 if path not in self.values or len(row) != len(group.sources) or max(group.sources, default=-1) >= len(self.sources):
                     message = f"the row of '{path}' in [[root]] fits no value or sources."
                     raise PydanticCustomError("thermid", "{message}", {"message": message})
-        return self
-
-
-class OldState(StrictTable):
-    """One value of the old format."""
-
-    model_config = ConfigDict(extra="allow")
-
-    value: float
-    error: float
-    error_random: float
-    transform: Literal["log", "linear"]
-    unit: UnitText
-    start: float
-    bounds: tuple[float, float]
-    kind: str
-    also: list[str] = []
-    prior: tuple[float, float] | None = None
-
-
-class OldValuesFile(StrictTable):
-    """The values of a stage with their covariance, as files of before version 2 held them."""
-
-    lead: ClassVar[str] = LEAD
-    model_config = ConfigDict(extra="allow")
-    fault: ClassVar[type[ThermidError]] = DeckError
-
-    format: Literal[1] = Field(alias="schema")
-    stage: str
-    provenance: MadeTable
-    standing: StandingTable | None = None
-    values: dict[str, OldState]
-    covariance: list[Any]
-
-    @model_validator(mode="after")
-    def _is_square(self) -> Self:
-        """Refuse a covariance that is not as many rows and columns as there are values."""
-        try:
-            whole = np.array(self.covariance, dtype=float)
-        except (ValueError, TypeError):
-            whole = np.zeros(0) if self.values else np.zeros(1)
-        if whole.size != len(self.values) ** 2:
-            raise PydanticCustomError("thermid", "the covariance has a row and a column for each value.")
         return self

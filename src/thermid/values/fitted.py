@@ -21,7 +21,6 @@ from thermid.base.toml_files import Places
 from thermid.base.units import counted, from_si, unit
 from thermid.model.tree import UNJUDGED, Dropped, Parameter, Standing, exact, worst
 from thermid.values.store import (
-    INPUT,
     LaterTable,
     LeftOut,
     Normal,
@@ -37,10 +36,6 @@ from thermid.values.store import (
 VALUES_SCHEMA = 2
 AGREES = 1e-6
 """Relative difference between an error and its row beyond which a file was changed by hand. [-]"""
-OLD = (
-    "the values file has the old format (schema 1). It lacks the values that stage '{stage}' inherited and the response to "
-    "convection exponents (taken as zero), and does not show whether the decks changed since. Run the campaign again to update it."
-)
 
 
 @dataclass(frozen=True)
@@ -105,6 +100,22 @@ class FittedValue:
         return self.converted(self.value)
 
 
+class Draws(dict[str, Array]):
+    """Path -> value of every member (members,) [SI], as `ensemble` takes them, with the standing of the fits that they were drawn from."""
+
+    def __init__(self, values: Mapping[str, Array], standing: Standing) -> None:
+        super().__init__(values)
+        self.standing = standing
+
+    def __or__(self, other: Mapping[str, Any]) -> Draws:  # type: ignore[override]
+        """Return these and others beside them."""
+        return Draws({**self, **other}, worst([self.standing, other.standing]) if isinstance(other, Draws) else self.standing)
+
+    def __ror__(self, other: Mapping[str, Any]) -> Draws:  # type: ignore[override]
+        """Return others and these beside them."""
+        return Draws({**other, **self}, self.standing)
+
+
 @dataclass(frozen=True, eq=False)
 class FittedValues(Named[FittedValue], Mapping[str, FittedValue]):
     """The fitted values of a stage, by path, with their joint covariance.
@@ -162,7 +173,7 @@ class FittedValues(Named[FittedValue], Mapping[str, FittedValue]):
         store = self.store.only(lambda s: (s.acts or (s.path,))[0] in items) if self.store is not None else None
         return FittedValues(self.stage, items, self.covariance[np.ix_(kept, kept)], self.provenance, store)
 
-    def draws(self, members: int, seed: int) -> dict[str, Array]:
+    def draws(self, members: int, seed: int) -> Draws:
         """Return path -> value of every member (members,) for `ensemble`, normal in the fitted forms with their covariance.
 
         With L L' the covariance and z standard normal from `seed`, values are v exp(L z) where fitted by the logarithm, else v + L z.
@@ -189,7 +200,7 @@ class FittedValues(Named[FittedValue], Mapping[str, FittedValue]):
             ends = domain(*v.bounds, v.unit == "1")
             values = deviated(v.value, v.value * np.expm1(row) if v.log else row, (-np.inf if v.log else ends[0], ends[1]))
             out |= dict.fromkeys((path, *v.also), values)
-        return out
+        return Draws(out, self.standing)
 
     @property
     def standing(self) -> Standing:
@@ -396,19 +407,18 @@ def load_store(path: str | os.PathLike[str]) -> tuple[Store, str]:
             target.name,
             code="file.another-kind",
         )
-    kind = "thermid.values._schema.OldValuesFile" if data["schema"] == 1 and "stage" in data else "thermid.values._schema.ValuesFile"
-    checked = by_grammar(kind, data, Places(target.name))
-    store, stage = _read_old(data) if data["schema"] == 1 else _read(data, checked.sources), checked.stage
+    checked = by_grammar("thermid.values._schema.ValuesFile", data, Places(target.name))
+    store = _read(data, checked.sources)
     for name, v in data["values"].items():
         from_row, in_table = store.error(name), float(v["error"])
-        if data["schema"] != 1 and from_row != in_table and not math.isclose(from_row, in_table, rel_tol=AGREES):
+        if from_row != in_table and not math.isclose(from_row, in_table, rel_tol=AGREES):
             raise DeckError(
                 f"the error of '{name}' is {in_table:g} in its table and {from_row:g} in its row, so the file was changed by hand. Run the "
                 "calibration again.",
                 target.name,
                 code="file.changed-by-hand",
             )
-    return store, stage
+    return store, checked.stage
 
 
 def _read(data: Mapping[str, Any], source_rows: Sequence[Any]) -> Store:
@@ -464,36 +474,6 @@ def _state(name: str, v: Mapping[str, Any]) -> State:
         v["known"],
         v.get("of_logs", False),
     )
-
-
-def _read_old(data: Mapping[str, Any]) -> Store:
-    """Return the store of a file of schema 1: a root of its covariance, and a sentence on what such a file lacks as left out.
-
-    Its kind ``shared`` is what was added to a logged boundary, or a factor on a logged power. Here it becomes reading minus truth:
-    0 - x of a boundary, 1 - x of a power.
-    """
-    stage, provenance = data["stage"], data["provenance"]
-    standing = Standing.read(data["standing"]) if "standing" in data else UNJUDGED
-    records = provenance.get("records", {})
-    origin = ValueOrigin("fit", stage, tuple(records), "", str(provenance.get("date", "")))
-    covariance = np.array(data["covariance"], dtype=float).reshape(len(data["values"]), len(data["values"]))
-    states = {}
-    for k, (name, v) in enumerate(data["values"].items()):
-        paths = (name, *v.get("also", ())) if v["kind"] == "parameter" else ()
-        prior = (float(v["prior"][0]), float(v["prior"][1])) if "prior" in v else None
-        numbers = (float(v["value"]), v["transform"] == "log", v["unit"], (float(v["bounds"][0]), float(v["bounds"][1])))
-        more = {"standing": standing, "start": float(v["start"]), "random": float(v["error_random"]), "prior": prior}
-        s = State(name, *numbers, origin, v["kind"], paths, known=bool(np.isfinite(covariance[k, k])), **more)  # type: ignore[arg-type]
-        if s.kind == "shared":
-            none = 1.0 if s.unit == "1" else 0.0
-            prior = (none - prior[0], prior[1]) if prior is not None else None
-            bounds = (none - s.bounds[1], none - s.bounds[0])
-            s = replace(s, kind=INPUT, value=none - s.value, start=none - s.start, prior=prior, bounds=bounds)
-        states[name] = s
-    root, sources = rooted(covariance, f"file of {stage}", f"errors of stage '{stage}', from its values file")
-    root[[s.kind == INPUT for s in states.values()]] *= -1.0
-    fitted_records = {sha: f"stage '{stage}' as '{name}'" for name, sha in records.items()}
-    return Store(states, sources, root, fitted_records, {stage: provenance}, left_out=(LeftOut(OLD.format(stage=stage)),))
 
 
 def rooted(covariance: Array, key: str, words: str) -> tuple[Array, tuple[Source, ...]]:

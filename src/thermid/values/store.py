@@ -643,7 +643,7 @@ class Store(Shown):
         return replace(self, sources=tuple(s for s, u in zip(self.sources, used, strict=True) if u), root=self.root[:, used])
 
 
-def model_standing(model: Model) -> Standing:
+def model_standing(model: Tree) -> Standing:
     """Return the worst standing of the values that act in a model and of its decks; unjudged where all values are those of the decks.
 
     A deck from which parts are missing makes it incomplete. A value that was laid over the model carries its standing; one that a [set]
@@ -995,11 +995,8 @@ def structural_under(structural: Mapping[str, Any], ahead: str) -> dict[str, Any
     """
     placed = {n: {ahead + p: x for p, x in structural[n].items()} for n in ("conditions", "surfaces")}
     names = [n if " " in n else ahead + n for n in structural["names"]]
-    assumed, of_assumed = (
-        {ahead + p: parameters for p, parameters in structural.get(key, {}).items()} for key in ("assumed", "of_assumed")
-    )
-    separated = [ahead + p for p in structural["separated"]]
-    return {**structural, **placed, "names": names, "separated": separated, "assumed": assumed, "of_assumed": of_assumed}
+    by_value = {key: {ahead + p: x for p, x in structural.get(key, {}).items()} for key in ("assumed", "of_assumed", "scheduled")}
+    return {**structural, **placed, **by_value, "names": names, "separated": [ahead + p for p in structural["separated"]]}
 
 
 def depth(place: str) -> int:

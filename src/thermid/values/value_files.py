@@ -111,7 +111,6 @@ class Filed:
     ----------
     model : Model           With the values laid over it; what a [set] above says still wins.
     values : FittedValues   What still applies, by the paths of the part that the file is of.
-    lacks : tuple of str    What a file of the old format cannot say.
     gone : tuple of str     Values that are left out, since the decks give them otherwise by now.
     hidden : tuple of str   Values of logs, and places where a [set] or another value hides one of the file.
     at : str                The submodel that the file is of; empty for the model itself.
@@ -119,7 +118,6 @@ class Filed:
 
     model: Model
     values: FittedValues
-    lacks: tuple[str, ...] = ()
     gone: tuple[str, ...] = ()
     hidden: tuple[str, ...] = ()
     at: str = ""
@@ -127,7 +125,7 @@ class Filed:
     @property
     def lines(self) -> tuple[str, ...]:
         """All remarks on the file, in the order of importance."""
-        return (*self.lacks, *self.gone, *self.hidden)
+        return (*self.gone, *self.hidden)
 
 
 def filed(path: Path, model: Model, *, at: str = "", keep: bool = False) -> Filed:
@@ -147,11 +145,10 @@ def filed(path: Path, model: Model, *, at: str = "", keep: bool = False) -> File
     part = model.submodel(at) if at else model
     by_hand = "schema" not in read_values(path)
     store, stage = (hand_values(path, part, path.name, path.name), path.name) if by_hand else load_store(path)
-    lacks = tuple(x.what for x in store.left_out if "(schema 1)" in x.what)
     store, of_logs = store.in_decks(part)
     matching = store if keep else store.matching(part)
     gone = tuple(f"{d.path} = {d.text} of {d.origin} was ignored: {d.why}." for d in matching.dropped[len(store.dropped) :])
     placed, twins = graft(model, [(at, matching)]) if at else (matching, ())
     model_with_values = placed.laid_over(model)
     hidden = (*of_logs, *twins, *placed.acting_in(model_with_values)[1])
-    return Filed(model_with_values, values_of(matching, stage), lacks, gone, hidden, at)
+    return Filed(model_with_values, values_of(matching, stage), gone, hidden, at)

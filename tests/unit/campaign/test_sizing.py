@@ -14,7 +14,7 @@ from typer.testing import CliRunner
 
 import thermid as td
 from thermid.app.cli.app import app
-from thermid.base.errors import ScenarioError
+from thermid.base.errors import ScenarioError, ThermidWarning
 from thermid.campaign._judge.worst import size
 from thermid.model.tree import ParameterSet
 
@@ -94,6 +94,14 @@ def _against_bisection(seed: int) -> bool:
 
 def test_windows_agree_with_bisection() -> None:
     assert sum(_against_bisection(seed) for seed in range(3)) >= 2
+
+
+def test_long_work_says_once_what_is_left(monkeypatch: pytest.MonkeyPatch) -> None:
+    model, scenarios, limits, _ = _random(0)
+    monkeypatch.setattr("thermid.base.errors.LONG_WAIT", 0.0)
+    with pytest.warns(ThermidWarning, match="^size goes on .* left") as told:
+        size(model, "glow.area", limits, scenarios, between=("0.005 [m^2]", "0.6 [m^2]"))
+    assert len(told) == 1
 
 
 @pytest.mark.campaign

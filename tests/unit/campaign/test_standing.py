@@ -73,6 +73,7 @@ def test_files_of_values_and_every_result_carry_it(bad: Campaign, folder: Path, 
     scenario = td.load_scenario(folder / "scenario.toml")
     bench = td.Scenario("bench", start="24 [degC]")
     laid = load_model(folder / "whole.toml").with_values(values.assignments, "whole.values.toml")
+    asked = ("link", [td.qualify.Limits("c", "c.case", ("0 [degC]", "60 [degC]"))], [scenario])
     found = {
         "predict": td.predict(bad["whole"], scenario),
         "foresee": td.design.foresee(td.design.Knowledge.of_source(bad["whole"]), scenario),
@@ -83,10 +84,16 @@ def test_files_of_values_and_every_result_carry_it(bad: Campaign, folder: Path, 
             td.compare(laid, read_campaign(folder / "campaign.toml").record("whole_one"), scenario=bench), ["MIL-HDBK-340, transient"]
         ),
         "plan_retune": td.design.plan_retune(bad, "p", folder / "pair.toml"),
+        "size": td.design.size(bad["whole"], *asked, between=(0.5, 5.0)),
+        "size, from a file": td.design.size(td.design.Knowledge(load_model(folder / "whole.toml"), values), *asked, between=(0.5, 5.0)),
+        "size, of knowledge": td.design.size(td.design.Knowledge(laid, fit=bad["whole"]), *asked, between=(0.5, 5.0)),
+        "ends of a range": td.design.worst_case(laid, asked[1], scenario, {"room": ("20 [degC]", "30 [degC]")}),
+        "ensemble": td.ensemble(load_model(folder / "whole.toml"), scenario, {} | values.draws(4, seed=1), nodes=["c.case"]),
+        "ensemble, values held": td.ensemble(laid, scenario, {"link": np.ones(4)}, nodes=["c.case"]),
     }
     for name, one in found.items():
         assert one.standing == above, name
-        if name.startswith(("predict", "unc", "hold", "plan", "corr")):
+        if name.startswith(("predict", "unc", "hold", "plan", "corr", "size", "ens")):
             assert str(one).startswith("NOT CREDIBLE: rests on stage 'box' ("), name
     assert found["predict"].to_dict()["standing"]["state"] == "not credible"
 

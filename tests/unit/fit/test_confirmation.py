@@ -144,7 +144,7 @@ class TestPrice:
         assert 0.0 < first < whole
 
     def test_plain_python_is_warned_of_a_long_one(self, monkeypatch: pytest.MonkeyPatch) -> None:
-        monkeypatch.setattr(search, "WARNED_SEARCH_TIME", 0.0)
+        monkeypatch.setattr("thermid.base.errors.LONG_WAIT", 0.0)
         with warns_code("fit.takes-long", match="5.*64"):
             td.calibrate(chain(), log(TRUTH), FREE, scenario=BENCH, search="multistart")
 

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import thermid as td
 from by_code import raises_code
 from thermid.base.errors import IdentificationError, NameNotFoundError, RecordError, ScenarioError
 from thermid.fit._calibrate import calibrate
@@ -322,6 +323,36 @@ FAN = {
     },
     "loads": {"heat": {"into": "box", "power": "20 [W]"}},
 }
+
+
+def test_what_a_schedule_stands_for_is_said(tmp_path: Path) -> None:
+    """A fan that a controller moves all the time, and a loss of its motor: held samples bias, and 0 rpm was never logged."""
+    made = FAN | {"loads": FAN["loads"] | {"motor": {"into": "box", "power": "2 [W] * (speed / 3000 [rpm])**3"}}}
+    model, times = model_from_dict(made), np.arange(0.0, 3601.0, 60.0)
+    rpm = 2250.0 + 750.0 * np.sin(times / 400.0)
+    truth = {"speed": {"times": [f"{t:g} [s]" for t in times], "values": [f"{n:.3f} [rpm]" for n in rpm]}}
+    bench = td.Scenario("b", boundaries={"air": "23 [degC]"}, schedule=truth, start="23 [degC]", duration="1 [h]")
+    read = td.simulate(model, bench, times=times)["box"].celsius + np.random.default_rng(1).normal(0.0, 0.02, times.size)
+    rows = [f"{t:g},{celsius:.3f},23,{n:.0f}" for t, celsius, n in zip(times, read, rpm, strict=True)]
+    (tmp_path / "fan.csv").write_text("\n".join(["time [s],BOX [degC],AIR [degC],FAN [rpm]", *rows]))
+    fits = {}
+    for interpolation in ("", "linear", "previous"):
+        fan = {"schedule": "speed"} | ({"interpolation": interpolation} if interpolation else {"prompt": False})
+        channels = {"BOX": {"node": "box", "noise": "0.02 [K]"}, "AIR": {"boundary": "air"}, "FAN": fan}
+        fits[interpolation] = calibrate(model, read_record(tmp_path / "fan.csv", channels), free=["blown"])
+    told = {i: "\n".join(f.warnings) for i, f in fits.items()}
+    assert ["schedules" in told[i] and "'FAN' (0." in told[i] for i in fits] == [True, False, False]
+    assert abs(fits["linear"]["blown"].value - 0.4) < 0.2 * abs(fits[""]["blown"].value - 0.4)
+    assert "channel schedules" in told[""]
+    (motor,) = (row for row in fits[""].inputs.rows if row.name == "motor")
+    assert (motor.source, motor.words) == ("log", "follows 'speed'")
+    asked = {n: bench.with_(schedule={"speed": f"{n} [rpm]"}) for n in (0, 1490, 2000, 4000)}
+    known = td.design.Knowledge(model, fits["linear"].values)  # as from a file
+    warned = {n: "\n".join(td.predict(known, s, times=[0.0, 1800.0, 3600.0]).warnings) for n, s in asked.items()}
+    assert ["never" in w for w in warned.values()] == [True, False, False, True]
+    assert "speed 0 rpm: never" in warned[0]
+    assert "(1500 to 3000 rpm)" in warned[0]
+    assert "speed 3000 rpm" not in "\n".join(td.predict(known, bench.with_(schedule={}), times=[0.0, 1800.0, 3600.0]).warnings)
 
 
 def test_a_column_of_speeds_drives_a_parameter_and_a_factor_of_it_is_fitted(tmp_path: Path) -> None:

@@ -13,7 +13,7 @@ from scipy.special import j0, j1, jn_zeros
 
 import thermid as td
 from by_code import raises_code
-from thermid.base.errors import DeckError, ThermidError
+from thermid.base.errors import DeckError, NameNotFoundError, ThermidError
 from thermid.model._deck.assemblies import cauer_of_foster
 from thermid.model._deck.modelfile import save_model
 from thermid.physics.conduction import spreading_resistance
@@ -272,6 +272,12 @@ def test_the_other_column_of_a_data_sheet_lies_in_the_range() -> None:
     model = td.model_from_dict({"title": "x", "needs": ["hot"], "nodes": nodes, "coolers": {"tec": tec}, "loads": loads})
     hot = td.Scenario("hot", boundaries={"hot": "50 [degC]"})
     size = model.at("tec.size")
+    seebeck = model.value("tec.seebeck")
+    assert float(seebeck) == pytest.approx(14.4 / 298.15, rel=0.02)
+    assert repr(seebeck).endswith("[V/K]")
+    assert (str(model.value("tec.V_max")), repr(model.at("tec.V_max")).count("14.4 [V]")) == ("14.4 [V]", 1)
+    with pytest.raises(NameNotFoundError, match="V_mx"):
+        model.value("tec.V_mx")
     assert 323.15 - td.steady(model, hot)["cold"] == pytest.approx(75.0, rel=0.03)
     most = []
     for share in (size.minimum, size.maximum):  # the heat at which nothing is cooled

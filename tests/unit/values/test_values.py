@@ -58,65 +58,6 @@ def test_values_that_no_fit_of_this_session_made_are_saved_too(tmp_path: Path) -
     np.testing.assert_array_equal(back.covariance, values.covariance)
 
 
-OLD_FILE = """
-schema = 1
-stage = "box"
-provenance = { version = "0.1", date = "2026-01-01", records = { bench = "abc" }, synthetic = true, misfit = { case = 0.02 } }
-covariance = [[0.0001, 0.00005], [0.00005, 0.0004]]
-weights = [[0.0001, 0.0], [0.0, 0.0004]]
-
-[values."skin.effective_htc"]
-value = 5.0
-text = "5 [W/(m^2 K)]"
-error = 0.05
-error_random = 0.04
-transform = "log"
-unit = "W/(m^2 K)"
-start = 6.0
-bounds = [1.0, 20.0]
-origin = "box: bench"
-kind = "parameter"
-
-[values."case.mass"]
-value = 1.7
-text = "1.7 [kg]"
-error = 0.034
-error_random = 0.034
-transform = "log"
-unit = "kg"
-start = 1.5
-bounds = [0.5, "inf"]
-origin = "box: bench"
-kind = "parameter"
-also = ["other.mass"]
-"""
-
-
-def test_a_file_of_the_old_format_is_read_and_says_what_it_lacks(tmp_path: Path) -> None:
-    (tmp_path / "v.toml").write_text(OLD_FILE)
-    back = load_values(tmp_path / "v.toml")
-    assert (back[HTC].value, back[HTC].error) == (5.0, pytest.approx(0.05))
-    assert back[MASS].also == ("other.mass",)
-    assert back.covariance == pytest.approx(np.array([[1e-4, 5e-5], [5e-5, 4e-4]]))
-    assert back.provenance["misfit"] == {"case": 0.02}
-    assert back.store is not None
-    (left,) = back.store.left_out
-    assert left.what.startswith("the values file has the old format")
-    back.save(tmp_path / "new.toml")
-    again = load_values(tmp_path / "new.toml")
-    assert again.store == back.store
-
-
-def test_a_factor_on_a_logged_power_in_a_file_of_the_old_format_becomes_reading_minus_truth(tmp_path: Path) -> None:
-    text = OLD_FILE.replace('kind = "parameter"\nalso = ["other.mass"]', 'kind = "shared"\nprior = [1.01, 0.02]')
-    (tmp_path / "v.toml").write_text(text.replace('"kg"', '"1"').replace('transform = "log"', 'transform = "linear"'))
-    back = load_values(tmp_path / "v.toml")
-    error = back[MASS]
-    assert (error.kind, error.value, error.start, error.prior) == ("input", pytest.approx(-0.7), -0.5, (pytest.approx(-0.01), 0.02))
-    assert error.bounds == (-math.inf, 0.5)
-    assert back.covariance == pytest.approx(np.array([[1e-4, -5e-5], [-5e-5, 4e-4]]))
-
-
 def test_a_values_file_laid_over_a_deck_gives_the_fitted_model(found: Calibration, tmp_path: Path) -> None:
     found.save(tmp_path / "v.toml")
     save_model(box(), tmp_path / "box.toml")

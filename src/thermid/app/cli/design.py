@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import warnings
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
@@ -28,6 +29,7 @@ from thermid.base.expression import Kelvin
 from thermid.base.files import FileKinds, check_ending, write_text
 from thermid.campaign.verdicts import Limits, compare_models, size, worst_case
 from thermid.model.deck import load_model
+from thermid.model.tree import UNJUDGED
 from thermid.physics.htc import compare_htc
 from thermid.reporting.diagrams import network_map
 from thermid.simulation.scenario_files import load_scenario
@@ -76,7 +78,7 @@ def size_value(
     window = (ends[0], ends[-1]) if ends is not None else None
     scenarios = [load_scenario(file) for file in scenario]
     sizing = size(model, value, _limits(limit), scenarios, between=window, spread=pairs(spread, "--spread"))
-    answer(standing, as_json, sizing.to_dict(), sizing)
+    answer(standing, as_json, sizing.to_dict(), replace(sizing, standing=UNJUDGED))
 
 
 def worst(
@@ -101,7 +103,7 @@ def worst(
     model, standing = judged_model(deck, values, keep_values, param, accept)
     box = {name: (text.split("..")[0].strip(), text.split("..")[-1].strip()) for name, text in pairs(ranges, "--range").items()}
     cases = worst_case(model, _limits(limit), load_scenario(scenario), box)
-    answer(standing, as_json, cases.to_dict(), cases)
+    answer(standing, as_json, cases.to_dict(), replace(cases, standing=UNJUDGED))
 
 
 def _limits(texts: list[str]) -> list[Limits]:

@@ -175,7 +175,7 @@ def filled_model(model: Model, values: Path, keep: bool | None = False, at: str 
     except NameNotFoundError as error:
         name = next((n for n in model.submodels if not (part or at)), "")
         raise error.reworded(f"{error.message} If they are of a part, name it: --values {name}={file}.") if name else error from None
-    for line in (*filled.lacks, *(f"{gone}{' --keep-values keeps it.' * (keep is not None)}" for gone in filled.gone), *filled.hidden):
+    for line in (*(f"{gone}{' --keep-values keeps it.' * (keep is not None)}" for gone in filled.gone), *filled.hidden):
         show(f"{Path(file).name}: {line}", err=True)
     return filled
 

@@ -347,7 +347,7 @@ def correlate(
 
     Parameters
     ----------
-    readings : overlays, Calibration or two Records   Readings with what is simulated in their place; the result of `compare`; or a
+    readings : overlays, Calibration or two of Record   Readings with what is simulated in their place; the result of `compare`; or a
                             measured and a simulated log, whose columns of one name are compared.
     criteria : sequence     Names of `CRITERIA`, or sets of the project.
     steady : dict           Case -> settled stretches, (begin, end) each: numbers in s or texts.

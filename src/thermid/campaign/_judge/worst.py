@@ -17,15 +17,17 @@ from typing import Any, Final
 
 import numpy as np
 
-from thermid.base.errors import NameNotFoundError, ScenarioError, refuse_unknown
+from thermid.base.errors import NameNotFoundError, ScenarioError, refuse_unknown, with_time_left
 from thermid.base.expression import Kelvin, amount
 from thermid.base.linear_algebra import Array
 from thermid.base.results import Result
 from thermid.base.units import TEMPERATURE, counted, si_unit
 from thermid.campaign._judge.limits import STATES, Limits, text_of
-from thermid.model.tree import Model, ParameterSet
-from thermid.prediction.bands import Knowledge, predict
+from thermid.fit.calibration import Calibration
+from thermid.model.tree import UNJUDGED, Model, ParameterSet, Standing
+from thermid.prediction.bands import Knowledge, known_of, predict
 from thermid.simulation.runs import Network, Scenario, compile_network, simulate, steady
+from thermid.values.store import model_standing
 
 RANGE_SAMPLES: Final = 33
 """Values of the range at which every limit is evaluated before its crossings are sought between them."""
@@ -67,6 +69,7 @@ class Sizing(Result):
     windows : tuple         Of (`Bound`, `Bound`), from the least value on; none where no value meets all limits.
     best : (value, spare)   Where the worst limit has most to spare [SI], [K]; negative where none meets all: the least violation.
     worst : str             The limit that is worst there.
+    standing : Standing     Of the values that it rests on.
     """
 
     path: str
@@ -75,6 +78,7 @@ class Sizing(Result):
     windows: tuple[tuple[Bound, Bound], ...]
     best: tuple[float, float]
     worst: str
+    standing: Standing = UNJUDGED
 
     def __str__(self) -> str:
         """Return it as text, a line an end."""
@@ -90,12 +94,13 @@ class Sizing(Result):
                 lines.append(f"  {word} {end.value:.6g} {self.unit}{error}: {end.by}")
             if window[0].assured > window[1].assured:
                 lines.append("  no value holds at both ends in 95 %: the window is narrower than the errors of its ends")
-        return "\n".join(lines)
+        return self.standing.over("\n".join(lines))
 
     def to_dict(self) -> dict[str, Any]:
         """Return it for a file."""
         rows = [{key: None if value != value else value for key, value in row.items()} for row in self._as_rows()]
-        return {"value": self.path, "unit": self.unit, "ends": rows, "best": list(self.best), "worst": self.worst}
+        least = {"best": list(self.best), "worst": self.worst, "standing": self.standing.to_dict()}
+        return {"value": self.path, "unit": self.unit, "ends": rows, **least}
 
     def _as_rows(self) -> list[Mapping[str, object]]:
         """Return both ends of every window with their standard errors and the limits that bind there."""
@@ -107,7 +112,7 @@ class Sizing(Result):
 
 
 def size(
-    knowledge: Knowledge | Model,
+    knowledge: Calibration | Knowledge | Model,
     path: str,
     limits: Sequence[Limits],
     scenarios: Sequence[Scenario] | Mapping[str, Sequence[Scenario]],
@@ -124,7 +129,7 @@ def size(
 
     Parameters
     ----------
-    knowledge : Knowledge or Model  The model; with `Knowledge.of_source(fit)` the ends have errors.
+    knowledge : Calibration, Knowledge, Model   What is known; of a fit or its knowledge the ends have errors.
     path : str                  The value: an area, conductance, power, duty, emissivity or mass flow.
     limits : sequence           As from `load_limits`.
     scenarios : sequence        All of the state operating; or state -> scenarios: ``{"operating": [hot], "non-operating": [cold]}``.
@@ -137,14 +142,15 @@ def size(
     ScenarioError   Without a range, a limit or a scenario.
     SolverError     When a run does not come out.
     """
-    source = knowledge if isinstance(knowledge, Knowledge) else Knowledge.of_source(knowledge)
+    source = known_of(knowledge)
     task = _Task(source.model, source.model.canonical(path), margin)
     low, high = task.searched(between)
     items = list(_items(task, limits, scenarios))
     if not items:
         raise ScenarioError("no limit applies to a scenario. Give limits of the state of the scenarios.", path, code="value.incomplete")
     grid = np.linspace(low, high, RANGE_SAMPLES)
-    spare = np.array([[item.spare(float(x)) for x in grid] for item in items])
+    samples = with_time_left(grid.tolist(), RANGE_SAMPLES, "size", "further values of the range")
+    spare = np.array([[item.spare(x) for item in items] for x in samples]).T
     ends = [(x, item) for item, row in zip(items, spare, strict=True) for x in _crossings(item, grid, row)]
     edges: list[tuple[float, _LimitSide | None]] = [(low, None), *sorted(ends, key=lambda end: end[0]), (high, None)]
     least: Spare = lambda x: min(item.spare(x) for item in items)  # noqa: E731
@@ -161,7 +167,7 @@ def size(
     windows_found = tuple(
         (task.bound(a, 1.0, source, spread, high - low), task.bound(b, -1.0, source, spread, high - low)) for a, b in windows
     )
-    return Sizing(task.path, task.unit, (low, high), windows_found, (value, spare_there), str(worst))
+    return Sizing(task.path, task.unit, (low, high), windows_found, (value, spare_there), str(worst), source.standing)
 
 
 def extremes(model: Model, scenario: Scenario) -> Mapping[str, tuple[float, float]]:
@@ -341,6 +347,7 @@ class WorstCases(Result):
     searched : tuple                Names that were searched.
     declined : str                  Why the corner rule does not apply; empty where it does.
     runs : int                      Runs that it took.
+    standing : Standing             Of the values of the model.
     """
 
     hot: WorstCase | None
@@ -350,6 +357,7 @@ class WorstCases(Result):
     searched: tuple[str, ...] = ()
     declined: str = ""
     runs: int = 0
+    standing: Standing = UNJUDGED
 
     def __str__(self) -> str:
         """Return both cases, then how they were found and what may have been missed."""
@@ -370,7 +378,7 @@ class WorstCases(Result):
                 f"  searched in {self.runs} runs: {', '.join(self.searched)}; in {100 * CONFIDENCE:.0f} % of such searches at most "
                 f"{100 * SHARE_WORSE:.0f} % of their ranges is worse"
             )
-        return "\n".join(lines)
+        return self.standing.over("\n".join(lines))
 
     def _as_rows(self) -> list[Mapping[str, object]]:
         """Return the hot and the cold case: what is spare to the limit [K], where, and the values that make it."""
@@ -381,7 +389,7 @@ class WorstCases(Result):
         """Return it for a file."""
         bound = {"share_worse": SHARE_WORSE, "confidence": CONFIDENCE} if self.searched else {}
         search = {"one_way": list(self.one_way), "searched": list(self.searched), "declined": self.declined, "runs": self.runs}
-        return {"cases": self._as_rows(), "units": dict(self.units)} | search | bound
+        return {"cases": self._as_rows(), "units": dict(self.units), "standing": self.standing.to_dict()} | search | bound
 
 
 def worst_case(
@@ -429,7 +437,7 @@ def worst_case(
     hot, cold = (task.worst(upper, runs // 2, seed) for upper in (True, False))
     if hot is None and cold is None:
         raise ScenarioError("no operating limit is finite. Give a lower one, an upper one, or both.", "limits", code="value.incomplete")
-    return WorstCases(hot, cold, task.units, task.one_way, task.searched, task.declined, task.count)
+    return WorstCases(hot, cold, task.units, task.one_way, task.searched, task.declined, task.count, model_standing(model))
 
 
 class _Ranges:

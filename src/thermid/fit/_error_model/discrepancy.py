@@ -29,7 +29,7 @@ from thermid.fit._error_model.courses import (
 from thermid.fit._error_model.own_values import OWN_VALUES, own_values_of
 from thermid.fit._minimisation import Fit, covariances, ended
 from thermid.fit._problem.request import Request, known_before
-from thermid.fit._problem.residuals import Influence, Problem, Unknown
+from thermid.fit._problem.residuals import Bench, Influence, Problem, Unknown
 from thermid.fit._uncertainty.information import Opened, opened_jacobian
 from thermid.fit._uncertainty.noise import Autocorrelation, Binned, binned, score_excess
 from thermid.model.tree import FlatConductor, identity_of
@@ -85,6 +85,7 @@ class Discrepancy(Result):
                                     found (names,); fitted form.
     of_assumed : dict               Assumed value of a deck -> variance that the readings alone leave it with all else open, and how far
                                     from the deck's they ask it to be; SI units. Without an entry they say nothing.
+    scheduled : dict                Value that some record schedules, such as a fan's speed -> its lowest and highest over the records. [SI]
     """
 
     conditions: Mapping[str, OperatingPoint]
@@ -93,6 +94,7 @@ class Discrepancy(Result):
     separated: tuple[str, ...] = ()
     assumed: Mapping[str, Array] = field(default_factory=dict)
     of_assumed: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    scheduled: Mapping[str, tuple[float, float]] = field(default_factory=dict)
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain numbers and texts for a file."""
@@ -103,6 +105,7 @@ class Discrepancy(Result):
             "separated": list(self.separated),
             "assumed": {p: moved.tolist() for p, moved in self.assumed.items()},
             "of_assumed": {p: list(variance_and_shift) for p, variance_and_shift in self.of_assumed.items()},
+            "scheduled": {p: list(ends) for p, ends in self.scheduled.items()},
         }
 
     @classmethod
@@ -115,6 +118,7 @@ class Discrepancy(Result):
             tuple(data["separated"]),
             {p: np.array(moved, dtype=float) for p, moved in data.get("assumed", {}).items()},
             {p: (float(variance), float(shift)) for p, (variance, shift) in data.get("of_assumed", {}).items()},
+            {p: (float(low), float(high)) for p, (low, high) in data.get("scheduled", {}).items()},
         )
 
     def __str__(self) -> str:
@@ -198,7 +202,7 @@ def with_discrepancy(fit: Calibration, assumed: AssumedMoves) -> Calibration:
     misfit = misfit_found(problem, fit.autocorrelation) if fit.autocorrelation is not None else {}
     joints = contacts_in_other_gas(problem.experiments[0].network, [e.scenario.media() for e in problem.experiments])
     moved = {p: moves[[place[n] for n in names]] for p, moves in assumed.moved.items()}
-    result = Discrepancy(conditions, names, _surfaces(histories, surfaces), joints, moved, assumed.said)
+    result = Discrepancy(conditions, names, _surfaces(histories, surfaces), joints, moved, assumed.said, _scheduled(problem.benches()))
     alone = [o.to_dict() for o in own_values_of(fit)]
     points = {p: [c.difference, c.level] for p, c in conditions.items() if p in decided}
     provenance = {**fit.values.provenance, **({"conditions": points} if points else {}), "misfit": misfit, KEY: result.to_dict()}
@@ -223,6 +227,17 @@ def _surfaces(courses: Sequence[ElementCourse], several: Mapping[str, FlatConduc
         if weight.sum() > 0.0:
             out[path] = (float(weight @ first / weight.sum()), float(weight @ second / weight.sum()))
     return out
+
+
+def _scheduled(benches: Sequence[Bench]) -> dict[str, tuple[float, float]]:
+    """Return value that some record schedules -> its lowest and highest over all records; where none schedules it, its deck's. [SI]"""
+    courses = [b.wiring.schedule.signals if b.wiring.schedule is not None else {} for b in benches]
+    ends: dict[str, list[float]] = {p: [] for course in courses for p in course}
+    for course, b in zip(courses, benches, strict=True) if ends else ():
+        decks = b.experiment.network.flat.parameters.evaluate({})
+        for path, several in ends.items():
+            several += course[path].bounds if path in course else [float(decks[path])] if path in decks else []
+    return {p: (min(several), max(several)) for p, several in ends.items()}
 
 
 def _courses(problem: Problem, at: Array) -> list[ElementCourse]:

@@ -8,7 +8,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from thermid.base.errors import IdentificationError, ThermidError
+from thermid.base.errors import IdentificationError, ThermidError, time_left
 from thermid.base.linear_algebra import Array, one_thread
 from thermid.base.results import Result
 from thermid.base.units import duration_text, short
@@ -229,7 +229,7 @@ def criticise(
         refuse_unseen(fit.given_model, "a search for missing elements")
     if not wanted:
         return Criticism(fit.stage, traces, (), checks)
-    candidates, wander = _tried(fit, fit.request, executor, progress or (lambda words, share: None))
+    candidates, wander = _tried(fit, fit.request, executor, progress or time_left("criticise"))
     return Criticism(fit.stage, traces, tuple(candidates), checks, wander)
 
 

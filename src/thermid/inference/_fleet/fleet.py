@@ -9,13 +9,14 @@ from typing import Any
 import numpy as np
 
 from thermid.base.errors import IdentificationError, quoted, refuse_unknown
-from thermid.base.linear_algebra import Array, square_root
+from thermid.base.linear_algebra import Array
 from thermid.base.results import PlottedTrace, Result, Row
 from thermid.base.units import counted, from_si, unit as unit_of
 from thermid.fit.calibration import Unknown
 from thermid.inference._fleet.population import PopulationFit, distances
 from thermid.model.tree import Model, Standing
 from thermid.simulation.runs import Ensemble, Scenario, Workers, ensemble
+from thermid.values.fitted import Draws, FittedValue, FittedValues
 
 Covariates = Mapping[str, Mapping[str, float | str]]
 """Unit -> name -> number, such as its mass, or text, such as its batch."""
@@ -194,27 +195,32 @@ class Fleet(Result):
     shared: Array = field(repr=False)
     standing: Standing
 
-    def next_unit(self, covariates: Mapping[str, float | str] | None = None) -> tuple[Array, Array]:
-        """Return mean (values,) and covariance of the values of a unit not built yet, in the fitted form, the errors of the means counted.
+    def next_unit(self, covariates: Mapping[str, float | str] | None = None) -> FittedValues:
+        """Return the values of a unit not built yet with their errors and covariance, the errors of the means counted.
 
         Raises
         ------
         IdentificationError   When a covariate is none of the fleet's.
         """
         x = self.covariates.row(covariates or {})
-        spread = self.population.at.spread
-        return self.reference + x @ self.population.at.beta, self.population.omega + x @ spread @ x.T + self.shared
+        mean = self.reference + x @ self.population.at.beta
+        wide = self.population.omega + x @ self.population.at.spread @ x.T + self.shared
+        items = {}
+        for u, at, sd in zip(self.unknowns, mean.tolist(), np.sqrt(np.diag(wide)).tolist(), strict=True):
+            value, error, bounds = u.to_value(at), u.slope(at) * sd, (u.low, u.high)
+            items[u.name] = FittedValue(
+                u.name, value, error, error, u.log, u.unit, value, bounds, self.title, also=u.also, standing=self.standing
+            )
+        return FittedValues("a unit not built yet", items, wide)
 
-    def draws(self, count: int = 1000, *, covariates: Mapping[str, float | str] | None = None, seed: int = 1) -> dict[str, Array]:
+    def draws(self, count: int = 1000, *, covariates: Mapping[str, float | str] | None = None, seed: int = 1) -> Draws:
         """Return path -> values (count,) of units not built yet [SI], as `ensemble` takes them.
 
         Raises
         ------
         IdentificationError   When a covariate is none of the fleet's.
         """
-        mean, wide = self.next_unit(covariates)
-        points = mean + np.random.default_rng(seed).standard_normal((count, mean.size)) @ square_root(wide).T
-        return {u.name: np.array([u.to_value(x) for x in points[:, k]]) for k, u in enumerate(self.unknowns)}
+        return self.next_unit(covariates).draws(count, seed)
 
     def predict(
         self,
@@ -240,13 +246,15 @@ class Fleet(Result):
         ------
         IdentificationError   When a covariate is none of the fleet's.
         """
-        mean, wide = self.next_unit(covariates)
-        lines = ["[stages.priors]"]
-        for u, x, sd in zip(self.unknowns, mean, np.sqrt(np.diag(wide)), strict=True):
-            value, error = u.to_value(float(x)), abs(u.slope(float(x))) * float(sd)
-            there = f"{from_si(value, u.unit):.4g} [{u.unit}]"
-            lines.append(f'"{u.name}" = {{ mean = "{there}", sd = "{_difference(error, u.unit)}" }}')
-        return "\n".join(lines)
+        return "\n".join(
+            [
+                "[stages.priors]",
+                *(
+                    f'"{p}" = {{ mean = "{v.in_unit:.4g} [{v.unit}]", sd = "{_difference(v.error, v.unit)}" }}'
+                    for p, v in self.next_unit(covariates).items()
+                ),
+            ]
+        )
 
     def __str__(self) -> str:
         """Return the population as tables, what is remarkable first."""

@@ -218,6 +218,10 @@ class Parameter:
     spread: str = ""
     standing: Standing | None = field(default=None, compare=False, repr=False)
 
+    def __repr__(self) -> str:
+        """Its kind, and the value as written."""
+        return f"<Parameter: {self}>"
+
     def __str__(self) -> str:
         """The value as written, and where it comes from."""
         return self.text + (f" ({self.source})" if self.source else "")

@@ -6,10 +6,13 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
+from thermid.base.errors import NameNotFoundError, refuse_unknown
+from thermid.base.expression import Quantity
 from thermid.base.results import Row, Shown
+from thermid.base.units import si_unit, unit
 from thermid.model._tree.identity import Identity, Replacement, cut, definition_of, identity_of, lay_values, local_identities, replaced
 from thermid.model._tree.rules import Finding, findings
-from thermid.model._tree.tree import Tree
+from thermid.model._tree.tree import ParameterSet, Tree
 
 
 @dataclass(frozen=True)
@@ -29,6 +32,18 @@ class Model(Tree, Shown):
         """Return how many elements of each kind it has."""
         kinds = ("nodes", "surfaces", "conductors", "loads", "submodels", "needs")
         return [{"what": name, "number": len(getattr(self, name))} for name in kinds]
+
+    def value(self, path: str) -> Quantity:
+        """Return the number of a parameter with its unit; of one that an expression gives, such as a cooler's, in SI units.
+
+        Raises
+        ------
+        NameNotFoundError   With the nearest name.
+        """
+        values, name = ParameterSet(self), self.canonical(path)
+        refuse_unknown([name], values.table, self.title, "no value '{}'.", NameNotFoundError)
+        of = values.table[name].parameter.unit or si_unit(values.dimension(name))
+        return Quantity(float(values.evaluate({})[name]), unit(of))
 
     def with_values(self, values: Mapping[str, Any], origin: str = "caller", at: str = "") -> Model:
         """Return the model with values laid over it.
