@@ -10,7 +10,7 @@ from work import BENCH, HERE, Vacuum, Work
 
 import thermid as td
 from thermid.reporting._blocks.content import Figures, Graphic, Plot
-from thermid.reporting._pages.campaign import course_of, drives
+from thermid.reporting._pages.campaign import course_of, drive_of
 from thermid.reporting._pictures.chart import Area
 from thermid.reporting._pictures.figures import curve, curves
 
@@ -66,7 +66,7 @@ def panel(work: Work, p: Panel, key: str) -> Graphic:
         curve("simulated, convection zero as printed: a bound", "bound", printed.times, printed.celsius),
     ]
     high = float(np.max(simulated))
-    drive = drives(work.natural[p.stage], course_of(work.natural[p.stage], p.record))
+    drive = drive_of(work.natural[p.stage], course_of(work.natural[p.stage], p.record))
     return curves(lines, key, f"{p.label}: measured and simulated", top=high + 0.9 * (high - 24.0), size=SMALL, drive=drive)
 
 
@@ -131,7 +131,7 @@ def structures(work: Work) -> Figures:
             for name, look, b in (("natural convection and radiation", "simulated", n), ("one constant coefficient", "bound", c))
         ]
         judged = next(v for v in work.natural.verdicts if v.record == record).prediction
-        drive = drives(judged, course_of(judged, record))
+        drive = drive_of(judged, course_of(judged, record))
         title, names = f"{sensor} in {record}", ("temperature, °C", "residual, K")
         drawn = curves(lines, f"held-{key}", title, below=below, names=names, size=(380, 280), drive=drive)
         plots.append(Plot(drawn, f"{model}: {sensor} in {record}, seen by no fit", SYNTHETIC))

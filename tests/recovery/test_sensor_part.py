@@ -96,7 +96,7 @@ def test_lag_is_recovered_and_would_mislead() -> None:
         lags.append((found["lag of T"].value - lag) / found["lag of T"].error)
         known.append(score(found, "case.capacitance", 30.0))
         if k < BLIND:
-            blind.append(fit(seen, None)["case.capacitance"].value / 30.0)
+            blind.append(fit(seen, None).values["case.capacitance"].value / 30.0)
     assert covered(known)
     assert covered(lags)
     assert np.median(blind) > 1.1  # the lag is taken for heat capacity

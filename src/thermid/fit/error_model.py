@@ -28,4 +28,4 @@ from thermid.fit._error_model.records import (
     split as split,
 )
 from thermid.fit._error_model.runs import widened as widened
-from thermid.fit._error_model.sizes import SIZES as SIZES
+from thermid.fit._error_model.sizes import LACK_ODDS as LACK_ODDS, SIZES as SIZES

@@ -22,7 +22,7 @@ from thermid.base.linear_algebra import Array, Bools
 from thermid.base.results import Named, PlottedTrace, Result, Row
 from thermid.base.units import ICE_POINT, duration_text, short
 from thermid.fit.calibration import Calibration
-from thermid.fit.error_model import BandCause, NormalMixture
+from thermid.fit.error_model import LACK_ODDS, BandCause, NormalMixture
 from thermid.inference.criticism import ExplainedFit, explained, summary
 from thermid.model.tree import UNJUDGED, Model, Standing, worst
 from thermid.prediction._budget import (
@@ -469,7 +469,8 @@ def carrier_words(budget: Budget, bands: Mapping[str, Band]) -> list[str]:
     if share < MIN_CARRIER_PROBABILITY:
         return []
     carriers = {w.kept[0].carrier: sum(x.weight for x in budget.ways if x.kept[0].carrier == w.kept[0].carrier) for w in budget.ways}
-    finish, path, entry = np.sum([w.weight * np.array(w.kept[0].beside_deck) for w in budget.ways], axis=0).tolist()
+    finish, *lacks = np.sum([w.weight * np.array(w.kept[0].beside_deck) for w in budget.ways], axis=0).tolist()
+    path, entry = (x * (x > LACK_ODDS / (1.0 + 2.0 * LACK_ODDS)) for x in lacks)  # where readings made it likelier
     named = ", ".join(f"{name} {100 * weight:.0f} %" for name, weight in carriers.items())
     words = {
         f"no deck states what carries the heat of its surfaces; the readings say {named}. State carried_by: the bands narrow": min(

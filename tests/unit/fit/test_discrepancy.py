@@ -133,4 +133,4 @@ def test_the_error_of_a_start_counts_what_the_structure_adds_to_the_offset_of_it
     (start,) = fit.local
     assert fit.structural_errors
     assert start.error > fit.values["sensor T"].error
-    assert abs(start.value - 297.15) < start.error
+    assert abs(start.value - 297.15) < 1.96 * start.error

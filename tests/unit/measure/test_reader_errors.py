@@ -6,6 +6,7 @@ import re
 import numpy as np
 import pytest
 
+import thermid as td
 from by_code import raises_code
 from thermid.base.errors import DeckError, MissingDataError, NameNotFoundError, RecordError, ThermidError, UnitError
 from thermid.measure._readers.log_reader import read_plain, read_record
@@ -290,7 +291,7 @@ def test_commas_as_separator_and_as_decimal_sign(log):
 
 def test_a_table_in_memory_is_no_log():
     with raises_code("value.wrong-kind", DeckError, match="path of a file"):
-        read_record(np.array([20.0, 21.0]), {"T1": {"node": "a"}})
+        td.read_record(np.array([20.0, 21.0]), {"T1": {"node": "a"}})
 
 
 LABVIEW = "LabVIEW Measurement\t\nSeparator\tTab\nX_Columns\tOne\n***End_of_Header***\t\n"

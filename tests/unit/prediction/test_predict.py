@@ -155,7 +155,7 @@ def test_what_is_spread_twice_or_wrongly_is_refused(found: Calibration) -> None:
     with raises_code("name.unknown", NameNotFoundError, match="'aire'.*'air'"):
         plain(found, HOT, spread={"aire": "1 [K]"})
     with raises_code("value.outside-range", DeckError, match="-3"):
-        plain(found, HOT, draws=-3)
+        td.predict(found, HOT, draws=-3)
     with raises_code("value.outside-range", ScenarioError, match="'air': its low end"):
         plain(found, HOT, spread={"air": {"low": "41 [degC]", "high": "39 [degC]"}})
     with raises_code("value.outside-range", ScenarioError, match="'air': a standard deviation"):

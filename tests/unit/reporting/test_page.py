@@ -280,7 +280,7 @@ def test_report_is_public() -> None:
     import thermid
 
     found: Any = thermid.report
-    assert found is report
+    assert found.__wrapped__ is report
 
 
 @pytest.mark.parametrize(

@@ -292,7 +292,7 @@ WATCHED: Final = {
     "heat path": Cause("a conductivity", "conducts worse", "conducts better"),
     "power": GROUPS["power"],
     "ambient": Cause(
-        "a boundary that nobody logs",
+        "a boundary that has no log",
         "colder than stated: log it, or give its temperature",
         "warmer than stated: log it, or give its temperature",
     ),

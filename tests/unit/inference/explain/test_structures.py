@@ -90,7 +90,7 @@ def test_the_adopted_request_is_a_fit_at_the_found_values() -> None:
     found = search_structure(asked(box(BARE | INNER)))
     done = fit(found.proposed.full_request)
     for path, value in found.proposed.values.items():
-        assert done[path].value == pytest.approx(value, rel=0.1)
+        assert done.values[path].value == pytest.approx(value, rel=0.1)
 
 
 def test_changes_of_a_pair_reach_both_and_what_is_between() -> None:
