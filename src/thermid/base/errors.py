@@ -174,10 +174,10 @@ def time_left(work: str) -> Callable[[str, float], None]:
     def tell(words: str, share: float) -> None:
         """Take what follows, and the share of all that is finished."""
         nonlocal begun
-        left = (time.perf_counter() - begun) * (1.0 - share) / share if share > 0.0 else 0.0
-        if left > LONG_WAIT:
+        remaining = (time.perf_counter() - begun) * (1.0 - share) / share if share > 0.0 else 0.0
+        if remaining > LONG_WAIT:
             begun = math.inf
-            foretell(f"{work} goes on with {words}: about {spoken(left)} left.", left)
+            foretell(f"{work} goes on with {words}: about {spoken(remaining)} left.", remaining)
 
     return tell
 

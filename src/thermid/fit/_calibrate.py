@@ -617,8 +617,8 @@ def _taken_as_instants(problem: Problem, minimum: Fit) -> list[str]:
             if isinstance(course, TableSignal) and course.held and not (channel.interpolation or channel.samples):
                 lines = e.scenario.with_(schedule={**e.scenario.schedule, path: replace(course, hold=False)})
                 both = (bench, Bench.of_experiment(replace(e, scenario=lines), bench.free))
-                held, straight = (b.temperatures(problem.inputs(i, minimum.fitted)[0], False, None)[0] for b in both)
-                far = float(np.sqrt(np.mean((straight - held) ** 2, axis=0)).max())
+                steps, straight = (b.temperatures(problem.inputs(i, minimum.fitted)[0], False, None)[0] for b in both)
+                far = float(np.sqrt(np.mean((straight - steps) ** 2, axis=0)).max())
                 if far > noise:
                     bent[name] = max(far, bent.get(name, 0.0))
     texts = (

@@ -130,8 +130,8 @@ def never_logged(discrepancies: Sequence[Discrepancy], network: Network, scenari
     words = []
     for path in dict.fromkeys(p for k in discrepancies for p in k.scheduled):
         ends = [x for k in discrepancies for x in k.scheduled.get(path, ())]
-        asked = schedule.signals[path].bounds if schedule is not None and path in schedule.signals else (float(values[path]),)
-        far = [x for x in asked if max(min(ends) - x, x - max(ends)) > SCHEDULE_SLACK * max(map(abs, ends))]
+        levels = schedule.signals[path].bounds if schedule is not None and path in schedule.signals else (float(values[path]),)
+        far = [x for x in levels if max(min(ends) - x, x - max(ends)) > SCHEDULE_SLACK * max(map(abs, ends))]
         if far:
             unit = network.flat.parameters.table[path].parameter.unit
             low, high, *shown = (short(from_si(x, unit)) for x in (min(ends), max(ends), *dict.fromkeys(far)))

@@ -60,8 +60,8 @@ class Knowledge(Result):
             if not isinstance(value := getattr(self, name), kind):
                 takes = getattr(kind, "__name__", "Calibration")
                 raise DeckError(f"`{name}` takes {takes}, not {value!r:.60}.", "Knowledge", code="value.wrong-kind")
-        given = self.values if self.values or self.fit is None else (self.fit.values,)
-        object.__setattr__(self, "values", fitted_values(given, self.model.title))
+        values = self.values if self.values or self.fit is None else (self.fit.values,)
+        object.__setattr__(self, "values", fitted_values(values, self.model.title))
         object.__setattr__(self, "synthetic", self.synthetic or (self.fit is not None and self.fit.synthetic))
 
     @classmethod

@@ -76,7 +76,8 @@ def test_errors_grow_with_residuals_that_are_larger_than_the_noise() -> None:
     data = log(model, {}, {"T": "case"}, noise=0.05)
     fine = calibrate(model, data, [HTC])
     told = calibrate(model, data.with_channels(replace(data["T"], noise=0.01)), [HTC])
-    assert told[HTC].error == pytest.approx(fine[HTC].error, rel=0.1)
+    assert told[HTC].error_random == pytest.approx(fine[HTC].error, rel=0.1)
+    assert told[HTC].error < 1.5 * fine[HTC].error  # what wanders may be departures, as unlikely as they are
     assert any("times the stated noise; the errors were widened" in w for w in told.warnings)
     assert told.reduced_chi_square == pytest.approx(25, rel=0.2)
 

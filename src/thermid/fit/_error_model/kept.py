@@ -731,7 +731,7 @@ def _with_sources_of_structure(
     root[np.ix_(places, own)] = directions @ (np.sqrt(np.minimum(ratios, 1.0))[:, None] * ways.T) @ inverse @ responses
     root[places, len(fit.store.sources) :] = np.column_stack([more, less * np.sqrt(least / np.maximum(beyond, 1e-300))[:, None], moves])
     key, words = f"{fit.request.fit_key[:16] if fit.request else fit.stage}:structure", f"structure of stage '{fit.stage}'"
-    beside, ahead = (": beyond", ": moves") if unexplained else (AS_FITTED, EXPECTED)
+    beside, ahead = (": beyond", ": moves") if unexplained or probability < 1.0 else (AS_FITTED, EXPECTED)
     names = (*(f"{key} {k}" for k in at), *(f"{key}{beside} {k}" for k in at), f"{key}{ahead}")
     added = (Source(n, "structural", Normal(), words) for n in names)
     store = replace(fit.store, sources=(*fit.store.sources, *added), root=root).trimmed()
