@@ -14,7 +14,7 @@ PLAIN = """
 1 % m mm cm um km in ft m^2 cm^2 mm^2 m^3 cm^3 L kg g mg s ms min h day Hz A mA V ohm
 K mK degC degF J kJ Wh W mW kW N Pa hPa kPa bar mbar atm
 W/(m K) W/(m^2 K) W/K mW/K K/W J/K kJ/K J/(kg K) kJ/(kg K) kg/m^3 g/cm^3 kg/s g/s W/m^2
-K/s K/min K/h 1/K %/K W/% mW/% 1/s 1/h m/s m^2/s Pa s m^2 K/W s/K W/K^2 1/K^2 m/s^2 kPa/s mm^3 g/min K/% 1/%
+K/s K/min K/h 1/K %/K W/% mW/% 1/s 1/h m/s m^2/s Pa s m^2 K/W s/K W/K^2 1/K^2 m/s^2 kPa/s mm^3 g/min K/% 1/% V/K V/A
 """
 DIMENSIONS = ("[length]", "[mass]", "[time]", "[current]", "[temperature]")
 
