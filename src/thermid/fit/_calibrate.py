@@ -603,8 +603,8 @@ def _taken_as_instants(problem: Problem, minimum: Fit) -> list[str]:
         for name, path in ((n, role_and_target(e.record, c, e.network)[1]) for n, c in e.record.channels.items() if c.role == "schedule"):
             channel, course = e.record.channels[name], e.scenario.schedule.get(path)
             if isinstance(course, TableSignal) and course.held and not (channel.interpolation or channel.samples):
-                lines = e.scenario.with_(schedule={**e.scenario.schedule, path: replace(course, hold=False)})
-                both = (bench, Bench.of_experiment(replace(e, scenario=lines), bench.free))
+                schedule = {**e.scenario.schedule, path: replace(course, hold=False)}
+                both = (bench, Bench.of_experiment(replace(e, scenario=e.scenario.with_(schedule=schedule)), bench.free))
                 steps, straight = (b.temperatures(problem.inputs(i, minimum.fitted)[0], False, None)[0] for b in both)
                 far = float(np.sqrt(np.mean((straight - steps) ** 2, axis=0)).max())
                 if far > noise:
@@ -616,11 +616,11 @@ def _taken_as_instants(problem: Problem, minimum: Fit) -> list[str]:
         "temperatures by more than the noise: {}. State interpolation = 'linear' for the channel of a value that a controller moves "
         "all the time, 'previous' for one that is switched.",
     )
-    several = zip(texts, (apart, bent), strict=True)
-    return [text.format(", ".join(f"'{n}' ({short(k)} K)" for n, k in sizes.items())) for text, sizes in several if sizes]
-
-
-ONLY_PLAIN_LOADS = "only where samples are instants, the load has no curve, flux, cycle or control, and the model is no FMU."
+    return [
+        text.format(", ".join(f"'{n}' ({short(k)} K)" for n, k in sizes.items()))
+        for text, sizes in zip(texts, (apart, bent), strict=True)
+        if sizes
+    ]
 
 
 def _taken_as_switched(problem: Problem, minimum: Fit, total: Array) -> list[str]:
@@ -629,7 +629,11 @@ def _taken_as_switched(problem: Problem, minimum: Fit, total: Array) -> list[str
     effective |= {n for e in problem.experiments for c in e.record.clocks for n in c.channels}
     out = [
         f"{FIRST}prompt = false of '{n}' has no effect, and its changes count from their samples. A fit looks for the moment of a change "
-        + ("of powers and commands only, and this channel schedules a value." if c.role == "schedule" else ONLY_PLAIN_LOADS)
+        + (
+            "of powers and commands only, and this channel schedules a value."
+            if c.role == "schedule"
+            else "only where samples are instants, the load has no curve, flux, cycle or control, and the model is no FMU."
+        )
         for n, c in {n: c for e in problem.experiments for n, c in e.record.channels.items() if c.prompt is False}.items()
         if n not in effective
     ]

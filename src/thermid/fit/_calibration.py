@@ -290,6 +290,11 @@ class Calibration(Named[FittedValue]):
         return bool(self.expected or self.unexplained)
 
     @property
+    def structure_key(self) -> str:
+        """What the names of the sources begin with by which its errors count departures of elements."""
+        return f"{self.request.fit_key[:16] if self.request else self.stage}:structure"
+
+    @property
     def standing(self) -> Standing:
         """How far the fit may be trusted: by itself, by the worst of the values that it rests on, and by verdicts."""
         return worst([self.own, *self.rests.values(), *([self.verdict] if self.verdict is not None else [])])
@@ -429,7 +434,7 @@ class Calibration(Named[FittedValue]):
         lines += [f"  {w}" for w in self.warnings if w.startswith(FIRST)]
         lines += [f"  {line}" for line in input_lines(self.inputs.assumed)]
         width = max((len(p) for p in fitted), default=0)
-        why = "the structure" if self.structural_errors else "constant errors, priors"
+        why = "the structure" if any(s.name.startswith(self.structure_key) for s in self.store.sources) else "constant errors, priors"
         lines += [f"  {_value_line(v, width, self.estimates[v.path], self.range_shares(v.path), why)}" for v in fitted.values()]
         lines += [f"  {v.path}: shares its value with {', '.join(v.also)}" for v in fitted.values() if v.also]
         lines += [f"  cut from the other instances of its deck: {place}" for place in cuts_of(self.given_model)]

@@ -136,7 +136,7 @@ def never_logged(discrepancies: Sequence[Discrepancy], network: Network, scenari
             unit = network.flat.parameters.table[path].parameter.unit
             low, high, *shown = (short(from_si(x, unit)) for x in (min(ends), max(ends), *dict.fromkeys(far)))
             words.append(f"{path} {' and '.join(shown)} {unit}: never in the logs ({low} to {high} {unit})")
-    return f"{'; '.join(words)}. The expressions that take it are extrapolated" if words else ""
+    return f"{'; '.join(words)}. The expressions that take it are extrapolated, which no band counts: log a run there" if words else ""
 
 
 def followed_by(discrepancies: Sequence[Discrepancy]) -> dict[str, dict[str, float]]:

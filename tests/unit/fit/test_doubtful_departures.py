@@ -19,6 +19,8 @@ def test_errors_are_those_of_the_mixture_about_the_fitted_values() -> None:
     numbers = ErrorsOfFit(fit).numbers
     assert numbers["gain"] < MIN_LOG_BAYES_FACTOR
     assert not fit.expected
+    assert "(the structure)" in str(fit)
+    assert any(f" {1.0 / (1.0 + math.exp(-numbers['gain'])):.2g}," in w for w in fit.warnings)
     probability = 1.0 / (1.0 + math.exp(-numbers["gain"]))
     places = [[*numbers["moved"]].index(n) for n in (HTC, MASS)]
     moves = np.array([numbers["moved"][n] for n in (HTC, MASS)])
@@ -26,4 +28,4 @@ def test_errors_are_those_of_the_mixture_about_the_fitted_values() -> None:
     for k, n in enumerate((HTC, MASS)):
         value = fit.values[n]
         noise = (value.error_random / value.value) ** 2
-        assert (value.error / value.value) ** 2 == pytest.approx((1.0 - probability) * noise + probability * by_model[k, k], rel=1e-3)
+        assert (value.error / value.value) ** 2 == pytest.approx((1.0 - probability) * noise + probability * by_model[k, k], rel=1e-6)

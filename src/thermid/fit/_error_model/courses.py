@@ -106,13 +106,12 @@ def course_of(wiring: Wiring, engine: Engine, x: Array | None, options: Options,
         for load in wiring.network.flat.loads
         if load.path in driven or ("power" in load.fields and not load.follows_temperature)
     }
-    brought = dict.fromkeys(sizes, np.zeros(times.size))
+    brought: dict[str, Array] = {}
     for node, power in powers.values():
-        if node in brought:
-            brought[node] = brought[node] + integral(in_run(power, end), times)
-    through = {n: np.gradient(c * run[n] - brought[n], times) for n, c in sizes.items()}
+        brought[node] = brought.get(node, 0.0) + integral(in_run(power, end), times)
+    through = {n: np.gradient(c * run[n] - brought.get(n, 0.0), times) for n, c in sizes.items()}
     if rest is not None:
-        through = {n: np.append(x, np.gradient(-brought[n], times)[-1]) for n, x in through.items()}
+        through = {n: np.append(x, np.gradient(-brought.get(n, np.zeros(times.size)), times)[-1]) for n, x in through.items()}
     stores = {n: (through[n], c) for n, c in sizes.items()}
     shining = replace(a.numbers, conductors=tuple(row for row in a.numbers.conductors if row.form == "radiation"))
     radiated = wiring.conductor_flows(shining, temperatures, held, shares)
@@ -122,8 +121,7 @@ def course_of(wiring: Wiring, engine: Engine, x: Array | None, options: Options,
 
 def integral(signal: Drawn, times: Array) -> Array:
     """Return the integral of a signal from the first of some times to each of them (times,); a jump counts where it is. [SI s]"""
-    knots = np.union1d(times, signal.knots(times[0], times[-1]))
-    knots = knots[(knots >= times[0]) & (knots <= times[-1])]
+    knots = np.union1d(times, np.clip(signal.knots(times[0], times[-1]), times[0], times[-1]))
     values = signal.at(knots)
     return np.asarray(np.interp(times, knots, np.append(0.0, np.cumsum(0.5 * (values[1:] + values[:-1]) * np.diff(knots)))))
 

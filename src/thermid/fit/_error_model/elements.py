@@ -407,7 +407,7 @@ def lagged(x: Array, t: Array, time: float) -> Array:
 def entering_heat(network: Network, course: ElementCourse, node: str) -> Array:
     """Return the heat of all loads of a node (times,), with what leaves it at the beginning for the first: a run begins in balance. [W]"""
     t, loads = course.times, {load.path for load in network.flat.loads if load.node == node}
-    signals = [in_run(power, float(t[-1])) for load, (_, power) in course.powers.items() if load in loads]
+    signals = (in_run(power, float(t[-1])) for load, (_, power) in course.powers.items() if load in loads)
     entering: Array = sum((0.5 * (s.at(np.maximum(t - 1.0, 0.0)) + s.at(np.minimum(t + 1.0, t[-1]))) for s in signals), np.zeros(t.size))
     entering[0] = -course.stores[node][0][0]
     return entering

@@ -11,7 +11,6 @@ import math
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from itertools import groupby
 from typing import Any
 
 import numpy as np
@@ -366,8 +365,8 @@ class ErrorModel(Result):
     @property
     def carriers(self) -> dict[str, float]:
         """What may carry the heat of surfaces, and with which finish -> its probability by the readings, whatever the deck lacks. [-]"""
-        names = sorted((w.name.removesuffix(WITH_PATHS).removesuffix(WITH_ENTRIES), w.weight) for w in self.ways)
-        return {n: sum(weight for _, weight in several) for n, several in groupby(names, lambda pair: pair[0])}
+        names = [w.name.removesuffix(WITH_PATHS).removesuffix(WITH_ENTRIES) for w in self.ways]
+        return {n: sum(w.weight * (other == n) for w, other in zip(self.ways, names, strict=True)) for n in names}
 
     @property
     def sizes(self) -> dict[str, float]:
@@ -622,7 +621,8 @@ def with_structural_errors(fit: Calibration, errors: ErrorsOfFit) -> Calibration
 
     A value stays where its fit found it. Where the covariance by the model of error, and what that would move values by, say more than the
     fit, the difference becomes sources of its errors: they go into files and to the stages above with its values, and no error becomes
-    smaller. A fit whose readings contradict its model of error is not adequate. Where elements are not followed a warning says why.
+    smaller. Where the readings do not tell departures from noise, the errors are those of the mixture of both, with even odds before the
+    readings. A fit whose readings contradict its model of error is not adequate. Where elements are not followed a warning says why.
     """
     request = fit.request
     assert request is not None
@@ -635,8 +635,13 @@ def with_structural_errors(fit: Calibration, errors: ErrorsOfFit) -> Calibration
         return replace(fit, warnings=(*fit.warnings, words))
     moved, covariance = errors.numbers["moved"], np.array(errors.numbers["covariance"])
     if not request.structural_errors and (gain := errors.numbers["gain"]) < MIN_LOG_BAYES_FACTOR:
-        # what wanders may be noise: that nothing departs is as likely before the readings, and the errors are those of the mixture
-        return _with_sources_of_structure(fit, covariance, moved, "", 1.0 / (1.0 + math.exp(-gain)))
+        probability = 1.0 / (1.0 + math.exp(-gain))
+        fit = _with_sources_of_structure(fit, covariance, moved, "", probability)
+        doubt = (
+            f"residuals are autocorrelated, and elements depart from their laws with a probability of {probability:.2g}, which the total "
+            "errors count. A record of another operating point would decide.",
+        )
+        return replace(fit, warnings=fit.warnings + doubt * (probability > COUNTED))
     fit = _widened(fit, moved, covariance, contradiction)
     return fit if fit.blame != LAW else _with_explanation(fit, ErrorModel.from_dict(table).exponents)
 
@@ -730,7 +735,7 @@ def _with_sources_of_structure(
     root[:, : len(fit.store.sources)] = fit.store.root
     root[np.ix_(places, own)] = directions @ (np.sqrt(np.minimum(ratios, 1.0))[:, None] * ways.T) @ inverse @ responses
     root[places, len(fit.store.sources) :] = np.column_stack([more, less * np.sqrt(least / np.maximum(beyond, 1e-300))[:, None], moves])
-    key, words = f"{fit.request.fit_key[:16] if fit.request else fit.stage}:structure", f"structure of stage '{fit.stage}'"
+    key, words = fit.structure_key, f"structure of stage '{fit.stage}'"
     beside, ahead = (": beyond", ": moves") if unexplained or probability < 1.0 else (AS_FITTED, EXPECTED)
     names = (*(f"{key} {k}" for k in at), *(f"{key}{beside} {k}" for k in at), f"{key}{ahead}")
     added = (Source(n, "structural", Normal(), words) for n in names)
