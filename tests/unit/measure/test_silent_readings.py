@@ -69,24 +69,24 @@ def test_per_cent_are_never_taken_as_watts(log, header):
 
 def test_levels_up_to_100_without_a_unit_are_asked_about(log):
     path = log("t,Q1\n0,0\n10,100\n20,40\n")
-    with raises_code("record.unit-unclear", RecordError, match="heater.*full_scale"):
+    with raises_code("record.unit-unclear", RecordError, match="full_scale"):
         read_record(path, {"Q1": {"load": "q"}})
     assert read_record(path, {"Q1": {"load": "q", "unit": "W"}})["Q1"].values.tolist() == [0, 100, 40]
     assert read_record(path, {"Q1": {"load": "q", "full_scale": "10 [W]"}})["Q1"].values.tolist() == [0, 10, 4]
 
 
 @pytest.mark.parametrize(
-    ("binding", "words"),
+    ("binding", "code", "match"),
     [
-        ({"load": "q", "gain": "a", "full_scale": "5 [W]"}, "and no gain"),
-        ({"node": "q", "full_scale": "5 [W]"}, "needs load"),
-        ({"load": "q", "full_scale": "5 [K]"}, "a power"),
-        ({"load": "q", "full_scale": "0 [W]"}, "above zero"),
-        ({"load": "q", "unit": "W", "full_scale": "5 [W]"}, "Leave full_scale out"),
+        ({"load": "q", "gain": "a", "full_scale": "5 [W]"}, "value.incomplete", r"bench\.csv.*channels\.Q1.*full_scale"),
+        ({"node": "q", "full_scale": "5 [W]"}, "value.incomplete", r"bench\.csv.*channels\.Q1.*full_scale"),
+        ({"load": "q", "full_scale": "5 [K]"}, "unit.wrong-dimension", r"bench\.csv.*'Q1'.*full_scale"),
+        ({"load": "q", "full_scale": "0 [W]"}, "value.outside-range", r"bench\.csv.*'Q1'.*full_scale"),
+        ({"load": "q", "unit": "W", "full_scale": "5 [W]"}, "record.unit-contradicts", "full_scale"),
     ],
 )
-def test_a_full_scale_is_the_power_of_a_load_in_per_cent(log, binding, words):
-    with pytest.raises(ThermidError, match=words):
+def test_a_full_scale_is_the_power_of_a_load_in_per_cent(log, binding, code, match):
+    with raises_code(code, match=match):
         read_record(log("t,Q1\n0,10\n10,20\n"), {"Q1": binding})
 
 

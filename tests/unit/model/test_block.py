@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import thermid as td
+from by_code import raises_code
 
 
 def block(cells: tuple[int, int, int] = (4, 3, 2), **changes: Any) -> td.Block:
@@ -63,7 +64,7 @@ def test_a_box_takes_the_cells_whose_centres_lie_inside() -> None:
 def test_cells_have_names_and_places() -> None:
     assert block().place("cell[3,2,1]") == 4 * 3 * 2 - 1
     assert all(block().place(block().name(k)) == k for k in range(24))
-    with pytest.raises(td.ThermidError, match=r"cell\[3,2,1\]"):
+    with raises_code("name.unknown", match=r"\[3,2,1\]"):
         block().place("cell[4,0,0]")
 
 
@@ -75,25 +76,29 @@ def test_a_block_is_not_changed_by_its_methods() -> None:
 
 
 @pytest.mark.parametrize(
-    ("make", "words"),
+    ("make", "code", "match"),
     [
-        (lambda: block((0, 1, 1)), "at least one"),
-        (lambda: block(conductivity="0 [W/(m K)]"), "above zero"),
-        (lambda: block(conductivity="10 [W/K]"), "conductivity"),
-        (lambda: block(density=np.ones((2, 2, 2))), "one value per cell"),
-        (lambda: block(link_factors=(np.ones(1), np.ones(1), np.ones(1))), "shape"),
-        (lambda: block().heated("h", "1 [W]"), "give the place of a heater"),
-        (lambda: block().heated("a b", "1 [W]", cells=np.s_[:, :, :]), "name"),
-        (lambda: block().heated("h", "1 [W]", cells=np.s_[9:, :, :]), "no cell"),
-        (lambda: block().exchanging("top", "air", htc="1 [W/(m^2 K)]"), "faces are"),
-        (lambda: block().exchanging("+x", "air"), "give a coefficient above zero,"),
-        (lambda: block().exchanging("+x", "air", emissivity=1.5), "emissivity"),
-        (lambda: block().heated("h", {"times": ["0 [s]", "1 [s]"], "values": ["0 [W]", "1 [W]"]}, cells=np.s_[:, :, :]).model(), "in time"),
-        (lambda: block((100, 100, 3)).model(), "a model of 30000 cells would be slow;"),
+        (lambda: block((0, 1, 1)), "value.outside-range", ""),
+        (lambda: block(conductivity="0 [W/(m K)]"), "value.outside-range", r"'0 \[W/\(m K\)\]'"),
+        (lambda: block(conductivity="10 [W/K]"), "unit.wrong-dimension", r"'\[W/K\]'.*\[W/\(m K\)\]"),
+        (lambda: block(density=np.ones((2, 2, 2))), "value.shape", ""),
+        (lambda: block(link_factors=(np.ones(1), np.ones(1), np.ones(1))), "value.shape", "link_factors"),
+        (lambda: block().heated("h", "1 [W]"), "value.excludes-another", ""),
+        (lambda: block().heated("a b", "1 [W]", cells=np.s_[:, :, :]), "name.taken", ""),
+        (lambda: block().heated("h", "1 [W]", cells=np.s_[9:, :, :]), "value.contradicts", ""),
+        (lambda: block().exchanging("top", "air", htc="1 [W/(m^2 K)]"), "value.wrong-kind", ""),
+        (lambda: block().exchanging("+x", "air"), "value.incomplete", ""),
+        (lambda: block().exchanging("+x", "air", emissivity=1.5), "value.incomplete", ""),
+        (
+            lambda: block().heated("h", {"times": ["0 [s]", "1 [s]"], "values": ["0 [W]", "1 [W]"]}, cells=np.s_[:, :, :]).model(),
+            "model.element-not-supported",
+            "'h'",
+        ),
+        (lambda: block((100, 100, 3)).model(), "cap.exceeded", "30000"),
     ],
 )
-def test_what_is_no_block_is_refused(make: Any, words: str) -> None:
-    with pytest.raises(td.ThermidError, match=words):
+def test_what_is_no_block_is_refused(make: Any, code: str, match: str) -> None:
+    with raises_code(code, match=match):
         make()
 
 

@@ -32,39 +32,47 @@ def conductance(model: Model, name: str = "c") -> float:
 
 
 @pytest.mark.parametrize(
-    ("changes", "message"),
+    ("changes", "code", "match"),
     [
         (
             conductor(),
-            "Box, conductors.c: a conductor of kind 'conduction' needs conductivity and area and thickness, or conductance, or resistance. "
-            "Given: nothing.",
+            "value.incomplete",
+            r"conductors\.c.*'conduction'",
         ),
-        (conductor(conductance="1 [W/K]", resistance="1 [K/W]"), "or resistance. Given: conductance, resistance."),
-        (conductor(conductance="1 [W/K]", htc="1 [W/(m^2 K)]"), "It has no htc."),
-        (conductor(conductance="1 [W/K]", between=["case", "case"]), "Box, conductors.c: both ends are the same node."),
+        (conductor(conductance="1 [W/K]", resistance="1 [K/W]"), "value.incomplete", r"conductors\.c.*'conduction'"),
+        (conductor(conductance="1 [W/K]", htc="1 [W/(m^2 K)]"), "value.incomplete", r"conductors\.c.*'conduction'"),
+        (conductor(conductance="1 [W/K]", between=["case", "case"]), "model.self-reference", r"conductors\.c"),
         (
             conductor(conductance="1 [W/K]", table={"points": [["0 [degC]", "1 [W/K]"], ["9 [degC]", "1 [W/K]"]]}),
-            "a conductor of kind 'conduction' has no table of points.",
+            "value.without-effect",
+            "'conduction'",
         ),
-        (conductor(kind="table"), "a conductor of kind 'table' needs table of points."),
+        (conductor(kind="table"), "value.without-effect", "'table'"),
         (
             conductor(kind="table", table={"points": [["0 [degC]", "1 [W/K]"]]}),
-            "a table needs at least two points, with increasing temperatures.",
+            "model.law-refused",
+            r"conductors\.c",
         ),
-        (conductor(kind="table", table={"points": [["9 [degC]", "1 [W/K]"], ["0 [degC]", "1 [W/K]"]]}), "with increasing temperatures"),
+        (
+            conductor(kind="table", table={"points": [["9 [degC]", "1 [W/K]"], ["0 [degC]", "1 [W/K]"]]}),
+            "model.law-refused",
+            r"conductors\.c",
+        ),
         (
             {"nodes/case": {"mass": "1 [kg]"}},
-            "Box, nodes.case: give a node mass and specific_heat, or capacitance, or neither (a massless node).",
+            "value.incomplete",
+            r"nodes\.case.*specific_heat",
         ),
-        ({"nodes/case/capacitance": "1 [J/K]"}, "give a node mass and specific_heat, or capacitance, or neither"),
-        ({"surfaces/skin/effective_htc": "5 [W/(m^2 K)]"}, "Box, surfaces.skin: give a surface either htc"),
-        ({"surfaces/skin/htc": None}, "Box, surfaces.skin: the surface exchanges no heat. Give htc, effective_htc, emissivity or finish."),
-        ({"loads/heat/power": None}, "Box, loads.heat: give a load either power, or a table of power over temperature."),
+        ({"nodes/case/capacitance": "1 [J/K]"}, "value.incomplete", "specific_heat"),
+        ({"surfaces/skin/effective_htc": "5 [W/(m^2 K)]"}, "value.excludes-another", r"surfaces\.skin"),
+        ({"surfaces/skin/htc": None}, "value.incomplete", r"surfaces\.skin.*effective_htc"),
+        ({"loads/heat/power": None}, "value.incomplete", r"loads\.heat"),
         (
             {"loads/heat/temperature_coefficient": "0.01 [1/K]"},
-            "temperature_coefficient needs reference_temperature: the temperature at which `power` holds.",
+            "value.incomplete",
+            "temperature_coefficient.*reference_temperature.*`power`",
         ),
-        ({"loads/heat/scale": 2}, "scale applies to a table of power only. For a constant power change power itself."),
+        ({"loads/heat/scale": 2}, "value.without-effect", r"loads\.heat"),
         (
             {
                 "loads/heat": {
@@ -75,7 +83,8 @@ def conductance(model: Model, name: str = "c") -> float:
                     "reference_temperature": "300 [K]",
                 }
             },
-            "give either exponential_coefficient or the polynomial coefficients.",
+            "value.incomplete",
+            "exponential_coefficient",
         ),
         (
             {
@@ -86,26 +95,29 @@ def conductance(model: Model, name: str = "c") -> float:
                     "thermostat": {"on_below": "1 [degC]", "off_above": "2 [degC]"},
                 }
             },
-            "thermostat and proportional cannot both control one load. Define two loads.",
+            "value.excludes-another",
+            r"loads\.heat",
         ),
         (
             {"loads/heat": {"into": "case", "power": "1 [W]", "proportional": {"setpoint": "1 [degC]"}}},
-            "give proportional either gain [W/K] or band [K].",
+            "value.incomplete",
+            r"\[W/K\].*\[K\]",
         ),
         (
             {"loads/heat": {"into": "case", "table": POWERS, "proportional": {"gain": "1 [W/K]", "setpoint": "1 [degC]"}}},
-            "a gain in W/K needs a fixed power, but this power is a table. Give band in K.",
+            "value.incomplete",
+            "W/K",
         ),
         (
             {"loads/heat": {"into": "case", "table": POWERS, "temperature_coefficient": "1 [1/K]", "reference_temperature": "1 [degC]"}},
-            "temperature_coefficient and a table are both laws of the same temperature. Put both into the table.",
+            "value.excludes-another",
+            "temperature_coefficient",
         ),
     ],
 )
-def test_what_an_element_must_hold(part: Build, changes: dict[str, Any], message: str) -> None:
-    with pytest.raises(DeckError) as caught:
+def test_what_an_element_must_hold(part: Build, changes: dict[str, Any], code: str, match: str) -> None:
+    with raises_code(code, DeckError, match=match):
         part(changes)
-    assert message in str(caught.value)
 
 
 def test_joint_of_one_surface(pair: Build) -> None:
@@ -116,50 +128,49 @@ def test_joint_of_one_surface(pair: Build) -> None:
 
 
 @pytest.mark.parametrize(
-    ("changes", "message"),
+    ("changes", "match"),
     [
         (
             conductor(resistance="0 [K/W]"),
-            "Box, conductors.c.resistance: 'c.resistance' is 0 K/W.",
+            r"conductors\.c\.resistance.*'c\.resistance'.*0.*K/W",
         ),
         (
             conductor(conductivity="1 [W/(m K)]", area="1 [m^2]", thickness="0 [mm]"),
-            "Box, conductors.c.thickness: 'c.thickness' is 0 m.",
+            r"conductors\.c\.thickness.*'c\.thickness'.*0",
         ),
         (
             conductor(
                 kind="heat_pipe", on_conductance="1 [W/K]", off_conductance="1 [W/K]", start_temperature="1 [degC]", transition="0 [K]"
             ),
-            "Box, conductors.c.transition: 'c.transition' is 0 K.",
+            r"conductors\.c\.transition.*'c\.transition'.*0",
         ),
         (
             conductor(
                 kind="heat_pipe", on_conductance="-1 [W/K]", off_conductance="1 [W/K]", start_temperature="1 [degC]", transition="1 [K]"
             ),
-            "Box, conductors.c.on_conductance: 'c.on_conductance' is -1 W/K.",
+            r"conductors\.c\.on_conductance.*'c\.on_conductance'.*-1.*W/K",
         ),
         (
             conductor(conductance="-1 [W/K]"),
-            "Box, conductors.c.conductance: 'c.conductance' is -1 W/K.",
+            r"conductors\.c\.conductance.*'c\.conductance'.*-1.*W/K",
         ),
-        (conductor(conductivity="1 [W/(m K)]", area="1 [m^2]", thickness="-1 [mm]"), "'c.thickness' is -0.001 m."),
-        ({"surfaces/skin/htc": "-5 [W/(m^2 K)]"}, "Box, surfaces.skin.htc: 'skin.htc' is -5 W/(m^2 K)."),
+        (conductor(conductivity="1 [W/(m K)]", area="1 [m^2]", thickness="-1 [mm]"), r"'c\.thickness'.*-0\.001"),
+        ({"surfaces/skin/htc": "-5 [W/(m^2 K)]"}, r"surfaces\.skin\.htc.*'skin\.htc'.*-5.*2"),
         (
             {"nodes/case/mass": "0 [kg]"},
-            "Box, nodes.case.mass: 'case.mass' is 0 kg.",
+            r"nodes\.case\.mass.*'case\.mass'.*0",
         ),
-        ({"nodes/case/mass": "-1 [kg]"}, "'case.mass' is -1 kg."),
-        ({"nodes/case": {"capacitance": "inf [J/K]"}}, "'case.capacitance' is inf J/K."),
+        ({"nodes/case/mass": "-1 [kg]"}, r"'case\.mass'.*-1"),
+        ({"nodes/case": {"capacitance": "inf [J/K]"}}, r"'case\.capacitance'.*J/K"),
         (
             {"loads/heat/thermostat": {"on_below": "30 [degC]", "off_above": "20 [degC]"}},
-            "Box, loads.heat: the thermostat switches on above the temperature where it switches off. Exchange on_below and off_above.",
+            r"loads\.heat.*on_below.*off_above",
         ),
     ],
 )
-def test_values_that_cannot_be(part: Build, changes: dict[str, Any], message: str) -> None:
-    with pytest.raises(DeckError) as caught:
+def test_values_that_cannot_be(part: Build, changes: dict[str, Any], match: str) -> None:
+    with raises_code("value.outside-range", DeckError, match=match):
         compile_network(part(changes))
-    assert message in str(caught.value)
 
 
 def test_open_paths_are_fine(part: Build) -> None:
@@ -268,5 +279,5 @@ def test_a_conductor_takes_area_from_surfaces() -> None:
         ledger(model_from_dict(deck))
     del deck["conductors"]["c"]["area"], deck["conductors"]["c"]["contact_conductance"]
     deck["conductors"]["c"] |= {"kind": "conduction", "conductance": "1 [W/K]"}
-    with raises_code("value.incomplete", DeckError, match=r"c\.takes: .*area"):
+    with raises_code("value.incomplete", DeckError, match=r"c\.takes"):
         model_from_dict(deck)

@@ -9,6 +9,7 @@ import pytest
 from scipy.optimize import brentq
 
 import thermid as td
+from by_code import raises_code
 
 CURVE = [
     ["0 [m^3/h]", "82 [Pa]"],
@@ -95,14 +96,14 @@ def test_a_deck_with_a_fan_is_saved_and_read_again(tmp_path: Any) -> None:
 
 
 @pytest.mark.parametrize(
-    ("change", "message"),
+    ("change", "code", "match"),
     [
-        ({"curve": [["0 [m^3/h]", "50 [Pa]"], ["60 [m^3/h]", "55 [Pa]"]]}, "it does not. Leave the stall"),
-        ({"curve": [["60 [m^3/h]", "50 [Pa]"], ["10 [m^3/h]", "15 [Pa]"]]}, "the flows of a fan's curve must"),
-        ({"passes": ["60 [m^3/h]", "50 [Pa]"]}, "give either the resistance of the fan's"),
-        ({"resistance": None}, "give either the resistance of the fan's"),
+        ({"curve": [["0 [m^3/h]", "50 [Pa]"], ["60 [m^3/h]", "55 [Pa]"]]}, "value.outside-range", r"fans\.f\.curve.*3/s"),
+        ({"curve": [["60 [m^3/h]", "50 [Pa]"], ["10 [m^3/h]", "15 [Pa]"]]}, "value.outside-range", r"fans\.f\.curve"),
+        ({"passes": ["60 [m^3/h]", "50 [Pa]"]}, "value.incomplete", r"fans\.f.*\[flow, pressure\]"),
+        ({"resistance": None}, "value.incomplete", r"fans\.f.*\[flow, pressure\]"),
     ],
 )
-def test_what_is_no_fan_is_refused(change: dict[str, Any], message: str) -> None:
-    with pytest.raises(td.ThermidError, match=message):
+def test_what_is_no_fan_is_refused(change: dict[str, Any], code: str, match: str) -> None:
+    with raises_code(code, match=match):
         model(**change)

@@ -17,55 +17,53 @@ Build = Callable[..., Model]
 
 
 @pytest.mark.parametrize(
-    ("changes", "message"),
+    ("changes", "match"),
     [
         (
             {"conductors": {"c": {"kind": "conduction", "between": ["cas", "air"], "conductance": "1 [W/K]"}}},
-            "Box, conductors.c: no node 'cas'. Did you mean 'case'?",
+            r"conductors\.c.*'cas'.*'case'",
         ),
-        ({"loads/heat/into": "csae"}, "Box, loads.heat: no node 'csae'. Did you mean 'case'?"),
-        ({"surfaces/skin/to": "aire"}, "Box, surfaces.skin: no node 'aire'. Did you mean 'air'?"),
-        ({"loads/heat/power": "2*powr"}, "Box, loads.heat.power: no parameter 'powr'. Did you mean 'power'?"),
-        ({"parameters/area": "2*skin.htc_"}, "Box, parameters.area: no parameter 'skin.htc_'. Did you mean 'skin.htc'?"),
-        ({"set": {"skin.hct": "1 [W/(m^2 K)]"}}, "Box, set.skin.hct: no parameter 'skin.hct'. Did you mean 'skin.htc'?"),
-        ({"offers": ["cas"]}, "Box, offers: offers names 'cas', but the model has no such node or surface. Did you mean 'case'?"),
-        ({"aliases": {"Acc": "cse"}}, "Box, aliases.Acc: the alias 'Acc' stands for 'cse', which does not exist. Did you mean 'case'?"),
+        ({"loads/heat/into": "csae"}, r"loads\.heat.*'csae'.*'case'"),
+        ({"surfaces/skin/to": "aire"}, r"surfaces\.skin.*'aire'.*'air'"),
+        ({"loads/heat/power": "2*powr"}, r"loads\.heat\.power.*'powr'.*'power'"),
+        ({"parameters/area": "2*skin.htc_"}, r"parameters\.area.*'skin\.htc_'.*'skin\.htc'"),
+        ({"set": {"skin.hct": "1 [W/(m^2 K)]"}}, r"set\.skin\.hct.*'skin\.hct'.*'skin\.htc'"),
+        ({"offers": ["cas"]}, "'cas'.*'case'"),
+        ({"aliases": {"Acc": "cse"}}, r"aliases\.Acc.*'Acc'.*'cse'.*'case'"),
         (
             {"joints": {"j": {"between": ["skin", "skn"], "area": "1 [cm^2]", "contact_conductance": "9 [W/(m^2 K)]"}}},
-            "no surface 'skn'. Did you mean 'skin'?",
+            "'skn'.*'skin'",
         ),
     ],
 )
-def test_unknown_name_in_a_part(part: Build, changes: dict[str, Any], message: str) -> None:
-    with pytest.raises(NameNotFoundError) as caught:
+def test_unknown_name_in_a_part(part: Build, changes: dict[str, Any], match: str) -> None:
+    with raises_code("name.unknown", NameNotFoundError, match=match):
         flatten(part(changes))
-    assert message in str(caught.value)
 
 
 @pytest.mark.parametrize(
-    ("changes", "message"),
+    ("changes", "match"),
     [
-        ({"set": {"a.skin.htcc": "1 [W/(m^2 K)]"}}, "Pair, set.a.skin.htcc: no parameter 'a.skin.htcc'. Did you mean 'a.skin.htc'?"),
-        ({"submodels/a/bind": {"air": "roum"}}, "Pair, submodels.a.bind.air: no node 'roum'. Did you mean 'room'?"),
-        ({"submodels/a/bind": {"air": "room", "aire": "room"}}, "Pair, submodels.a.bind: 'a' needs air, not 'aire'. Did you mean 'air'?"),
+        ({"set": {"a.skin.htcc": "1 [W/(m^2 K)]"}}, r"set\.a\.skin\.htcc.*'a\.skin\.htcc'.*'a\.skin\.htc'"),
+        ({"submodels/a/bind": {"air": "roum"}}, r"submodels\.a\.bind\.air.*'roum'.*'room'"),
+        ({"submodels/a/bind": {"air": "room", "aire": "room"}}, r"submodels\.a\.bind.*'a'.*'aire'.*'air'"),
         (
             {"joints/stack/between": ["a.skn", "b.skin"]},
-            "Pair, joints.stack: 'a' does not offer 'skn'. Did you mean 'skin'? It offers case, skin.",
+            r"joints\.stack.*'a'.*'skn'.*'skin'",
         ),
         (
             {"conductors": {"c": {"kind": "conduction", "between": ["a.cas", "room"], "conductance": "1 [W/K]"}}},
-            "Pair, conductors.c: no node 'a.cas'. Did you mean 'a.case'?",
+            r"conductors\.c.*'a\.cas'.*'a\.case'",
         ),
         (
             {"joints/stack/gap": {"area": "1 [cm^2]", "htc": "4 [W/(m^2 K)]", "to": "rom"}},
-            "Pair, joints.stack: no node 'rom'. Did you mean 'room'?",
+            r"joints\.stack.*'rom'.*'room'",
         ),
     ],
 )
-def test_unknown_name_in_a_pair(pair: Build, changes: dict[str, Any], message: str) -> None:
-    with pytest.raises(NameNotFoundError) as caught:
+def test_unknown_name_in_a_pair(pair: Build, changes: dict[str, Any], match: str) -> None:
+    with raises_code("name.unknown", NameNotFoundError, match=match):
         flatten(pair(changes))
-    assert message in str(caught.value)
 
 
 def test_need_not_bound(pair: Build) -> None:
@@ -87,39 +85,42 @@ def test_inner_node_that_is_not_offered(part: Build, pair: Build) -> None:
 
 
 @pytest.mark.parametrize(
-    ("changes", "message"),
+    ("changes", "code", "match"),
     [
-        ({"nodes/2x": {}}, "Box, nodes.2x: '2x' is not a valid name: use letters, digits and _, and do not begin with a digit."),
-        ({"nodes/b c": {}}, "'b c' is not a valid name:"),
-        ({"parameters/a.b": "1"}, "'a.b' is not a valid name:"),
-        ({"parameters/é": "1"}, "'é' is not a valid name:"),
-        ({"needs": ["air", "a b"]}, "Box, needs: 'a b' is not a valid name:"),
+        ({"nodes/2x": {}}, "name.not-valid", r"nodes\.2x.*'2x'"),
+        ({"nodes/b c": {}}, "name.not-valid", "'b c'"),
+        ({"parameters/a.b": "1"}, "name.not-valid", r"'a\.b'"),
+        ({"parameters/é": "1"}, "name.not-valid", "'é'"),
+        ({"needs": ["air", "a b"]}, "name.not-valid", "'a b'"),
         (
             {"parameters/lambda": "1"},
-            "Box, parameters.lambda: 'lambda' is a reserved word of expressions. Choose another name.",
+            "name.not-valid",
+            r"parameters\.lambda.*'lambda'",
         ),
-        ({"parameters/inf": "1"}, "'inf' is a reserved word of expressions. Choose"),
+        ({"parameters/inf": "1"}, "name.not-valid", "'inf'"),
         (
             {"parameters/case": "1"},
-            "Box, nodes.case: 'case' is already the name of one of parameters. Names in a model must differ; choose another one.",
+            "name.taken",
+            r"nodes\.case.*'case'",
         ),
         (
             {"loads/skin": {"into": "case", "power": "1 [W]"}},
-            "Box, loads.skin: 'skin' is already the name of one of surfaces. Names in a model must differ; choose another one.",
+            "name.taken",
+            r"loads\.skin.*'skin'",
         ),
         (
             {"needs": ["air", "case"]},
-            "Box, needs: 'case' is already the name of one of nodes. Names in a model must differ; choose another one.",
+            "name.taken",
+            "'case'",
         ),
-        ({"needs": ["air", "air"]}, "Box, needs: 'air' is already the name of a need. Names in a model must differ; choose another one."),
-        ({"aliases": {"case": "skin"}}, "Box, aliases.case: 'case' is already the name of one of nodes. Names in a model must differ"),
-        ({"aliases": {"x": "y.case", "y": "x"}}, "Box, aliases.x: the alias 'x' refers to itself: x -> y -> x."),
+        ({"needs": ["air", "air"]}, "name.taken", "'air'"),
+        ({"aliases": {"case": "skin"}}, "name.taken", r"aliases\.case.*'case'"),
+        ({"aliases": {"x": "y.case", "y": "x"}}, "model.self-reference", r"aliases\.x.*'x'"),
     ],
 )
-def test_names_that_are_refused(part: Build, changes: dict[str, Any], message: str) -> None:
-    with pytest.raises(DeckError) as caught:
+def test_names_that_are_refused(part: Build, changes: dict[str, Any], code: str, match: str) -> None:
+    with raises_code(code, DeckError, match=match):
         part(changes)
-    assert message in str(caught.value)
 
 
 @pytest.mark.parametrize("mid", ["room", "stack", "a.case", "a"])

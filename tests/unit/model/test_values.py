@@ -28,37 +28,40 @@ def value(model: Model, path: str) -> float:
 
 
 @pytest.mark.parametrize(
-    ("changes", "message"),
+    ("changes", "code", "match"),
     [
-        ({"parameters/area": "0.05 [m]"}, "Box, parameters.area: '[m]' is a length; an area [m^2] is needed here."),
-        ({"nodes/case/mass": "1 [s]"}, "Box, nodes.case.mass: '[s]' is a time; a mass [kg] is needed here."),
+        ({"parameters/area": "0.05 [m]"}, "unit.wrong-dimension", r"parameters\.area.*'\[m\]'.*\[m\^2\]"),
+        ({"nodes/case/mass": "1 [s]"}, "unit.wrong-dimension", r"nodes\.case\.mass.*'\[s\]'.*\[kg\]"),
         (
             {"surfaces/skin/htc": "5 [W/K]"},
-            "Box, surfaces.skin.htc: '[W/K]' is a conductance; a heat transfer coefficient [W/(m^2 K)] is needed here.",
+            "unit.wrong-dimension",
+            r"surfaces\.skin\.htc.*'\[W/K\]'.*\[W/\(m\^2 K\)\]",
         ),
-        ({"surfaces/skin/emissivity": "0.3 [m]"}, "Box, surfaces.skin.emissivity: '[m]' is a length; a plain number [1] is needed here."),
-        ({"loads/heat/power": "power*area"}, "Box, loads.heat.power: this is a quantity in"),
-        ({"loads/heat/power": "10 [degC]"}, "Box, loads.heat.power: '[degC]' is a temperature; a power [W] is needed here."),
+        ({"surfaces/skin/emissivity": "0.3 [m]"}, "unit.wrong-dimension", r"surfaces\.skin\.emissivity.*'\[m\]'.*\[1\]"),
+        ({"loads/heat/power": "power*area"}, "unit.wrong-dimension", r"loads\.heat\.power"),
+        ({"loads/heat/power": "10 [degC]"}, "unit.wrong-dimension", r"loads\.heat\.power.*'\[degC\]'.*\[W\]"),
         (
             {"loads/heat": {"into": "case", "power": "1 [W]", "thermostat": {"on_below": "5 [W]", "off_above": "6 [degC]"}}},
-            "loads.heat.thermostat.on_below: '[W]' is a power; a temperature [degC] or [K] is needed here.",
+            "unit.wrong-dimension",
+            r"loads\.heat\.thermostat\.on_below.*'\[W\]'.*\[degC\].*\[K\]",
         ),
         (
             {"parameters/rate": "10 [degC/min]"},
-            "Box, parameters.rate: '[degC/min]' multiplies or divides the scale degC, which has an offset. Write K",
+            "unit.scale-in-product",
+            r"parameters\.rate.*'\[degC/min\]'",
         ),
         (
             {"parameters/area": "0.05 [m^2] + 1 [m^2]"},
-            "Box, parameters.area: '0.05 [m^2] + 1 [m^2]': write the unit in brackets once, at the end: '(0.5 +",
+            "expression.unit-misplaced",
+            r"parameters\.area.*'0\.05 \[m\^2\] \+ 1 \[m\^2\]'.*0\.5",
         ),
-        ({"parameters/area": "power + 0.05"}, "Box, parameters.area: 'power + 0.05': 'power + 0.05' adds a power and a plain number."),
-        ({"parameters/area": "-0.05 [m^2]"}, "Box, parameters.area: 'skin.area' is -0.05 m^2."),
+        ({"parameters/area": "power + 0.05"}, "expression.mixed-dimensions", r"parameters\.area.*'power \+ 0\.05'.*'power \+ 0\.05'"),
+        ({"parameters/area": "-0.05 [m^2]"}, "value.outside-range", r"parameters\.area.*'skin\.area'.*-0\.05.*2"),
     ],
 )
-def test_wrong_dimension_where_it_was_written(part: Build, changes: dict[str, Any], message: str) -> None:
-    with pytest.raises(ThermidError) as caught:
+def test_wrong_dimension_where_it_was_written(part: Build, changes: dict[str, Any], code: str, match: str) -> None:
+    with raises_code(code, match=match):
         compile_network(part(changes))
-    assert message in str(caught.value)
 
 
 def test_wrong_dimension_in_set_is_shown_there(pair: Build) -> None:
@@ -141,20 +144,19 @@ def test_numbers_of_numpy_are_numbers() -> None:
 
 
 @pytest.mark.parametrize(
-    ("power", "message"),
+    ("power", "match"),
     [
         (
             {"value": "0.5 [W]", "min": 1.0},
-            "Box, parameters.power: 0.5 lies below its minimum 1 [W]. Correct the value or the bound.",
+            r"parameters\.power.*0\.5.*1.*\[W\]",
         ),
-        ({"value": "9000 [mW]", "max": 8000}, "Box, parameters.power: 9000 lies above its maximum 8000 [mW]."),
-        ({"value": "area*100*a", "max": 2.0}, "Box, parameters.power: 5 lies above its maximum 2 [1]."),
+        ({"value": "9000 [mW]", "max": 8000}, r"parameters\.power.*9000.*8000.*\[mW\]"),
+        ({"value": "area*100*a", "max": 2.0}, r"parameters\.power.*5.*2.*\[1\]"),
     ],
 )
-def test_value_outside_its_bounds(part: Build, power: dict[str, Any], message: str) -> None:
-    with pytest.raises(DeckError) as caught:
+def test_value_outside_its_bounds(part: Build, power: dict[str, Any], match: str) -> None:
+    with raises_code("value.outside-range", DeckError, match=match):
         flatten(part({"parameters/power": power, "parameters/a": "1 [W/m^2]"}))
-    assert message in str(caught.value)
 
 
 def test_bounds_hold_for_values_from_above(part: Build, pair: Build) -> None:

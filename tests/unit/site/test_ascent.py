@@ -109,18 +109,18 @@ upper = "standard"
 
 
 @pytest.mark.parametrize(
-    ("more", "words"),
+    ("more", "code", "match"),
     [
-        ({"separation": "300 [s]"}, "outside the 240 s"),
-        ({"air_temperature": None}, "the temperature of the gas 'gas' is missing."),
-        ({"flow": {"face": 1.0}}, r"Give a trajectory with speed, and separation\."),
-        ({"flow": {"face": 1.0}, "separation": "120 [s]"}, "65 km up, the stream would bring .* too dense there for free molecular flow"),
-        ({"flow": {"face": 1.2}, "separation": "170 [s]"}, "the cosine between 'face' and the flight is 1.2"),
-        ({"flow": {"face": 1.0}, "separation": "170 [s]", "accommodation": 1.5}, "the accommodation is 1.5"),
+        ({"separation": "300 [s]"}, "value.outside-range", "240"),
+        ({"air_temperature": None}, "value.incomplete", "'gas'"),
+        ({"flow": {"face": 1.0}}, "value.incomplete", ""),
+        ({"flow": {"face": 1.0}, "separation": "120 [s]"}, "physics.not-possible", "65"),
+        ({"flow": {"face": 1.2}, "separation": "170 [s]"}, "value.outside-range", r"'face'.*1\.2"),
+        ({"flow": {"face": 1.0}, "separation": "170 [s]", "accommodation": 1.5}, "value.outside-range", r"1\.5"),
     ],
 )
-def test_what_an_ascent_lacks_is_said(more: dict[str, Any], words: str) -> None:
-    with pytest.raises(ScenarioError, match=words):
+def test_what_an_ascent_lacks_is_said(more: dict[str, Any], code: str, match: str) -> None:
+    with raises_code(code, ScenarioError, match=match):
         launch(**more)
 
 
@@ -136,9 +136,9 @@ def test_what_a_trajectory_lacks_is_said(tmp_path: Path) -> None:
             td.site.read_trajectory(path)
     with raises_code("value.outside-range", ScenarioError, match="-5"):
         td.site.Trajectory(np.array([0.0, 1.0]), np.array([0.0, 5.0]), np.array([0.0, -5.0]))
-    with raises_code("value.incomplete", ScenarioError, match="trajectory"):
+    with raises_code("value.incomplete", ScenarioError):
         td.site.ascent_scenario(air_temperature="20 [degC]", duration="60 [s]")
-    with raises_code("value.incomplete", ScenarioError, match="duration"):
+    with raises_code("value.incomplete", ScenarioError, match=r"'10 \[min\]'"):
         td.site.ascent_scenario(pressure="1 [Pa]", air_temperature="20 [degC]")
 
 

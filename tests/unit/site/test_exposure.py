@@ -69,7 +69,7 @@ def test_a_plate_on_the_ground_sees_half_of_its_sphere() -> None:
 def test_a_plate_below_the_ground_is_refused() -> None:
     with raises_code("value.outside-range", ScenarioError, match="at -1 m"):
         planet_share(-1.0, 0.0)
-    with raises_code("value.outside-range", ScenarioError, match="200 degrees"):
+    with raises_code("value.outside-range", ScenarioError, match="200"):
         planet_share(4e5, 200.0)
 
 

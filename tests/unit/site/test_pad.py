@@ -125,7 +125,7 @@ def test_a_sun_at_night_says_that_the_clock_is_wrong(weather: td.site.Weather, t
 
 def test_a_zone_is_never_guessed(weather: td.site.Weather) -> None:
     nowhere = td.site.Site(-2.373, -44.396)
-    with raises_code("value.incomplete", ScenarioError, match="timezone"):
+    with raises_code("value.incomplete", ScenarioError, match="2026-03-21.*06:00-03:00"):
         td.site.pad_scenario(nowhere, weather)
     same = nowhere.sun("2026-03-21 12:00-03:00", 0.0)
     assert same.zenith[0] == pytest.approx(SITE.sun("2026-03-21 12:00", 0.0).zenith[0], abs=1e-3)
@@ -225,19 +225,19 @@ calm = "4 [W/(m^2 K)]"
 
 
 @pytest.mark.parametrize(
-    ("text", "words"),
+    ("text", "code", "match"),
     [
-        ("[weather]\nfiel = 'w.csv'\n", "weather.fiel: 'fiel' is not a field here. Did you mean 'file'"),
-        ("[sun]\nalbdo = 0.2\n", "sun.albdo: 'albdo' is not a field here. Did you mean 'albedo'"),
-        ("[site]\nlatitude = -2.3\n", "pad.toml:1, site.longitude: is missing"),
-        ("[site]\nlatitude = 123\nlongitude = 0\n", "latitude of 123 degrees is not on earth"),
-        ("[irradiation.face]\ndirct = '5 [W/m^2]'\n", "'dirct' is not a field here. Did you mean 'direct'"),
-        ("[weather]\nfile = 'weather.csv'\n", "the place is missing\\. Give a Site with latitude and longitude"),
+        ("[weather]\nfiel = 'w.csv'\n", "file.unknown-key", r"weather\.fiel.*'fiel'.*'file'"),
+        ("[sun]\nalbdo = 0.2\n", "file.unknown-key", r"sun\.albdo.*'albdo'.*'albedo'"),
+        ("[site]\nlatitude = -2.3\n", "file.key-missing", r"pad\.toml:1.*site\.longitude"),
+        ("[site]\nlatitude = 123\nlongitude = 0\n", "value.outside-range", "123"),
+        ("[irradiation.face]\ndirct = '5 [W/m^2]'\n", "file.unknown-key", "'dirct'.*'direct'"),
+        ("[weather]\nfile = 'weather.csv'\n", "value.incomplete", "TMY3"),
     ],
 )
-def test_mistakes_in_a_file_are_named(tmp_path: Path, weather: td.site.Weather, text: str, words: str) -> None:
+def test_mistakes_in_a_file_are_named(tmp_path: Path, weather: td.site.Weather, text: str, code: str, match: str) -> None:
     (tmp_path / "pad.toml").write_text(text, encoding="utf-8")
-    with pytest.raises(ScenarioError, match=words):
+    with raises_code(code, ScenarioError, match=match):
         td.load_scenario(tmp_path / "pad.toml")
 
 
@@ -252,15 +252,15 @@ def test_radiation_on_a_plane_comes_from_a_file_too(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("surface", "words"),
+    ("surface", "match"),
     [
-        ({"absorptance": None}, "is in the sun but has no absorptance. Give"),
-        ({"facing": None}, "is outdoors but has no orientation."),
-        ({"emissivity": None}, "has no emissivity"),
+        ({"absorptance": None}, r"surfaces\.face.*'face'"),
+        ({"facing": None}, r"surfaces\.face.*'face'"),
+        ({"emissivity": None}, r"surfaces\.face.*'face'"),
     ],
 )
-def test_a_surface_outdoors_says_what_it_needs(weather: td.site.Weather, surface: dict[str, Any], words: str) -> None:
-    with pytest.raises(DeckError, match=words):
+def test_a_surface_outdoors_says_what_it_needs(weather: td.site.Weather, surface: dict[str, Any], match: str) -> None:
+    with raises_code("value.incomplete", DeckError, match=match):
         td.simulate(skin(**surface), td.site.pad_scenario(SITE, weather))
 
 
@@ -268,7 +268,7 @@ def test_what_the_pad_needs_is_asked_for(weather: td.site.Weather) -> None:
     bare = td.site.Weather("w", weather.begin, {"dry_bulb": weather["dry_bulb"]}, {})
     with raises_code("value.incomplete", ScenarioError, match="dew_point"):
         td.site.pad_scenario(SITE, bare)
-    with raises_code("value.incomplete", ScenarioError, match="global"):
+    with raises_code("value.incomplete", ScenarioError):
         td.site.pad_scenario(SITE, bare, sky=False)
     with raises_code("value.incomplete", ScenarioError, match="'ambient'"):
         td.site.pad_scenario(SITE, begin="2026-03-21 06:00", duration="1 [h]")
@@ -281,7 +281,7 @@ def test_what_the_pad_needs_is_asked_for(weather: td.site.Weather) -> None:
     with raises_code("record.not-overlapping", RecordError):
         td.site.pad_scenario(SITE, weather, begin="2027-01-01 00:00")
     lonely = td.site.pad_scenario(SITE, weather, air="room")
-    with pytest.raises((ScenarioError, td.ThermidError), match="room"):
+    with raises_code("name.unknown", (ScenarioError, td.ThermidError), match="'room'"):
         td.simulate(skin(), lonely)
 
 

@@ -196,8 +196,11 @@ def _outdoors(flat: Flat, sky: Sky) -> list[str]:
         )
     for path in out:
         if flat.faces[path].facing is None:
-            message = f"'{path}' is outdoors but has no orientation. Give facing = {{ tilt = 90 }}, and azimuth for a plane."
-            raise DeckError(message, flat.faces[path].where)
+            raise DeckError(
+                f"'{path}' is outdoors but has no orientation. Give facing = {{ tilt = 90 }}, and azimuth for a plane.",
+                flat.faces[path].where,
+                code="value.incomplete",
+            )
     return out
 
 
@@ -215,8 +218,11 @@ def _loads(path: str, face: FlatSurface, source: Irradiation | Sky) -> list[Flat
     out = _sunlit(path, face, partial(_sun, source, face.facing)) if solar else []
     if wave and not (outdoors and face.sees != face.to):
         if "emissivity" not in face.fields:
-            message = f"'{path}' receives long-wave radiation but has no emissivity. Give an emissivity or a finish, or leave the sky out."
-            raise DeckError(message, face.where)
+            raise DeckError(
+                f"'{path}' receives long-wave radiation but has no emissivity. Give an emissivity or a finish, or leave the sky out.",
+                face.where,
+                code="value.incomplete",
+            )
         if not face.sees:
             raise DeckError(
                 f"'{path}' is a face of an enclosure, which computes its long-wave radiation already. Give a sky to outer surfaces only.",
