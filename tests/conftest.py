@@ -14,6 +14,15 @@ def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption("--update-references", action="store_true", help="write the stored traces of tests/regression anew")
 
 
+@pytest.fixture(scope="module")
+def values_alone() -> Iterator[None]:
+    """For a module whose tests read no band, no error and no word of what the structure may lack: see plain_errors.py."""
+    from plain_errors import errors_of_values_alone  # not every run of tests imports the package
+
+    with errors_of_values_alone():
+        yield
+
+
 class _Documented:
     """Examples in docstrings are looked for in files that hold some; the others are not imported and searched for them."""
 

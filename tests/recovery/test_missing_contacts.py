@@ -10,6 +10,8 @@ import pytest
 import thermid as td
 from thermid.model.tree import TableSignal
 
+pytestmark = pytest.mark.usefixtures("values_alone")
+
 SEED = 20261129
 TIMES = np.arange(0.0, 10801.0, 60.0)
 

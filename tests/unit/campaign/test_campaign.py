@@ -29,6 +29,8 @@ from unit.fit.bench import HTC, MASS
 from unit.fit.project import CAMPAIGN, make_project
 from unit.interrupted import Still
 
+pytestmark = pytest.mark.usefixtures("values_alone")
+
 JOINT = "stack.contact_conductance"
 FIXED = 'as = "fixed"'
 

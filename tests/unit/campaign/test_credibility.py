@@ -22,6 +22,8 @@ from thermid.model.tree import Standing
 from unit.fit.bench import HTC, MASS, box, pair
 from unit.fit.project import CAMPAIGN, make_project
 
+pytestmark = pytest.mark.usefixtures("values_alone")
+
 JOINT = "stack.contact_conductance"
 
 

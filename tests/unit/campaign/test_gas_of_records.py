@@ -18,6 +18,8 @@ from thermid.inference.criticism import find_mistakes
 from thermid.measure.records import Channel, Record
 from thermid.model.deck import save_model
 
+pytestmark = pytest.mark.usefixtures("values_alone")
+
 THIN = td.simulation.Environment("0.1 [Pa]")
 HTC, GRAY = "skin.htc", "skin.emissivity"
 TRUTH = {HTC: 4.6, GRAY: 0.62}

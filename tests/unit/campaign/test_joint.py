@@ -16,6 +16,8 @@ from thermid.model.deck import save_model
 from unit.fit.bench import HTC, MASS, box
 from unit.fit.project import CAMPAIGN, make_project
 
+pytestmark = pytest.mark.usefixtures("values_alone")
+
 JOINT = "stack.contact_conductance"
 PRIOR = CAMPAIGN.replace('as = "fixed"', 'as = "prior"').replace("[[verdicts]]", "[joint]\n\n[[verdicts]]", 1)
 

@@ -24,6 +24,8 @@ from thermid.values.store import Store
 from unit.fit.bench import HTC, MASS, box, log, pair
 from unit.fit.project import CAMPAIGN, COOL, make_project, write_log
 
+pytestmark = pytest.mark.usefixtures("values_alone")
+
 JOINT = "stack.contact_conductance"
 FREE = 'free    = ["stack.contact_conductance"]'
 NEW = {"title": "Light", "parameters/power/value": "3 [W]", "nodes/case/mass/value": "1.0 [kg]"}

@@ -14,6 +14,8 @@ from thermid.model.tree import local_identities
 from thermid.values.fitted import load_store
 from unit.fit.trees import Part, joined, leaf, record_table, stage_table, write_decks, write_logs
 
+pytestmark = pytest.mark.usefixtures("values_alone")
+
 CELL = leaf("cell", 0.20)
 PACK = joined("pack", {"c1": CELL}, (0.28, 0.35))
 RACK = joined("rack", {"p": PACK, "c2": CELL}, (0.30, 0.26, 0.25))

@@ -11,6 +11,8 @@ from thermid.app.cli import summary
 from thermid.values.fitted import load_values
 from unit.app.cli.conftest import Call
 
+pytestmark = pytest.mark.usefixtures("values_alone")
+
 JOINT = "stack.contact_conductance"
 
 

@@ -11,6 +11,8 @@ from thermid.campaign._file import CampaignSource, read_campaign
 
 from .conftest import Call
 
+pytestmark = pytest.mark.usefixtures("values_alone")
+
 
 @pytest.fixture
 def lagging(campaign: Path) -> Path:

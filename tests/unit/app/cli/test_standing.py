@@ -12,6 +12,8 @@ from thermid.model.tree import CREDIBLE, UNJUDGED, Standing
 from unit.app.cli.conftest import Call, Said
 from unit.fit.planted import planted
 
+pytestmark = pytest.mark.usefixtures("values_alone")
+
 STUDY = Path(__file__).parents[4] / "examples" / "sisnav" / "study.toml"
 TOLD = "NOT CREDIBLE: rests on stage 'box' (T_BOX would need an error of +0."
 TAKEN = TOLD.replace("CREDIBLE:", "CREDIBLE (accepted):")

@@ -13,6 +13,8 @@ from thermid.campaign.stages import run_stages
 from unit.fit.planted import planted
 from unit.qualify.watch.test_watch import ICE, rising
 
+pytestmark = pytest.mark.usefixtures("values_alone")
+
 Call = Callable[..., Any]
 
 

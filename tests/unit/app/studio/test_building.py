@@ -29,6 +29,8 @@ from thermid.simulation.runs import Scenario, simulate
 from torture.elements import network
 from two_masses import write_log
 
+pytestmark = pytest.mark.usefixtures("values_alone")
+
 
 def do(building: Building, what: str, **more: Any) -> dict[str, Any]:
     return building.commanded({"do": what, **more})

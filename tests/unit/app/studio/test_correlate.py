@@ -19,6 +19,8 @@ from thermid.base.errors import DeckError, NameNotFoundError
 from thermid.base.units import from_si, unit
 from unit.app.studio.test_live import warm, write
 
+pytestmark = pytest.mark.usefixtures("values_alone")
+
 
 @pytest.fixture(scope="module")
 def project(run_before: Callable[[], Project]) -> Project:

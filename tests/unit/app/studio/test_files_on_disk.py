@@ -15,6 +15,8 @@ from thermid.app.studio.project import Project, Watch
 from thermid.app.studio.work import Work
 from thermid.base.errors import ThermidError
 
+pytestmark = pytest.mark.usefixtures("values_alone")
+
 
 @pytest.fixture(scope="module")
 def made(run_before: Callable[[], Project]) -> tuple[Project, Work]:

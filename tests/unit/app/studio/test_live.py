@@ -20,6 +20,8 @@ from thermid.measure.steadiness import rule_of
 from thermid.model.tree import Model
 from unit.fit.estimation.rig import Array, logged, rig, run
 
+pytestmark = pytest.mark.usefixtures("values_alone")
+
 RULE = rule_of("3 C/h")
 STEP = 10.0
 """Between readings of the logs. [s]"""

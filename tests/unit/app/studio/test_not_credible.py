@@ -15,6 +15,8 @@ from thermid.app.studio.work import Work
 from thermid.campaign.stages import Campaign
 from thermid.reporting.pages import report
 
+pytestmark = pytest.mark.usefixtures("values_alone")
+
 NOT_CREDIBLE = "not credible"
 
 

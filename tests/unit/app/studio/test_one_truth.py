@@ -32,6 +32,8 @@ from two_masses import write_plan
 
 from .test_stages import laid
 
+pytestmark = pytest.mark.usefixtures("values_alone")
+
 EXAMPLES = Path(__file__).parents[4] / "examples"
 TAG = """
 [nodes.tag]

@@ -15,6 +15,8 @@ from planted import campaign
 from thermid.app.studio.project import Project
 from thermid.base.errors import DeckError, IdentificationError, NameNotFoundError
 
+pytestmark = pytest.mark.usefixtures("values_alone")
+
 EXAMPLES = Path(__file__).parents[4] / "examples"
 
 

@@ -19,6 +19,8 @@ from thermid.app.studio.project import Project, StageState
 from thermid.reporting.objects import fit_object
 from thermid.simulation.runs import prepare
 
+pytestmark = pytest.mark.usefixtures("values_alone")
+
 EXAMPLES = Path(__file__).parents[4] / "examples"
 TIMES = 50
 LOAD = re.compile(r"(?<=[>\s])([\w.]+) into ([\w.]+): ([^<,;]*) W(?=[;<])")

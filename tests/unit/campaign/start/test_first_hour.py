@@ -26,6 +26,8 @@ from thermid.campaign.start import Roles
 from thermid.inference.criticism import EvaluationBudget
 from thermid.model.deck import model_from_dict
 
+pytestmark = pytest.mark.usefixtures("values_alone")
+
 SCRIPTS = Path(__file__).parents[4] / "scripts"
 
 

@@ -18,6 +18,8 @@ from thermid.inference._explain.candidates import missing_elements
 
 from .test_init import bench
 
+pytestmark = pytest.mark.usefixtures("values_alone")
+
 DECK = """
 title = "plate"
 needs = ["room"]

@@ -22,6 +22,8 @@ from thermid.campaign._start.roles import named_part, noise_of, part_name, roles
 from thermid.inference.criticism import Fitted, fitted_structure
 from thermid.model.tree import TableSignal
 
+pytestmark = pytest.mark.usefixtures("values_alone")
+
 
 def bench(
     path: Path, hidden: float = 260.0, noise: float = 0.05, header: str = "time_s,T_plate_C,T_room_C,P_heater_W", duty: bool = False

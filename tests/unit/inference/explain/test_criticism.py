@@ -15,6 +15,8 @@ from by_code import raises_code
 from thermid.inference._explain.candidates import MissingElement, missing_elements
 from unit.fit.bench import HTC, MASS, box, log
 
+pytestmark = pytest.mark.usefixtures("values_alone")
+
 BARE = {"surfaces/skin/effective_htc": "6 [W/(m^2 K)]", "nodes/case/mass": "1.5 [kg]"}
 INNER = {
     "nodes/inner": {"capacitance": "600 [J/K]"},

@@ -16,6 +16,8 @@ from thermid.fit.calibration import LocalSpec, Request
 from thermid.inference._explain.mistakes import Mistakes, _shifted, _units, find_mistakes
 from thermid.model.tree import TableSignal
 
+pytestmark = pytest.mark.usefixtures("values_alone")
+
 PAIR = td.model_from_dict(
     {
         "title": "Pair",
