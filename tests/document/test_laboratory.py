@@ -14,6 +14,8 @@ from document.laboratory_files import SISNAV, written
 from scripts_here import script
 from thermid.app.cli.app import app
 
+pytestmark = pytest.mark.usefixtures("values_alone")
+
 
 @pytest.fixture(scope="module")
 def logs(tmp_path_factory: pytest.TempPathFactory) -> Path:

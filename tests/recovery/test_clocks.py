@@ -8,7 +8,7 @@ import pytest
 from recovery.clock_cases import FREE, RANGE, drawn
 from thermid.inference import criticise
 
-pytestmark = pytest.mark.recovery
+pytestmark = [pytest.mark.recovery, pytest.mark.usefixtures("values_alone")]
 PRIOR_SD = (RANGE[1] - RANGE[0]) / 12.0**0.5
 
 

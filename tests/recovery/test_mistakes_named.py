@@ -16,8 +16,11 @@ from thermid.campaign import _stages
 from thermid.inference.criticism import Mistakes, find_mistakes
 
 SEED = 20261122
-pytestmark = pytest.mark.filterwarnings("ignore:.*a fit goes on:thermid.base.errors.ThermidWarning")
-"""Said where the machine is slow."""
+pytestmark = [
+    pytest.mark.filterwarnings("ignore:.*a fit goes on:thermid.base.errors.ThermidWarning"),
+    pytest.mark.usefixtures("values_alone"),
+]
+"""What is said where the machine is slow; and mistakes of logs are named without the model of error."""
 
 
 def named(path: Path) -> tuple[str, str]:

@@ -19,7 +19,7 @@ from thermid.model.deck import model_from_dict
 from thermid.model.tree import Model
 from thermid.simulation.runs import Scenario, simulate
 
-pytestmark = pytest.mark.recovery
+pytestmark = [pytest.mark.recovery, pytest.mark.usefixtures("values_alone")]
 
 ICE, NOISE, DRAWS, BLIND = 273.15, 0.05, 20, 10
 FREE = ("skin.conductance", "case.capacitance")

@@ -22,6 +22,8 @@ from thermid.fit._problem.residuals import Prior, Unknown
 from thermid.fit._search import Population, box_of, evolved
 from thermid.simulation._many import tasks
 
+pytestmark = pytest.mark.usefixtures("values_alone")
+
 TIMES = np.linspace(0.0, 6000.0, 201)
 BENCH = td.Scenario("bench", boundaries={"air": "20 [degC]"}, start="20 [degC]", duration="6000 [s]")
 PATHS = ["near.conductance", "far.conductance"]
