@@ -21,8 +21,6 @@ from unit.app.cli.conftest import Call
 from unit.fit.project import make_project
 from unit.qualify.project import PLAN, project
 
-pytestmark = pytest.mark.usefixtures("values_alone")
-
 SCENARIO = 'title = "warm"\nstart = "24 [degC]"\nduration = "10 [min]"\n\n[boundaries]\n{} = "24 [degC]"\n'
 SCRIPT = "m = 1.25; % mass [kg]\n"
 QUESTION = 'model = "box.toml"\nscenario = "warm.toml"\nmembers = 40\n[limits]\ncase = "60 [degC]"\n[spread]\n"scale.heat" = "5 [%]"\n'

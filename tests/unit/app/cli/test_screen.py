@@ -26,8 +26,6 @@ from thermid.inference._explain.structures import EvaluationBudget
 from thermid.reporting._blocks import content as extras
 from unit.app.cli.conftest import Call
 
-pytestmark = pytest.mark.usefixtures("values_alone")
-
 pty = pytest.importorskip("pty", reason="a pseudo-terminal needs a posix system")
 ESCAPES = re.compile(r"\x1b\[[0-9;?]*[A-Za-z]")
 

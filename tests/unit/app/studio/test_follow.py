@@ -20,8 +20,6 @@ from thermid.bench._wire import crc16
 from thermid.bench.benchlog import log_line
 from thermid.measure.readers import UNFINISHED
 
-pytestmark = pytest.mark.usefixtures("values_alone")
-
 EVIL = "T<script>alert(1)</script>"
 
 

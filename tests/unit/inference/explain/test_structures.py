@@ -19,8 +19,6 @@ from thermid.inference._explain.structures import TIE, FittedStructure, Structur
 from thermid.inference._explain.weighing import CauseScore
 from unit.fit.bench import HTC, MASS, box, log
 
-pytestmark = pytest.mark.usefixtures("values_alone")
-
 BARE = {"surfaces/skin/effective_htc": "6 [W/(m^2 K)]", "nodes/case/mass": "1.5 [kg]"}
 INNER = {
     "nodes/inner": {"capacitance": "600 [J/K]"},
