@@ -15,6 +15,7 @@ from typer.testing import CliRunner
 import thermid as td
 from thermid.app.cli.app import app
 from thermid.base.errors import ScenarioError, ThermidWarning
+from thermid.campaign._judge import worst
 from thermid.campaign._judge.worst import size
 from thermid.model.tree import ParameterSet
 
@@ -251,3 +252,22 @@ def test_what_is_missing_is_refused() -> None:
         size(_strap(), "strap.conductance", LIMITS, {"start-up": [HOT]})
     with pytest.raises(ScenarioError):
         size(_strap(), "strap.conductance", LIMITS, {"operting": [HOT]})
+
+
+def test_between_samples_nobody_looks_for_a_turn_of_a_limit_that_the_value_does_not_move(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A unit that warms up is coldest as it starts, whatever conducts its heat: that spare is the same at every sample."""
+    deck = {
+        "title": "unit",
+        "needs": ["base"],
+        "nodes": {"unit": {"capacitance": "500 [J/K]"}},
+        "conductors": {"foot": {"kind": "conduction", "between": ["unit", "base"], "conductance": "1 [W/K]"}},
+        "loads": {"chips": {"into": "unit", "power": "10 [W]"}},
+    }
+    hot = td.Scenario("hot", boundaries={"base": "24 [degC]"}, start="24 [degC]", duration=3600.0)
+    runs: list[object] = []
+    monkeypatch.setattr(worst, "simulate", lambda *given, **more: runs.append(given) or td.simulate(*given, **more))
+    found = size(
+        td.model_from_dict(deck), "foot.conductance", [td.qualify.Limits("u", "unit", ("0 [degC]", "60 [degC]"))], [hot], between=(0.1, 5.0)
+    )
+    assert len(found.windows) == 1
+    assert len(runs) < 3 * worst.RANGE_SAMPLES  # each sample, the crossing and the best value

@@ -277,7 +277,7 @@ def _crossings(item: _LimitSide, grid: np.ndarray, spare: np.ndarray) -> Iterato
     for k in range(1, grid.size - 1):
         side = 1.0 if spare[k] > 0.0 else -1.0
         near = side * spare[k - 1 : k + 2]
-        if near.min() > 0.0 and near[1] == near.min():  # it comes near zero and turns back: is it beyond between the samples?
+        if 0.0 < near[1] == near.min() < near.max():  # it comes near zero and turns back: is it beyond between the samples?
             turn = minimize_scalar(lambda x, s=side: s * item.spare(x), bounds=(grid[k - 1], grid[k + 1]), method="bounded")
             if turn.fun < 0.0:
                 points.append(float(turn.x))
