@@ -13,7 +13,7 @@ import thermid as td
 from by_code import raises_code
 from thermid.base.errors import IdentificationError, NameNotFoundError
 
-pytestmark = [pytest.mark.recovery, pytest.mark.usefixtures("values_alone")]
+pytestmark = pytest.mark.recovery
 SCRIPT = Path(__file__).parents[2] / "examples" / "unknown_power" / "run.py"
 
 

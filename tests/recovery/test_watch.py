@@ -8,8 +8,6 @@ from scipy.stats import beta
 
 from recovery.watch_cases import Outcome, alarmed, drawn, hiding, named, off_by_a_tenth, quiet, stop_of, told_alike, watched
 
-pytestmark = pytest.mark.usefixtures("values_alone")
-
 CASES, HIDDEN, FAULTS, QUIET, OFF = 1000, 200, 40, 40, 20
 LOOKS = (300.0, 600.0, 1200.0)
 

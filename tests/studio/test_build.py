@@ -22,8 +22,6 @@ from two_masses import COOLED, HEATERS, PAIR, write_cooled_log, write_heaters_lo
 
 from .browser import Page, needed, studio
 
-pytestmark = pytest.mark.usefixtures("values_alone")
-
 MOST_ACTIONS = 60
 EVIL = '"><script>window.evil = 1</script><img src=x onerror="window.evil = 1">'
 

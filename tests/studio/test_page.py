@@ -14,8 +14,6 @@ from thermid.values.fitted import load_values
 
 from .browser import Page, logs_of, needed, page, studio
 
-pytestmark = pytest.mark.usefixtures("values_alone")
-
 EXAMPLES = Path(__file__).parents[2] / "examples"
 SLIDE = """
 const slider = document.getElementById('s-' + NAME), times = [];

@@ -14,8 +14,6 @@ import thermid as td
 from thermid.app.cli.app import app
 from thermid.campaign._judge.changes import compare_models
 
-pytestmark = pytest.mark.usefixtures("values_alone")
-
 DECK: dict[str, Any] = {
     "title": "box",
     "needs": ["air", "wall"],

@@ -12,8 +12,6 @@ from thermid.campaign._stages import run_stages
 from thermid.fit.calibration import Calibration
 from unit.campaign.campaigns_at_random import Drawing, Known, Stage, held, joint_reference, reference
 
-pytestmark = pytest.mark.usefixtures("values_alone")
-
 VALUES, ERRORS = 0.1, 0.02
 """What may differ: of a value in its standard errors, of a standard error in itself. [-]"""
 

@@ -21,8 +21,6 @@ from thermid.values.fitted import FittedValue, FittedValues
 from unit.fit.bench import HTC, box, log
 from unit.fit.project import make_project, write_log
 
-pytestmark = pytest.mark.usefixtures("values_alone")
-
 CAMPAIGN = """title = "box"
 
 [records.bench]

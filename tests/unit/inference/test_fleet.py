@@ -30,8 +30,6 @@ from thermid.model.deck import model_from_dict
 from thermid.model.tree import Standing
 from two_masses import DECK
 
-pytestmark = pytest.mark.usefixtures("values_alone")
-
 ORTHODONT = """
 26,25,29,31 21.5,22.5,23,26.5 23,22.5,24,27.5 25.5,27.5,26.5,27 20,23.5,22.5,26 24.5,25.5,27,28.5 22,22,24.5,26.5 24,21.5,24.5,25.5
 23,20.5,31,26 27.5,28,31,31.5 23,23,23.5,25 21.5,23.5,24,28 17,24.5,26,29.5 22.5,25.5,25.5,26 23,24.5,26,30 22,21.5,23.5,25

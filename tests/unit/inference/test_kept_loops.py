@@ -22,8 +22,6 @@ from thermid.simulation._many.kept import digest
 from thermid.simulation._many.tasks import KeptTasks, Workers
 from unit.fit.bench import HTC, MASS, box, log
 
-pytestmark = pytest.mark.usefixtures("values_alone")
-
 RECORD = log(box(), {}, {"T": "case"}, noise=0.05, samples=61)
 BENCH = td.Scenario("bench", boundaries={"air": "20 [degC]"}, start="20 [degC]", duration="1 [h]")
 SPREAD = {HTC: "10 [%]", MASS: "5 [%]"}

@@ -12,8 +12,6 @@ import thermid as td
 from unit.app.cli.conftest import Call
 from unit.interop.programs import STRICT, c99, octave
 
-pytestmark = pytest.mark.usefixtures("values_alone")
-
 SCRIPT = """TempC = 24; % Ambient temperature [Celsius].
 SpH = 480; % Spec. heat [J/(kg*K)].
 Acc_SpH = SpH;

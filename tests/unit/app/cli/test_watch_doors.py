@@ -14,8 +14,6 @@ from thermid.app.studio.follow import Follower, LiveWatch
 from thermid.model.deck import load_model, save_model
 from unit.fit.estimation.rig import rig
 
-pytestmark = pytest.mark.usefixtures("values_alone")
-
 ICE = 273.15
 
 
