@@ -329,10 +329,10 @@ def counted(number: int, noun: str) -> str:
 def format_value(value: float, text: str, digits: int = 6) -> str:
     """Return an SI value in a unit, as text with the unit.
 
-    >>> format_value(297.15, "degC")
-    '24 [degC]'
+    >>> format_value(297.15, "degC"), format_value(0.3, "1")
+    ('24 [degC]', '0.3')
     """
-    return f"{from_si(value, text):.{digits}g} [{unit(text).text}]"
+    return f"{from_si(value, text):.{digits}g} [{unit(text).text}]".removesuffix(" [1]")
 
 
 def duration_text(value: float) -> str:

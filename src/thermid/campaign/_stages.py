@@ -222,12 +222,11 @@ def _from_below(
     below: list[tuple[str, Store]] = []
     moving: dict[str, None] = {}
     for part, inherit in stage.inherit.items():
-        for name in inherit.stages:
-            here = f"{where}.inherit.{part}"
-            store = _handed_on(done[name], inherit, here)
+        ahead = "" if part == "." else f"{model.canonical(part)}."
+        for store in _handed_on([done[name] for name in inherit.stages], inherit, f"{where}.inherit.{part}"):
             below.append((part, store))
-            ahead = "" if part == "." else f"{model.canonical(part)}."
-            moving |= dict.fromkeys(ahead + p for p in _may_move(store, inherit, here))
+            moves = (p for p in store.parameters if inherit.as_ == "prior" and (not inherit.move or p in inherit.move))
+            moving |= dict.fromkeys(ahead + p for p in moves)
     whole, remarks = graft(model, below, stage.untie if isinstance(stage.untie, list) else ())
     return whole, tuple(p for p in whole.parameters if p in moving), tuple(f"{FIRST}{r}" for r in remarks)
 
@@ -263,26 +262,12 @@ def keyed(request: Request, stage: StageTable, keys: Mapping[str, str]) -> tuple
     return replace(request, key=digest(ingredients)), ingredients
 
 
-def _handed_on(below: Calibration, inherit: InheritTable, where: str) -> Store:
-    """Return what a stage hands on of its store, at every depth: all of it, less what `only` and `without` keep back.
+def _handed_on(below: Sequence[Calibration], inherit: InheritTable, where: str) -> list[Store]:
+    """Return what each of several stages hands on of its store, at every depth: all of it, less what `only` and `without` keep back.
 
     Raises
     ------
-    DeckError   When either names a value that the stage does not have.
-    """
-    store, fitted_paths = below.store, set(below.values.parameters)
-    refuse_unknown(inherit.only, fitted_paths, f"{where}.only", f"'{{}}' was not fitted by stage '{below.stage}'.", DeckError)
-    refuse_unknown(inherit.without, store.parameters, f"{where}.without", f"'{{}}' is not known to stage '{below.stage}'.", DeckError)
-    back = {p for p in fitted_paths if inherit.only and p not in inherit.only} | set(inherit.without)
-    return store.only(lambda s: s.path not in back) if back else store
-
-
-def _may_move(store: Store, inherit: InheritTable, where: str) -> set[str]:
-    """Return the values handed on, by their paths in the stage below, that are free in the stage above.
-
-    Raises
-    ------
-    DeckError   When `move` names what is not handed on, or values are fixed.
+    DeckError   When either names a value that none of the stages has, or `move` what is not handed on, or values that are fixed.
     """
     if inherit.move and inherit.as_ != "prior":
         raise DeckError(
@@ -290,8 +275,14 @@ def _may_move(store: Store, inherit: InheritTable, where: str) -> set[str]:
             f"{where}.move",
             code="value.excludes-another",
         )
-    refuse_unknown(inherit.move, store.parameters, f"{where}.move", "'{}' is not inherited.", DeckError)
-    return set(inherit.move or store.parameters) if inherit.as_ == "prior" else set()
+    several = f"{'stage' if len(below) == 1 else 'stages'} {quoted([c.stage for c in below])}"
+    fitted_paths, known = {p for c in below for p in c.values.parameters}, {p for c in below for p in c.store.parameters}
+    refuse_unknown(inherit.only, fitted_paths, f"{where}.only", f"'{{}}' was not fitted by {several}.", DeckError)
+    refuse_unknown(inherit.without, known, f"{where}.without", f"'{{}}' is not known to {several}.", DeckError)
+    back = {p for p in fitted_paths if inherit.only and p not in inherit.only} | set(inherit.without)
+    stores = [c.store.only(lambda s: s.path not in back) if back else c.store for c in below]
+    refuse_unknown(inherit.move, {p for s in stores for p in s.parameters}, f"{where}.move", "'{}' is not inherited.", DeckError)
+    return stores
 
 
 def moving_together(store: Store, prior: Sequence[str], shared: Mapping[str, tuple[str, ...]]) -> list[str]:

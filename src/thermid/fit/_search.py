@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from thermid.base.errors import IdentificationError, ScenarioError, SolverError, foretell, refuse_unknown, spoken
 from thermid.base.linear_algebra import NOTHING, Array, pseudo_inverse
-from thermid.base.units import counted
+from thermid.base.units import counted, format_value
 from thermid.fit._minimisation import Fit, ended, minimise
 from thermid.fit._problem.experiment import ALL_INSTANTS, OFFSET, SCALE, Experiment
 from thermid.fit._problem.residuals import Problem, Unknown, clock_at, loss_of, starting_point
@@ -429,7 +429,8 @@ def _apart(ranked: Iterator[Array], taken: list[Array]) -> Iterator[Array]:
 def _valleys(problem: Problem, best: Fit, ends: list[Fit], first: Fit) -> tuple[str, tuple[str, ...]]:
     """Return what the ends of all descents say: in words, and remarks on other values that fit as well."""
     error = _errors(problem, best)
-    error = np.where(error > 0.0, error, np.inf)  # a value without an error, at a bound, does not separate ends
+    # starts, offsets and what has no error, at a bound, do not separate ends
+    error = np.where((error > 0.0) & np.array([u.kind == "parameter" for u in problem.unknowns]), error, np.inf)
     same = [bool((np.abs(f.fitted - best.fitted) <= 0.5 * error).all()) for f in ends]
     words = f"{len(ends)} descents, {sum(same)} of which ended at the same values"
     others = [f for f, s in zip(ends, same, strict=True) if not s]
@@ -441,20 +442,10 @@ def _valleys(problem: Problem, best: Fit, ends: list[Fit], first: Fit) -> tuple[
         words += f"; the descent from the given start ended at {first.cost / best.cost:.4g} times the best cost"
     remarks = []
     for other in (f for f in others if f.cost - best.cost < 2.0 * max(1.0, _level(problem, best))):
-        k = int(
-            np.argmax(
-                [
-                    abs(d) if u.kind == "parameter" else 0.0
-                    for u, d in zip(problem.unknowns, (other.fitted - best.fitted) / error, strict=True)
-                ]
-            )
-        )
+        k = int(np.argmax(np.abs(other.fitted - best.fitted) / error))
         u = problem.unknowns[k]
-        there, here = u.to_value(float(other.fitted[k])), u.to_value(float(best.fitted[k]))
-        remarks.append(
-            f"other values fit equally well: '{u.name}' could also be {there / here:.3g} times the reported value. Give it a prior or "
-            "tighter bounds."
-        )
+        there = format_value(u.to_value(float(other.fitted[k])), u.unit, 3)
+        remarks.append(f"other values fit equally well: '{u.name}' could also be {there}. Give it a prior or tighter bounds.")
     return words, tuple(dict.fromkeys(remarks))
 
 

@@ -699,6 +699,13 @@ def test_one_instance_is_untied_by_name(tmp_path: Path) -> None:
     assert len({r.stage_key([]) for r in requests}) == 4
 
 
+def test_what_is_kept_back_is_known_to_one_of_several_stages(project: Path) -> None:
+    alone = AGAIN.partition("inherit")[0].replace("again", "alone").replace("a.power", "b.power")
+    listed = AGAIN.replace('PART = { stage = "pair"', '"." = { stage = ["pair", "alone"], without = ["b.power"]')
+    changed(project, before(VERDICTS, f"{alone}\n{listed}"))
+    assert [f for f in check_campaign(project)[0] if f.severity == "error"] == []
+
+
 @pytest.mark.parametrize(
     ("old", "new", "words"),
     [

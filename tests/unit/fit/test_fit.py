@@ -219,6 +219,15 @@ class TestRefusals:
         data = metered(log(box(BARE), {}, {"T": "case"}), "heat", 4.0)
         assert self.refused(["power"], data) == "no reading depends on 'power'. Fix it, or add a record in which it acts."
 
+    def test_no_start_of_a_node_that_keeps_nothing_of_it(self) -> None:
+        # the part inside follows within a second, so that a minute later its start acts as a little more of the start of the case does
+        film = {"kind": "conduction", "between": ["case", "inside"], "conductance": "3 [W/K]"}
+        model = box({"nodes/inside": {"capacitance": "4 [J/K]"}, "conductors": {"film": film}})
+        data = log(model, {}, {"T": "case", "T_IN": "inside"})
+        data = data.with_channels(*(replace(data.channels[n], valid=data.times >= 60.0) for n in ("T", "T_IN")))
+        found = calibrate(model, data, [HTC, MASS])
+        assert found[HTC].value == pytest.approx(6.0, abs=3.0 * found[HTC].error)
+
     def test_fewer_readings_than_unknowns(self) -> None:
         data = log(box(BARE), {}, {"T": "case"}).trim(0.0, 60.0)
         assert f"'{HTC}' and '{MASS}' cannot be separated by these data; they act only as a sum." in self.refused([HTC, MASS], data)

@@ -317,7 +317,7 @@ def assumed_moves(request: Request, problem: Problem, minimum: Fit, noise: Autoc
         stated = r.law(u.start).variance
         if variance < stated:
             value, error, fixed_at, spread = (short(x, 3) for x in (*_shown(u, u.start + shift, variance), *_shown(u, u.start, stated)))
-            better.append((variance / stated, f"'{u.name}' {value} +- {error} for {fixed_at} +- {spread} {u.unit}"))
+            better.append((variance / stated, f"'{u.name}' {value} +- {error} for {fixed_at} +- {spread} {u.unit}".removesuffix(" 1")))
     return AssumedMoves({p: x for p, x in moved.items() if p in here}, told_here, tuple(columns), tuple(text for _, text in sorted(better)))
 
 

@@ -19,7 +19,7 @@ from thermid.base.errors import IdentificationError
 from thermid.base.linear_algebra import Array, value_of
 from thermid.base.memo import Memo
 from thermid.fit._estimation.process import ProcessNoise
-from thermid.fit._problem.experiment import UNSAID_NOISE, Experiment
+from thermid.fit._problem.experiment import UNKNOWN_START_SD, UNSAID_NOISE, Experiment
 from thermid.fit._problem.residuals import Bench
 from thermid.model.tree import Sine, TableSignal
 from thermid.simulation.solver import Assembled, Traces
@@ -28,8 +28,6 @@ MAX_CURVATURE_ERROR: Final = 1e-4
 """What a step may miss because rates bend within it. [K]"""
 JUMP_SHARE_OF_STEP: Final = 1e-9
 """Part of a step before its end at which inputs are taken that jump there."""
-UNKNOWN_START_SD: Final = 10.0
-"""Standard deviation of the start of a node that its own sensor reads: as good as nothing is known before the first reading. [K]"""
 MAX_CACHED_COURSES: Final = 8
 """Courses of inputs that are kept."""
 BALANCES: Final = 30

@@ -15,11 +15,11 @@ from thermid.base.expression import amount
 from thermid.base.linear_algebra import Array, one_thread, symmetric_inverse
 from thermid.base.units import duration_text, short
 from thermid.fit._calibrate import differing
-from thermid.fit._estimation.dynamics import UNKNOWN_START_SD
 from thermid.fit._estimation.estimation import OUTPUT, PROCESS, EstimatedNumber, Estimation, Estimator, whiteness_of
 from thermid.fit._estimation.likelihood import Likelihood, Maximum, likelihood_of
 from thermid.fit._estimation.outlook import OpenLoopScore, foresight, outlooks, starts_sd
 from thermid.fit._estimation.process import ProcessNoise, read_process
+from thermid.fit._problem.experiment import UNKNOWN_START_SD
 from thermid.fit._problem.gather import build_problem
 from thermid.fit._problem.request import LocalSpec, Request, freed, priors_of
 from thermid.fit._problem.residuals import Problem

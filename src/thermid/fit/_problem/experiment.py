@@ -304,6 +304,8 @@ MEASURED = "measured"
 """`start = "measured"`: observed nodes start at their own readings, all others at the mean of these."""
 UNSAID_NOISE = 0.1
 """Noise of a sensor where nobody said it, for what is worth a remark. [K]"""
+UNKNOWN_START_SD = 10.0
+"""Standard deviation of the start of a node that its own sensor reads: as good as nothing is known before the first reading. [K]"""
 LEAST_NOISE = 1e-3
 """Scatter of neighbouring readings below which they show no noise. [K]"""
 NOISE_RATIO = 1.5

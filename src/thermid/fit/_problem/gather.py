@@ -22,6 +22,7 @@ from thermid.fit._problem.experiment import (
     SCALE,
     SOME_SAMPLE,
     SWITCH,
+    UNKNOWN_START_SD,
     Experiment,
     Switch,
     bind,
@@ -176,7 +177,8 @@ def _locals(request: Request, experiments: Sequence[Experiment]) -> list[Unknown
             name, start = f"initial.{node}", float(experiment.scenario.initial[node])
             if name not in named:
                 targets = (Influence(i, name), *(Influence(i, tip) for tip in _tips(experiment, name)))
-                out.append(Unknown(f"{experiment.record.name}: {name}", "local", targets, start, unit="degC"))
+                prior = Prior(start, UNKNOWN_START_SD)
+                out.append(Unknown(f"{experiment.record.name}: {name}", "local", targets, start, prior=prior, unit="degC"))
         out += _hidden(i, experiment, named) if request.fit_start else []
         sought = {target for target, _ in experiment.shared.values()} if request.held_errors is None else set()
         out += [_part(i, experiment, switch) for switch in experiment.switches if request.held_errors is None]

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from thermid.base.errors import ScenarioError, errors_at, nearest, refuse_unknown
 from thermid.base.linear_algebra import Array, Dual, Number, gradient_of, value_of
+from thermid.base.memo import Memo
 from thermid.base.units import TEMPERATURE, require
 from thermid.model.tree import (
     COMPLEMENT,
@@ -148,6 +149,10 @@ COURSE_TOLERANCES = (1e-9, 1e-12)
 """How far a coefficient over its reference may lie from its course, relative and absolute. [-]"""
 
 
+CHECKED_SAMPLES = 64
+"""Distinct samples, evenly over the sorted ones, at which every set of values is checked: any two show a sum, and branches are few. [-]"""
+
+
 class Schedule:
     """Parameters that follow signals over time, sampled at common times; equal samples are evaluated once.
 
@@ -221,7 +226,7 @@ class ScheduledCoefficients:
     """Which coefficients of a network follow a schedule.
 
     A coefficient that changes is its value at a sample of reference times a signal. That holds where the scheduled parameters act as
-    factors, and it is checked at every set of values: of one run, with derivatives, or of all members of an ensemble at once.
+    factors, and it is checked at every set of values and `CHECKED_SAMPLES` samples.
 
     Parameters
     ----------
@@ -249,7 +254,14 @@ class ScheduledCoefficients:
         ScenarioError   When a capacitance would change.
         """
         base_parts, names = network.parts(), tuple(schedule.signals)
-        sets = [network.varied(base_parts, schedule.overrides(k), names) for k in range(len(schedule.rows))]
+        kept = network.memo.value(("scheduled", names), Memo)  # a log on a clock that moves has the same samples
+
+        def at(k: int) -> Varied:
+            """Return the network at the k-th combination."""
+            return kept.value(schedule.rows[k].tobytes(), lambda: network.varied(base_parts, schedule.overrides(k), names), 2 * count)
+
+        count = len(schedule.rows)
+        sets = [at(k) for k in range(count)]
         places = network.places(base_parts, names)
         for varied in sets:
             _check_masses(varied, sets[0], network.title)
@@ -301,7 +313,7 @@ class ScheduledCoefficients:
         mine = [list(row.coefficients) for row in base.rows]
         for (r, c), course in self.table.items():
             mine[r][c] = first[course.sample].rows[r].coefficients[c]
-        for k in range(len(schedule.rows)) if free else ():
+        for k in np.unique(np.linspace(0, len(schedule.rows) - 1, CHECKED_SAMPLES, dtype=int)).tolist() if free else ():
             sample = first[k] if k in first else at(k)
             _check_masses(sample, base, network.title)
             self._check(k, sample, mine, free)
@@ -326,8 +338,8 @@ class ScheduledCoefficients:
                     path = next(p for p, n in free.items() if gradient_of(n, other.size)[other].any())
                     raise ScenarioError(
                         f"in '{row.name}' the effect of '{path}' is no product of a number and of what a schedule gives, so it cannot be "
-                        "computed along a run. Do not fit it. A value with min and max counts as uncertain beside a fit too: write it as "
-                        "one number.",
+                        "computed along a run. Write what follows the schedule as an element of its own: a sum of two conductances as two "
+                        "conductors side by side.",
                         self.network.title,
                         code="model.element-not-supported",
                     )
