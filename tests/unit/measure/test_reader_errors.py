@@ -73,8 +73,8 @@ BACK = "Sort the log, or read its parts as separate records."
         ("t,T1\n0,20\n0,21\n", "bench.csv: the log has 2 samples with one time stamp; a record needs at least two times."),
         (
             "time,T1\nday 24 10:00,20\nday 24 10:01,21\n",
-            "bench.csv:2, column 'time': 'day 24 10:00' is not a known time (seconds, an ISO 8601 stamp, or HH:MM:SS). "
-            "Give its form, for example clock='%d.%m.%Y %H:%M:%S', or clock='%H:%M'.",
+            "bench.csv:2, column 'time': 'day 24 10:00' is not a known time (seconds, an ISO 8601 stamp, HH:MM:SS, or HH:MM after 0:00). "
+            "Give its form, for example clock='%d.%m.%Y %H:%M:%S', '%H:%M' or '%M:%S'.",
         ),
         (
             "time,T1\n10:00:00,20\n10:61:00,21\n",

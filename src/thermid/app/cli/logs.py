@@ -39,10 +39,9 @@ def look(
         logs = _cut(logs[0], cut)
     if to is not None:
         check_ending(to, FileKinds.DRAWING)
-    reading = {"separator": separator, "decimal": decimal, "clock": clock, "unit": unit}
-    looks = [measured.look(log, time=time, **reading) for log in logs]
-    if any(file_look.has(time) for file_look in looks):  # a log without that column has another clock, which may be told
-        looks = [file_look if file_look.has(time) else measured.look(file_look.path, **reading) for file_look in looks]
+    looks = [measured.look(log, time=time, separator=separator, decimal=decimal, clock=clock, unit=unit) for log in logs]
+    if not all(file_look.problem for file_look in looks):  # options of one log's clock are not those of another
+        looks = [measured.look(file_look.path) if file_look.problem else file_look for file_look in looks]
     looks = measured.named_apart(looks)
     if to is not None:
         write_text(to, log_drawing(looks[0]) + "\n", FileKinds.DRAWING)

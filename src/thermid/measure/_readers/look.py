@@ -66,10 +66,6 @@ class Look(Result):
     problem: str = ""
     again: Mapping[str, str] = field(default_factory=dict)
 
-    def has(self, column: str | None) -> bool:
-        """Return whether it has a column, by its header as written or by the name before its unit."""
-        return any(column in (c.header, c.name) for c in self.columns)
-
     @property
     def gaps(self) -> list[tuple[float, float]]:
         """Starts and lengths of intervals far longer than the usual one [s]."""

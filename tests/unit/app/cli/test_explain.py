@@ -160,3 +160,13 @@ def test_look_shows_the_clocks_of_one_test(tmp_path: Path, call: Call) -> None:
     clocks = call("look", tmp_path / "bench.txt", tmp_path / "supply.csv", "--json").object["clocks"]
     assert [(c["record"], c["offset"], c["at"]["error"]) for c in clocks] == [("supply", 12.0, 100.0)]  # the clocks of two computers
     assert "clocks" not in call("look", tmp_path / "bench.txt", "--json").object
+
+
+def test_a_form_of_stamps_is_for_the_log_that_has_it(tmp_path: Path, call: Call) -> None:
+    (tmp_path / "board.csv").write_text("ms,T1 [degC]\n" + "".join(f"{1000 * k},{20 + 0.1 * k}\n" for k in range(20)))
+    (tmp_path / "supply.csv").write_text("time;U (V)\n" + "".join(f"9h{k:02d};4,1\n" for k in range(12, 60, 6)))
+    said = call("look", tmp_path / "board.csv", tmp_path / "supply.csv", "--clock", "%Hh%M")
+    assert "sampling: every 1 s (even)" in said.out
+    assert "sampling: every 360 s (even)" in said.out
+    alone = call("look", tmp_path / "board.csv", "--clock", "%Hh%M")
+    assert (alone.code, "%Hh%M" in alone.out) == (2, True)
