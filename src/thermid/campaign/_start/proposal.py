@@ -104,10 +104,9 @@ def known_masses(masses: Mapping[str, str], materials: Mapping[str, str]) -> dic
     for part, text in masses.items():
         weight = amount(text, "kg", f"--mass {part}")
         named = materials.get(part, "")
-        solids = [m for name, m in all_materials().items() if name != "air" and name.lower().startswith(named.lower())] if named else []
-        heats = [m.specific_heat for m in solids]
+        heats = [m.specific_heat for name, m in all_materials().items() if named and name.lower().startswith(named.lower())]
         if named and not heats:
-            families = ", ".join(dict.fromkeys(name.partition(",")[0] for name in all_materials() if name != "air"))
+            families = ", ".join(dict.fromkeys(name.partition(",")[0] for name in all_materials()))
             raise ThermidError(f"no material '{named}'. Known: {families}. Or leave it out.", f"--material {part}", code="name.unknown")
         low, high = (min(heats), max(heats)) if heats else SPECIFIC_HEAT
         out[part] = KnownMass(weight, low, high, MATERIAL_SD if heats else ANY_SD)
