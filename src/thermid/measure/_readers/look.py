@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
+import csv
 import json
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
+from io import StringIO
 from itertools import count, islice
 from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
 
-from thermid.base.errors import ThermidError
+from thermid.base.errors import RecordError, ThermidError
 from thermid.base.linear_algebra import Array
 from thermid.base.results import Result
 from thermid.base.units import DAY, HOUR, MINUTE, counted, duration_text, in_si, short, unit
@@ -483,6 +485,44 @@ def named_apart(looks: Sequence[Look]) -> list[Look]:
         taken.update(again.get(name, name) for name in names)
         out.append(replace(look, again=again))
     return out
+
+
+def joined_log(looks: Sequence[Look], offsets: Sequence[float]) -> str:
+    """Return several logs of one test as one (CSV), at the times of the first: temperatures of others interpolated, all else averaged.
+
+    A value that is no temperature holds until the next reading, and its mean from one time of the first log to the next stands there.
+
+    Parameters
+    ----------
+    looks : sequence of Look    Logs with readable times, from `named_apart`.
+    offsets : sequence          When each further log begins on the clock of the first one. [s]
+
+    Raises
+    ------
+    RecordError   When times of a log cannot be read.
+    """
+    columns: dict[str, Array] = {}
+    for one, late in zip(looks, (0.0, *offsets), strict=True):
+        if one.times is None:
+            raise RecordError("its times cannot be read yet.", one.path.name, code="record.time-not-read")
+        own = one.times.values - one.times.values[0] + late
+        at = own if one is looks[0] else at
+        ends = np.append(at, at[-1] + usual_step(np.unique(at)))
+        for c in (c for c in one.columns if c.guess != "time" and c.values.size and c.good.any()):
+            times, values = own[c.good], c.values[c.good]
+            if one is looks[0] or c.guess in ("temperature", "boundary"):
+                shown = np.interp(at, times, values)
+            else:
+                until = np.append(times, max(ends[-1], times[-1] + 1.0))
+                shown = np.diff(np.interp(ends, until, np.cumsum(np.append(0.0, np.diff(until) * values)))) / np.diff(ends)
+            missing = ~c.good if one is looks[0] else (at < times[0]) | (at > times[-1])
+            name = one.again.get(c.name, c.name) + (f" [{c.unit}]" if c.unit else "")
+            columns[name if name not in columns else f"{one.name} {name}"] = np.where(missing, np.nan, shown)
+    rows = zip(at, *columns.values(), strict=True)
+    texts = [["" if np.isnan(value) else f"{value:.10g}" for value in row] for row in rows]
+    file = StringIO()
+    csv.writer(file, lineterminator="\n").writerows([["time [s]", *columns], *texts])
+    return file.getvalue()
 
 
 def clock_lines(looks: Sequence[Look], clocks: Sequence[dict[str, Any]]) -> list[str]:
