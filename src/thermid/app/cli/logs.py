@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import shutil
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -67,7 +67,7 @@ def look(
     raise SystemExit(2 if bad else 0)
 
 
-def _offsets(clocks: Sequence[Mapping[str, Any]], stated: Sequence[str]) -> list[float]:
+def _offsets(clocks: Sequence[dict[str, Any]], stated: Sequence[str]) -> list[float]:
     """Return when further logs begin on the clock of the first one, as stated, else by common steps or stamps. [s]"""
     given = {name: amount(f"{text} [s]", "s", f"--offset {name}") for name, _, text in (one.partition("=") for one in stated)}
     refuse_unknown(given, [c["file"] for c in clocks], "--offset", "no further log '{}'. Further logs: {known}.")

@@ -502,6 +502,7 @@ def joined_log(looks: Sequence[Look], offsets: Sequence[float]) -> str:
     RecordError   When times of a log cannot be read.
     """
     columns: dict[str, Array] = {}
+    at = np.zeros(0)
     for one, late in zip(looks, (0.0, *offsets), strict=True):
         if one.times is None:
             raise RecordError("its times cannot be read yet.", one.path.name, code="record.time-not-read")
