@@ -27,7 +27,7 @@ def look(
     unit: Annotated[str | None, typer.Option("--time-unit", help="Unit of the times, where they are numbers without one.")] = None,
     to: Annotated[Path | None, typer.Option("--svg", help="Picture to write (SVG), of one log.")] = None,
     cut: Annotated[Path | None, typer.Option("--cut", help="Folder for the parts of one log between restarts of its board.")] = None,
-    join: Annotated[Path | None, typer.Option("--join", help="Log to write (CSV): all logs at the times of the first.")] = None,
+    join: Annotated[Path | None, typer.Option("--join", help="Log to write (CSV): all logs on the clock of the first.")] = None,
     offset: Annotated[
         list[str], typer.Option("--offset", help="FILE=SECONDS: when a further log begins on the clock of the first; may be repeated.")
     ] = [],  # noqa: B006

@@ -488,9 +488,7 @@ def named_apart(looks: Sequence[Look]) -> list[Look]:
 
 
 def joined_log(looks: Sequence[Look], offsets: Sequence[float]) -> str:
-    """Return several logs of one test as one (CSV), at the times of the first: temperatures of others interpolated, all else averaged.
-
-    A value that is no temperature holds until the next reading, and its mean from one time of the first log to the next stands there.
+    """Return several logs of one test as one (CSV) on the clock of the first, at the times of all: where a log has no reading, none stands.
 
     Parameters
     ----------
@@ -501,28 +499,20 @@ def joined_log(looks: Sequence[Look], offsets: Sequence[float]) -> str:
     ------
     RecordError   When times of a log cannot be read.
     """
-    columns: dict[str, Array] = {}
-    at = np.zeros(0)
+    rows: dict[float, dict[str, str]] = {}
+    names = ["time [s]"]
     for one, late in zip(looks, (0.0, *offsets), strict=True):
         if one.times is None:
             raise RecordError("its times cannot be read yet.", one.path.name, code="record.time-not-read")
-        own = one.times.values - one.times.values[0] + late
-        at = own if one is looks[0] else at
-        ends = np.append(at, at[-1] + usual_step(np.unique(at)))
-        for c in (c for c in one.columns if c.guess != "time" and c.values.size and c.good.any()):
-            times, values = own[c.good], c.values[c.good]
-            if one is looks[0] or c.guess in ("temperature", "boundary"):
-                shown = np.interp(at, times, values)
-            else:
-                until = np.append(times, max(ends[-1], times[-1] + 1.0))
-                shown = np.diff(np.interp(ends, until, np.cumsum(np.append(0.0, np.diff(until) * values)))) / np.diff(ends)
-            missing = ~c.good if one is looks[0] else (at < times[0]) | (at > times[-1])
-            name = one.again.get(c.name, c.name) + (f" [{c.unit}]" if c.unit else "")
-            columns[name if name not in columns else f"{one.name} {name}"] = np.where(missing, np.nan, shown)
-    rows = zip(at, *columns.values(), strict=True)
-    texts = [["" if np.isnan(value) else f"{value:.10g}" for value in row] for row in rows]
+        times = np.round(one.times.values - one.times.values[0] + late, 6)
+        for c in (c for c in one.columns if c.guess in _SHOWN or (c.unit and c.good.any())):
+            names.append(one.again.get(c.name, c.name) + (f" [{c.unit}]" if c.unit else ""))
+            for time, value in zip(times[c.good].tolist(), c.values[c.good].tolist(), strict=True):
+                rows.setdefault(time, {"time [s]": f"{time:.10g}"})[names[-1]] = f"{value:.10g}"
     file = StringIO()
-    csv.writer(file, lineterminator="\n").writerows([["time [s]", *columns], *texts])
+    writer = csv.DictWriter(file, names, lineterminator="\n")
+    writer.writeheader()
+    writer.writerows(rows[time] for time in sorted(rows))
     return file.getvalue()
 
 

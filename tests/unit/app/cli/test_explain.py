@@ -172,15 +172,20 @@ def test_a_form_of_stamps_is_for_the_log_that_has_it(tmp_path: Path, call: Call)
     assert (alone.code, "%Hh%M" in alone.out) == (2, True)
 
 
-def test_logs_of_one_test_are_joined_at_the_times_of_the_first(tmp_path: Path, call: Call) -> None:
+def test_logs_of_one_test_are_joined_on_the_clock_of_the_first(tmp_path: Path, call: Call) -> None:
     board, supply, joined = (tmp_path / n for n in ("board.csv", "supply.csv", "joined.csv"))
-    board.write_text("t_s,T1 [degC]\n0,20\n10,-127\n20,22\n30,23\n40,24\n")
-    supply.write_text("t_s,P [W],Room [degC]\n0,0,20\n3,4,20.6\n9,1,21.8\n16,2,23.2\n")
+    board.write_text("t_s,T1 [degC]\n0,20\n10,-127\n20,22\n30,23\n")
+    supply.write_text("t_s,I [A],U [V]\n-5,0,12\n0,2,12\n15,1,\n")
     refused = call("look", board, supply, "--join", joined)
     assert (refused.code, "--offset supply.csv=SECONDS" in refused.err) == (2, True)
     assert call("look", board, supply, "--join", joined, "--offset", "supply.csv=5").code == 0
-    rows = joined.read_text().splitlines()
-    assert rows[0] == "time [s],T1 [degC],P [W],Room [degC]"
-    # 4 W from 8 to 14 s, 1 W to 21 s, 2 W from there
-    assert rows[1:] == ["0,20,,", "10,,2.2,21", "20,22,1.9,23", "30,23,,", "40,24,,"]
+    assert joined.read_text().splitlines() == [
+        "time [s],T1 [degC],I [A],U [V]",
+        "0,20,,",
+        "5,,0,12",
+        "10,,2,12",
+        "20,22,,",
+        "25,,1,",
+        "30,23,,",
+    ]
     assert call("look", board, supply, "--join", joined, "--offset", "sup=5").code == 2
