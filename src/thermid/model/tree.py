@@ -43,7 +43,6 @@ from thermid.model._parts.elements import (
 from thermid.model._parts.parameter import (
     CREDIBLE as CREDIBLE,
     FINISH_CORRELATION as FINISH_CORRELATION,
-    POSITIVE as POSITIVE,
     UNJUDGED as UNJUDGED,
     Parameter as Parameter,
     Standing as Standing,

@@ -16,7 +16,7 @@ from thermid.base.expression import amount, quantity, seconds, si_values
 from thermid.base.linear_algebra import Array, value_of
 from thermid.base.results import Shown
 from thermid.base.units import TEMPERATURE, unit
-from thermid.model.tree import POSITIVE, Constant, Model, streams_of, worst
+from thermid.model.tree import Constant, Model, streams_of, worst
 from thermid.simulation._ensemble import Ensemble, run_members
 from thermid.simulation._many.tasks import Workers
 from thermid.simulation._network.medium import gas_remarks
@@ -292,15 +292,15 @@ class Simulator(Shown):
     def bounds(self, name: str) -> tuple[float, float]:
         """Return the bounds that a deck or physics sets for a free name, infinite where none does. [SI]
 
-        Without a minimum, a value above zero of a quantity that cannot be negative, or a factor on a power, is bounded by zero.
+        Without a minimum, a value above zero that keeps its sign (`Parameter.form`), or a factor on a power, is bounded by zero.
         """
         refuse_unknown([name], self.nominal, self.title, "no free name '{}'.", NameNotFoundError)
         parameters = self.wiring.network.flat.parameters
-        freed = name in self.wiring.parameters
-        positive = parameters.dimension(name) in POSITIVE if freed else name.startswith("scale.")
-        least = 0.0 if self.nominal[name] > 0.0 and positive else -np.inf
-        low, high = (parameters.bounded(name).minimum, parameters.bounded(name).maximum) if freed else (None, None)
-        return least if low is None else low, np.inf if high is None else high
+        start = self.nominal[name]
+        if name not in self.wiring.parameters:
+            return 0.0 if start > 0.0 and name.startswith("scale.") else -np.inf, np.inf
+        log, low, high = parameters.bounded(name).form(name, parameters.dimension(name), start)
+        return max(low, 0.0) if log else low, high
 
     def domain(self, name: str) -> tuple[float, float]:
         """Return the range that physics allows of a free name, see `thermid.values.store.domain`. [SI]"""

@@ -39,8 +39,10 @@ def record() -> Record:
 
 
 class TestForm:
-    @pytest.mark.parametrize("text", ["2 [W]", "2 [W/K]", "2 [kg]", "2 [mm]", "2 [cm^2]", "2 [J/K]", "2 [K/W]"])
-    def test_what_cannot_be_negative_is_fitted_by_its_logarithm(self, text: str) -> None:
+    @pytest.mark.parametrize(
+        "text", ["2 [W]", "2 [kg]", "2 [mm]", "2 [K/W]", "2 [ohm]", "2 [W/K^4]", "2 [W/(m^2 K^1.2)]", "2 [kg/m^3]", "2 [l/min]", "2 [s]"]
+    )
+    def test_what_is_above_zero_keeps_its_sign(self, text: str) -> None:
         u = unknown(text, parameter(text).unit)
         assert u.log
         assert u.to_fitted(u.start) == math.log(u.start)
@@ -50,7 +52,9 @@ class TestForm:
         "value",
         [
             {"value": "2 [W]", "min": 0},  # a logarithm could not reach its bound
+            {"value": "2 [W]", "min": -3},  # the deck says that it may be negative
             {"value": "20 [degC]"},
+            {"value": "0.004 [1/K]"},
             {"value": "-0.3"},
             {"value": "0.3"},
             {"value": "0 [K]"},
@@ -65,7 +69,7 @@ class TestForm:
         u = unknown({"value": "2 [W]", "min": 1, "max": 8}, "W")
         assert u.fitted_bounds() == (0.0, math.log(8.0))
         assert unknown({"value": "0.3", "min": -1, "max": 1}, "1").fitted_bounds() == (-1.0, 1.0)
-        assert unknown({"value": "2 [W]", "min": -3, "max": 8}, "W").fitted_bounds() == (-math.inf, math.log(8.0))
+        assert unknown({"value": "2 [W]", "min": -3, "max": 8}, "W").fitted_bounds() == (-3.0, 8.0)
 
     def test_form_and_slope_agree(self) -> None:
         u = unknown({"value": "2 [W]", "min": 1, "max": 8}, "W")

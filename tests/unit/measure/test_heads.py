@@ -36,6 +36,11 @@ SAMPLES = "".join(f"{30 * k};{20 + k},5;20,5\n" for k in range(8))
         ("Zeit;Kammer;Schrank\n;Luft;Luft\ns;°C;K\n", ("Zeit [s]", "Kammer [°C]", "Schrank [K]"), "those of line 1"),
         ("Zeit;Temp;Temp\nCH1;CH2;CH3\n", ("Zeit", "Temp CH2", "Temp CH3"), "lines 1 and 2 combined"),
         ("CH1;CH2;CH3;\nZeit;Gehäuse;Luft;\n", NAMES, "those of line 2"),
+        (
+            "Range;100C;100C\nComment;Gehäuse;Luft innen\nZeit;U1-1[C];U1-2[C]\n",
+            ("Zeit", "Gehäuse [degC]", "Luft innen [degC]"),
+            "of line 2",
+        ),
     ],
 )
 @pytest.mark.parametrize("above", ["", "Logger XY-12\nSerial;1234\n\n"])
@@ -49,6 +54,7 @@ def test_the_names_that_tell_are_taken_and_it_is_said(log, head, header, said, a
         assert sum(bool(re.search(said, note)) for note in cells.notes) == 1
     told = td.look(path)
     assert not told.problem
+    assert all(c.guess == "temperature" for c in told.columns if "innen" in c.name)
     assert any("note: lines " in line and "assumed names" in line for line in told.lines()[:8])
     assert any("assumed names" in note for note in told.as_object()["notes"])
 

@@ -80,7 +80,7 @@ ANY = {"case": "T1"}
         (
             "time,T1\nday 24 10:00,20\nday 24 10:01,21\n",
             "record.time-not-read",
-            r"bench\.csv:2.*'time'.*'day 24 10:00'.*8601.*clock='%d\.%m\.%Y.*', or clock='",
+            r"bench\.csv:2.*'time'.*'day 24 10:00'.*8601.*clock='%d\.%m\.%Y.*', '%H:%M' or '%M:%S'",
         ),
         (
             "time,T1\n10:00:00,20\n10:61:00,21\n",

@@ -153,6 +153,7 @@ def test_rows_of_several_things_are_remarked_on(log):
         (["1/2/2024 1:59:00 PM", "1/2/2024 2:00:00 PM"], [0, 60]),
         (["1/2/2024 11:59:00 AM", "1/2/2024 12:00:00 PM", "1/2/2024 1:00:00 PM"], [0, 60, 3660]),
         (["12:59:59 AM", "1:00:00 AM"], [0, 1]),
+        (["09:03", "21:18", "00:00"], [0, 44100, 53820]),
         (["29.02.2024 10:00:00,500", "01.03.2024 10:00:00,750"], [0, 86400.25]),
         (["21-Apr-2026 13:39:54", "21-Apr-2026 13:40:54"], [0, 60]),
         (["3 mai 2024 10:00:00", "4 mai 2024 10:00:00"], [0, 86400]),
@@ -164,6 +165,13 @@ def test_order_of_day_and_month_is_that_of_the_whole_column(log, rows, times):
     record = read_record(log("time;T\n" + "".join(f"{row};20\n" for row in rows)), {"T": "T"})
     assert record.times.tolist() == times
     assert record.origin.start == rows[0]
+
+
+def test_times_from_zero_of_two_numbers_may_be_a_stopwatch_and_are_asked_about(log):
+    path = log("time;T\n0:00;20\n0:10;21\n0:20;22\n")
+    with raises_code("record.time-not-read", RecordError, match="'%H:%M' or '%M:%S'"):
+        read_record(path, {"T": "T"})
+    assert read_record(path, {"T": "T"}, clock="%M:%S").times.tolist() == [0, 10, 20]
 
 
 def test_day_and_month_that_the_column_leaves_open_are_asked_about(log):

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import shutil
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
 from thermid.app.cli.options import Force, Json, say
-from thermid.base.errors import RecordError
+from thermid.base.errors import RecordError, refuse_unknown
+from thermid.base.expression import amount
 from thermid.base.files import FileKinds, check_ending, write_text
 from thermid.measure import looks as measured
 from thermid.measure.readers import parts_between_restarts
@@ -25,6 +27,10 @@ def look(
     unit: Annotated[str | None, typer.Option("--time-unit", help="Unit of the times, where they are numbers without one.")] = None,
     to: Annotated[Path | None, typer.Option("--svg", help="Picture to write (SVG), of one log.")] = None,
     cut: Annotated[Path | None, typer.Option("--cut", help="Folder for the parts of one log between restarts of its board.")] = None,
+    join: Annotated[Path | None, typer.Option("--join", help="Log to write (CSV): all logs on the clock of the first.")] = None,
+    offset: Annotated[
+        list[str], typer.Option("--offset", help="FILE=SECONDS: when a further log begins on the clock of the first; may be repeated.")
+    ] = [],  # noqa: B006
     force: Force = False,
     as_json: Json = False,
 ) -> None:
@@ -39,10 +45,9 @@ def look(
         logs = _cut(logs[0], cut)
     if to is not None:
         check_ending(to, FileKinds.DRAWING)
-    reading = {"separator": separator, "decimal": decimal, "clock": clock, "unit": unit}
-    looks = [measured.look(log, time=time, **reading) for log in logs]
-    if any(file_look.has(time) for file_look in looks):  # a log without that column has another clock, which may be told
-        looks = [file_look if file_look.has(time) else measured.look(file_look.path, **reading) for file_look in looks]
+    looks = [measured.look(log, time=time, separator=separator, decimal=decimal, clock=clock, unit=unit) for log in logs]
+    if not all(file_look.problem for file_look in looks):  # options of one log's clock are not those of another
+        looks = [measured.look(file_look.path) if file_look.problem else file_look for file_look in looks]
     looks = measured.named_apart(looks)
     if to is not None:
         write_text(to, log_drawing(looks[0]) + "\n", FileKinds.DRAWING)
@@ -50,6 +55,9 @@ def look(
     bad, clocks = any(file_look.problem for file_look in looks), measured.clocks_of(looks)
     parts = ["\n".join(file_look.lines(width)) for file_look in looks]
     parts += [f"{len(logs)} parts between restarts, each on a clock of its own, written to {cut}"] if cut is not None else []
+    if join is not None:
+        write_text(join, measured.joined_log(looks, _offsets(clocks, offset)), FileKinds.LOG)
+        parts.append(f"joined log: {join}")
     lines = measured.clock_lines(looks, clocks) if cut is None else []
     first = [lines.pop(0)] if lines and lines[0].startswith("check: ") else []
     parts = [*first, *parts, *(["\n".join(lines)] if lines else [])]
@@ -57,6 +65,18 @@ def look(
     joining = {"clocks": clocks} if clocks else {}
     say(as_json, {"status": "error" if bad else "ok", "logs": [file_look.as_object() for file_look in looks], **joining}, text)
     raise SystemExit(2 if bad else 0)
+
+
+def _offsets(clocks: Sequence[dict[str, Any]], stated: Sequence[str]) -> list[float]:
+    """Return when further logs begin on the clock of the first one, as stated, else by common steps or stamps. [s]"""
+    given = {name: amount(f"{text} [s]", "s", f"--offset {name}") for name, _, text in (one.partition("=") for one in stated)}
+    refuse_unknown(given, [c["file"] for c in clocks], "--offset", "no further log '{}'. Further logs: {known}.")
+    out = [given.get(c["file"], measured.stated_offset(c)) for c in clocks]
+    for late, name in ((late, c["file"]) for late, c in zip(out, clocks, strict=True)):
+        if late is None:
+            words = f"neither stamps nor a common step show when {name} begins. Give it: --offset {name}=SECONDS after the first log."
+            raise RecordError(words, "--join", code="record.time-unclear")
+    return [late for late in out if late is not None]
 
 
 def _cut(log: Path, folder: Path) -> list[Path]:

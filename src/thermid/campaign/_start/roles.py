@@ -19,11 +19,7 @@ from thermid.measure.records import Channel, FloatArray, Record
 
 ACCURACY = 0.5
 """Constant error that an instrument has unless somebody says better: DS18B20 and thermocouples of class 1, as their makers print. [K]"""
-JOIN = (
-    "A log that ran beside the first is joined with it before: `thermid look` with both prints channels and offset, and in Python "
-    "`td.read_record(FIRST, CHANNELS).joined(td.read_record(OTHER, CHANNELS), OFFSET).to_csv('joined.csv')` writes the log for "
-    "`thermid init joined.csv`."
-)
+JOIN = "A log that ran beside the first is joined with it before: `thermid look FIRST OTHER --join joined.csv`, then `init` with that."
 """How the log of a second instrument comes to `init`."""
 SURROUNDINGS = "surroundings"
 """Boundary of a proposed model."""

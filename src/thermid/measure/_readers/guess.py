@@ -22,6 +22,7 @@ _SURROUNDINGS: Final = re.compile(
     r"(?<!heat)(?<!heat[_ -])sink|plate_ref|forno",
     re.IGNORECASE,
 )
+_INSIDE: Final = re.compile(r"inside|inner|internal|innen|dentro|intern[ao]", re.IGNORECASE)
 _TEMPERATURE: Final = re.compile(r"t($|[\d_ ]|[A-Z])|temp|tc\d|rtd|pt100|ds18|ntc|thermo|heat[_ -]?sink", re.IGNORECASE)
 _CLEAR: Final = re.compile(r"t($|[\d_ ])|.*temp|tc\d|rtd|pt100|ds18|ntc|thermo", re.IGNORECASE)
 _OTHER: Final = re.compile(
@@ -148,8 +149,8 @@ def _guess(name: str, text: str | None, values: FloatArray, letter: str) -> tupl
 
 
 def _temperature(name: str, text: str, why: str) -> tuple[str, str, str]:
-    """Return the guess of a temperature in the unit `text`: boundary where its name is of surroundings, else temperature."""
-    if match := _SURROUNDINGS.search(name):
+    """Return the guess of a temperature in the unit `text`: boundary where its name is of surroundings and not inside."""
+    if (match := _SURROUNDINGS.search(name)) and not _INSIDE.search(name):
         return "boundary", text, f"{why}, and '{match[0]}' names surroundings"
     return "temperature", text, why
 

@@ -226,7 +226,7 @@ _DATED_WORDS: Final = r"\d{1,2}[ ./-]+[A-Za-zÀ-ÿ]{3,10}\.?[ ,./-]+\d{2,4}\b|[A
 """Dates with the month as a word, which no name holds."""
 _NUMBERING: Final = (
     r"(?i)(?:(?:analog ?)?(?:ch|chan|channel|kanal|can|canal|voie|in|input|eingang|entrada|port|slot|pos|position|posi[cç][aã]o|platz"
-    r"|stelle|mess-?stelle|sensor|sonde|probe|ai|ain|mp|no|nr|col|column|spalte|coluna))?[ ._:#/-]*\d{1,5}[a-z]?\Z"
+    r"|u\d{1,2}(?=-)|stelle|mess-?stelle|sensor|sonde|probe|ai|ain|mp|no|nr|col|column|spalte|coluna))?[ ._:#/-]*\d{1,5}[a-z]?\Z"
 )
 """Cells that number the channels or positions of a logger and name nothing that was measured."""
 
@@ -358,12 +358,12 @@ def _twice(names: Sequence[str]) -> bool:
 
 
 def _filled(cells: Lines, line: int) -> list[str]:
-    """Return the names of a line, its empty cells filled from the nearest other line, a usual name of a time first."""
+    """Return the names of a line, its empty cells filled from the nearest other line; where any line names a time, that name."""
     others = [row for k, row in reversed(list(enumerate(cells))) if k != line]
     out = []
     for at, cell in enumerate(cells[line]):
         held = [row[at] for row in others if row[at] and not is_number(row[at])]
-        out.append(cell or next((other_cell for other_cell in held if is_time_name(other_cell)), held[0] if held else ""))
+        out.append(next((name for name in (cell, *held) if is_time_name(name)), cell or (held[0] if held else "")))
     return out
 
 

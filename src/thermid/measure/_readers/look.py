@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
+import csv
 import json
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
+from io import StringIO
 from itertools import count, islice
 from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
 
-from thermid.base.errors import ThermidError
+from thermid.base.errors import RecordError, ThermidError
 from thermid.base.linear_algebra import Array
 from thermid.base.results import Result
 from thermid.base.units import DAY, HOUR, MINUTE, counted, duration_text, in_si, short, unit
@@ -65,10 +67,6 @@ class Look(Result):
     columns: tuple[Column, ...]
     problem: str = ""
     again: Mapping[str, str] = field(default_factory=dict)
-
-    def has(self, column: str | None) -> bool:
-        """Return whether it has a column, by its header as written or by the name before its unit."""
-        return any(column in (c.header, c.name) for c in self.columns)
 
     @property
     def gaps(self) -> list[tuple[float, float]]:
@@ -487,6 +485,35 @@ def named_apart(looks: Sequence[Look]) -> list[Look]:
         taken.update(again.get(name, name) for name in names)
         out.append(replace(look, again=again))
     return out
+
+
+def joined_log(looks: Sequence[Look], offsets: Sequence[float]) -> str:
+    """Return several logs of one test as one (CSV) on the clock of the first, at the times of all: where a log has no reading, none stands.
+
+    Parameters
+    ----------
+    looks : sequence of Look    Logs with readable times, from `named_apart`.
+    offsets : sequence          When each further log begins on the clock of the first one. [s]
+
+    Raises
+    ------
+    RecordError   When times of a log cannot be read.
+    """
+    rows: dict[float, dict[str, str]] = {}
+    names = ["time [s]"]
+    for one, late in zip(looks, (0.0, *offsets), strict=True):
+        if one.times is None:
+            raise RecordError("its times cannot be read yet.", one.path.name, code="record.time-not-read")
+        times = np.round(one.times.values - one.times.values[0] + late, 6)
+        for c in (c for c in one.columns if c.guess in _SHOWN or (c.unit and c.good.any())):
+            names.append(one.again.get(c.name, c.name) + (f" [{c.unit}]" if c.unit else ""))
+            for time, value in zip(times[c.good].tolist(), c.values[c.good].tolist(), strict=True):
+                rows.setdefault(time, {"time [s]": f"{time:.10g}"})[names[-1]] = f"{value:.10g}"
+    file = StringIO()
+    writer = csv.DictWriter(file, names, lineterminator="\n")
+    writer.writeheader()
+    writer.writerows(rows[time] for time in sorted(rows))
+    return file.getvalue()
 
 
 def clock_lines(looks: Sequence[Look], clocks: Sequence[dict[str, Any]]) -> list[str]:

@@ -34,6 +34,8 @@ COMPACT: Final = re.compile(r"(?:19|20)\d\d(?:0[1-9]|1[0-2])(?:0[1-9]|[12]\d|3[0
 """Stamps of 14 digits without signs between them, 20260305095800; no time since 1970 has as many digits."""
 CLOCK: Final = re.compile(r"(\d+):([0-5]\d):([0-5]\d(?:[.,]\d+)?)\Z", re.ASCII)
 HALF_DAY_CLOCK: Final = re.compile(r"(\d{1,2}):([0-5]\d)(?::([0-5]\d(?:[.,]\d+)?))?\s*([AaPp])\.?\s?[Mm]\.?\Z", re.ASCII)
+MINUTES_CLOCK: Final = re.compile(r"([01]?\d|2[0-3]):([0-5]\d)()\Z", re.ASCII)
+"""Times of day without seconds; from 0:00 on they may be minutes and seconds of a stopwatch as well."""
 _ZONE: Final = r"(?:\s*(?P<zone>Z|UTC|GMT|[+-]\d\d:?\d\d))?"
 _HOURS: Final = (
     r"(?:[T, ]+(?P<h>\d{1,2}):(?P<m>[0-5]\d)(?::(?P<s>[0-5]\d)(?:[.,:](?P<f>\d{1,9}))?)?"
@@ -401,8 +403,12 @@ def _stamped(cells: Cells, clock: Clock, form: str | None) -> Times:
     zone = match[1] if match else ""
     if form is not None:
         return Times(_by_form(cells, clock, form), first, (), form, zone)
-    for pattern, form_of, kind in ((CLOCK, "HH:MM:SS", "clock times"), (HALF_DAY_CLOCK, "with AM or PM", "clock times, AM/PM")):
-        if pattern.match(first):
+    for pattern, form_of, kind in (
+        (CLOCK, "HH:MM:SS", "clock times"),
+        (MINUTES_CLOCK, "HH:MM", "clock times, hours and minutes"),
+        (HALF_DAY_CLOCK, "with AM or PM", "clock times, AM/PM"),
+    ):
+        if pattern.match(first) and first.strip("0") != ":":
             return Times(_clock_times(cells, clock, pattern, form_of), first, (), kind, zone)
     if NUMERIC.match(first) and not is_iso(first):
         values, order, notes = _by_order(cells, clock)
@@ -570,8 +576,8 @@ def _plain_stamps(cells: Cells, clock: Clock) -> FloatArray:
     def refusal(cell: str, error: ValueError) -> str:
         """Return what is wrong with a time that cannot be read, and how to state its form."""
         return (
-            f"'{cell}' is not a known time (seconds, an ISO 8601 stamp, or HH:MM:SS). Give its form, for example clock='%d.%m.%Y "
-            "%H:%M:%S', or clock='%H:%M'."
+            f"'{cell}' is not a known time (seconds, an ISO 8601 stamp, HH:MM:SS, or HH:MM after 0:00). Give its form, for "
+            "example clock='%d.%m.%Y %H:%M:%S', '%H:%M' or '%M:%S'."
         )
 
     return _since_first(_datetimes(cells, clock, one_stamp, refusal))

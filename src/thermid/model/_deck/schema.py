@@ -890,7 +890,12 @@ class _ConductorTable(ElementTable):
         refuse_first(
             where,
             (tables and not kind.tabulated, f"{whose} takes no table of conductivity.", "", "value.without-effect"),
-            (odd, f"{whose} has no {''.join(odd[:1])}.", "", "value.without-effect"),
+            (
+                odd,
+                f"{whose} has no {''.join(odd[:1])}; one of kind {' or '.join(k for k in KINDS if {*odd[:1]} <= KINDS[k].words)} has it.",
+                "",
+                "value.without-effect",
+            ),
             (
                 {*fields, *tables} - kind.optional not in [set(a) for a in kind.alternatives],
                 f"{whose} needs {wanted}.{also}",

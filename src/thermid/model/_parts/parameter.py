@@ -25,10 +25,6 @@ incomplete."""
 
 
 SOURCES: Final = get_args(Source)
-POSITIVE: Final = tuple(
-    unit(u).dimension for u in ("W", "W/K", "W/(m^2 K)", "W/(m K)", "m", "m^2", "kg", "kg/s", "J/K", "J/(kg K)", "K/W", "m^2 K/W")
-)
-"""Quantities that cannot be negative: they are fitted by their logarithm."""
 SHARES: Final = ("emissivity", "absorptance", "exchange_factor")
 """Fields that physics keeps from 0 to 1."""
 
@@ -284,7 +280,8 @@ class Parameter:
     def form(self, path: str, dimension: Dimension, value: float) -> tuple[bool, float, float]:
         """Return (fitted by its logarithm?, lower bound, upper bound) of a value [SI]; bounds are infinite where none is given.
 
-        One that cannot be negative is, unless its minimum is zero, which a logarithm could not reach.
+        One above zero keeps its sign unless a minimum says otherwise, or it is a number, a temperature or a coefficient of one (1/K), which
+        may have either.
 
         Raises
         ------
@@ -294,7 +291,8 @@ class Parameter:
         high = math.inf if self.maximum is None else self.maximum
         if not low <= value <= high:
             raise DeckError(f"the start {value:g} of '{path}' lies outside its bounds {low:g} .. {high:g}.", code="value.outside-range")
-        return (low > 0 or (dimension in POSITIVE and low != 0.0)) and value > 0, low, high
+        keeps_sign = low == -math.inf and any(dimension[:-1])
+        return (low > 0 or keeps_sign) and value > 0, low, high
 
 
 def exact(value: float, unit_text: str, note: str = "") -> Parameter:

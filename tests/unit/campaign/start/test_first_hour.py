@@ -145,14 +145,13 @@ def test_a_log_of_another_logger_is_no_further_test(tmp_path: Path) -> None:
     assert code == 2
     assert message == (
         "it has none of the temperatures of the first log. A further log is another test of the unit. A log that ran beside the first is "
-        "joined with it before: `thermid look` with both prints channels and offset, and in Python `td.read_record(FIRST, CHANNELS)"
-        ".joined(td.read_record(OTHER, CHANNELS), OFFSET).to_csv('joined.csv')` writes the log for `thermid init joined.csv`."
+        "joined with it before: `thermid look FIRST OTHER --join joined.csv`, then `init` with that."
     )
-    one = td.read_record(log, {"T_plate": {"node": "plate"}, "T_room": {"boundary": "room"}})
-    other = td.read_record(tmp_path / "supply.csv", {"P2": {"load": "heat", "power": "V_IN * I_IN"}})
-    one.joined(other, "5 [s]").to_csv(tmp_path / "joined.csv")
-    roles = roles_of(tmp_path / "joined.csv")
-    assert (dict(roles.parts), roles.surroundings, [p.column for p in roles.powers]) == ({"T_plate": "plate"}, "T_room", ["P2"])
+    joined, offset = tmp_path / "joined.csv", "supply.csv=5"
+    code, _ = said("look", str(log), str(tmp_path / "supply.csv"), "--join", str(joined), "--offset", offset)
+    roles = roles_of(joined, formulas={"P2": "V_IN * I_IN"}, powers=["P2=plate"])
+    assert (code, dict(roles.parts), roles.surroundings) == (0, {"T_plate": "plate"}, "T_room")
+    assert np.nanmax(roles.read(joined)["P2"].values) == 12.0
 
 
 def test_a_power_in_other_units_gives_a_part_that_cannot_be(tmp_path: Path) -> None:
@@ -246,23 +245,21 @@ def test_a_second_log_with_other_names_judges_what_the_first_one_proposes(tmp_pa
     assert message.startswith("no column 'BOX' in the first log. Columns: T_plate, ")
 
 
-@pytest.mark.parametrize(("part", "word"), [(20.0, True), (70.0, False)])
-def test_a_part_that_is_only_what_follows_its_sensor_is_named(part: float, word: bool) -> None:
-    """Of 20 J/K under a sensor and 600 J/K behind it the 600 are the plate; 70 J/K can be a part with a mass inside."""
+@pytest.mark.parametrize(("part", "masses", "word"), [(38.0, {}, True), (70.0, {}, False), (38.0, {"plate": "42 [g]"}, False)])
+def test_a_part_that_is_only_what_follows_its_sensor_is_open(part: float, masses: dict[str, str], word: bool) -> None:
+    """Of 38 J/K under a sensor and 600 J/K behind it the 600 may be the plate; a diode on a housing has both, so it is possible."""
     values = {"plate.capacitance": part, "inner.capacitance": 600.0}
-    held = {"plate": part, "inner": 600.0}
-    network = SimpleNamespace(numbers=lambda _: SimpleNamespace(capacitances=held))
-    one = SimpleNamespace(
+    one: Any = SimpleNamespace(
         values=values,
+        rmse=0.05,
         errors=lambda: dict.fromkeys(values, 0.05),
-        problem=SimpleNamespace(experiments=[SimpleNamespace(network=network)]),
+        problem=SimpleNamespace(experiments=[SimpleNamespace(network=SimpleNamespace(numbers=lambda _: SimpleNamespace(capacitances={})))]),
         request=SimpleNamespace(model=SimpleNamespace(conductors={})),
     )
-    found = not_physical(one, Roles({"T": "plate"}, "Tamb"), {})
-    assert [c.path for c in found] == ["plate.capacitance"] * word
-    assert all("'inner' of 600 J/K may be this part" in str(c) and c.low == 60.0 for c in found)
-    weighed = known_masses({"plate": "22 [g]"}, {"plate": "aluminium"})
-    assert not [c for c in not_physical(one, Roles({"T": "plate"}, "Tamb"), weighed) if word]
+    roles, known = Roles({"T": "plate"}, "Tamb"), known_masses(masses, dict.fromkeys(masses, "aluminium"))
+    assert not not_physical(one, roles, known)
+    proposal = Proposal(roles, SimpleNamespace(proposed=one, structures=()), {}, "", StatedFacts(masses=known))
+    assert proposal.depending == ({"plate.capacitance": (38.0, 638.0)} if word else {})
 
 
 def test_a_weighed_part_counts_what_is_fixed_to_it() -> None:
@@ -357,3 +354,7 @@ def test_heat_that_leaves_with_light_is_a_share_of_the_surroundings(tmp_path: Pa
         for share in ("0", "0.4")
     ]
     assert rises[1] == pytest.approx(0.6 * rises[0], rel=1e-3)
+
+
+def test_gas_in_a_box_has_a_mass_too() -> None:
+    assert known_masses({"inside": "2.4 [g]"}, {"inside": "air"})["inside"].capacitance == pytest.approx(0.0024 * 1007.0)
