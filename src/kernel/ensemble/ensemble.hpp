@@ -38,10 +38,29 @@ class LaneNetwork {
     std::vector<LaneUpper> upper_;
 };
 
+// Powers that are straight lines between samples, summed for each node: for one member that sum is such a line too, so the integrator
+// meets one input in place of hundreds.
+class SummedLoads {
+  public:
+    explicit SummedLoads(const Problem& p);
+    bool any() const { return !sums_.empty(); }
+    Problem of_member(std::vector<double>& coef) const;  // the problem with the sums of a member; sets the coefficients of these to one
+
+  private:
+    struct Sum {
+        int input, coef;                     // of the load that carries it
+        std::vector<int> terms;              // coefficients
+        std::vector<double> times, samples;  // (times), (times, terms)
+    };
+    Problem rest_;  // with empty sums
+    std::vector<Sum> sums_;
+};
+
 // What all groups of an ensemble share.
 struct EnsembleSetup {
     const Problem& p;
     const LaneNetwork network;
+    const SummedLoads loads;
     const LaneCode& code;
     const Options options;
     const std::vector<double> coef, start;  // (coefficients, members), (nodes, members)
