@@ -114,7 +114,7 @@ EnsembleSetup::EnsembleSetup(const Problem& problem, const std::string& simd, co
 Ensemble::Ensemble(const Problem& p, const std::string& simd, const Options& o, std::vector<double> coef, std::vector<double> start, long members,
                    double t0, double t_end, std::vector<double> times, std::vector<int> observed)
     : setup(p, simd, o, std::move(coef), std::move(start), members, t0, t_end, std::move(times), std::move(observed)), status(members, OK),
-      node(members, -1), time(members, t_end), alone(members, 0), ended(members), blocks_((members + LANES - 1) / LANES) {}
+      node(members, -1), time(members, t_end), alone(members, 0), ended(members), events(members), on(members), blocks_((members + LANES - 1) / LANES) {}
 
 // One member by the integrator, over the whole time.
 void Ensemble::run_alone(Block& b, long member) {
@@ -139,6 +139,8 @@ void Ensemble::run_alone(Block& b, long member) {
     time[member] = r.time;
     alone[member] = 1;
     if (r.status != OK) ended[member] = r.final_t;
+    events[member] = std::move(r.events);
+    on[member] = std::move(r.on);
     b.steps += r.steps;
     b.rejected += r.rejected;
     b.alone.push_back(member);

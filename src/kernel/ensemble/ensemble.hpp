@@ -139,6 +139,8 @@ class Ensemble {
     std::vector<double> time;
     std::vector<char> alone;        // members that the integrator ran
     std::vector<std::vector<double>> ended;  // of members that did not reach the end: temperatures where they stopped
+    std::vector<std::vector<Event>> events;  // of members that the integrator ran, in order of time
+    std::vector<std::vector<int>> on;        // their switches at the end
     // Turning points of the observed nodes, member by member, once all outputs are out.
     struct Turning { long member; Turnings::Point point; };
     std::vector<Turning> turnings() const;
