@@ -49,6 +49,18 @@ nb::tuple turnings(const Ensemble& e) {
     return nb::make_tuple(ints(member), rest[0], rest[1], rest[2]);
 }
 
+// Times, switches and new states of a member's switchings, and the states of all switches at its end.
+nb::tuple switchings(const Ensemble& e, long member) {
+    std::vector<double> times;
+    std::vector<int> which, states;
+    for (const Event& x : e.events.at(member)) {
+        times.push_back(x.time);
+        which.push_back(x.load);
+        states.push_back(x.on);
+    }
+    return nb::make_tuple(reals(times), ints(which), ints(states), ints(e.on.at(member)));
+}
+
 }  // namespace
 
 void bind_ensemble(nb::module_& m) {
@@ -60,6 +72,7 @@ void bind_ensemble(nb::module_& m) {
         .def_prop_ro("time", [](const Ensemble& e) { return reals(e.time); })
         .def_prop_ro("alone", [](const Ensemble& e) { return ints(std::vector<int>(e.alone.begin(), e.alone.end())); })
         .def("ended", [](const Ensemble& e, long member) { return reals(e.ended.at(member)); }, "member"_a)
+        .def("switchings", &switchings, "member"_a)
         .def_prop_ro("turnings", &turnings)
         .def_ro("steps", &Ensemble::steps).def_ro("rejected", &Ensemble::rejected)
         .def_prop_ro("simd", [](const Ensemble& e) { return std::string(e.setup.code.name); });

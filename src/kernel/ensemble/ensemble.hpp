@@ -38,10 +38,29 @@ class LaneNetwork {
     std::vector<LaneUpper> upper_;
 };
 
+// Powers that are straight lines between samples, summed for each node: for one member that sum is such a line too, so the integrator
+// meets one input in place of hundreds.
+class SummedLoads {
+  public:
+    explicit SummedLoads(const Problem& p);
+    bool any() const { return !sums_.empty(); }
+    Problem of_member(std::vector<double>& coef) const;  // the problem with the sums of a member; sets the coefficients of these to one
+
+  private:
+    struct Sum {
+        int input, coef;                     // of the load that carries it
+        std::vector<int> terms;              // coefficients
+        std::vector<double> times, samples;  // (times), (times, terms)
+    };
+    Problem rest_;  // with empty sums
+    std::vector<Sum> sums_;
+};
+
 // What all groups of an ensemble share.
 struct EnsembleSetup {
     const Problem& p;
     const LaneNetwork network;
+    const SummedLoads loads;
     const LaneCode& code;
     const Options options;
     const std::vector<double> coef, start;  // (coefficients, members), (nodes, members)
@@ -120,6 +139,8 @@ class Ensemble {
     std::vector<double> time;
     std::vector<char> alone;        // members that the integrator ran
     std::vector<std::vector<double>> ended;  // of members that did not reach the end: temperatures where they stopped
+    std::vector<std::vector<Event>> events;  // of members that the integrator ran, in order of time
+    std::vector<std::vector<int>> on;        // their switches at the end
     // Turning points of the observed nodes, member by member, once all outputs are out.
     struct Turning { long member; Turnings::Point point; };
     std::vector<Turning> turnings() const;

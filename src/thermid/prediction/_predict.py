@@ -40,7 +40,7 @@ from thermid.prediction._budget import (
 )
 from thermid.prediction._known import Knowledge
 from thermid.prediction._setting import PROBE_MEMBERS, Drawn, Linear, Setting
-from thermid.simulation.runs import KeptTasks, Scenario, Solution, Workers, simulate
+from thermid.simulation.runs import DutyCycle, KeptTasks, Scenario, Solution, Workers, simulate
 from thermid.simulation.solver import Options
 from thermid.values.store import LeftOut
 
@@ -244,6 +244,40 @@ def shares(parts: Mapping[str, float]) -> dict[str, float]:
 
 
 @dataclass(frozen=True, eq=False)
+class DutyBand:
+    """The duty cycle of a thermostat in the run with the best values and in members, which differ in when they switch.
+
+    Parameters
+    ----------
+    best : DutyCycle
+    members : array (members, 2)    Time on over time, of the run and of its last complete cycle; NaN where there is none. [-]
+    """
+
+    best: DutyCycle
+    members: Array
+
+    def interval(self, level: float = 0.95) -> Array:
+        """Return mean and ends (3, 2) of the band, of the run and of the last cycle; NaN where no member has one. [-]"""
+        members = [column[np.isfinite(column)] for column in self.members.T]
+        ends = (0.5 - level / 2, 0.5 + level / 2)
+        return np.array([[x.mean(), *np.quantile(x, ends)] if x.size else [np.nan] * 3 for x in members]).T
+
+    def __str__(self) -> str:
+        """Return both bands in words, and the power of the run with the best values."""
+        run, last = (f"{100 * mean:.1f} % (95 %: {100 * low:.1f} .. {100 * high:.1f})" for mean, low, high in self.interval().T)
+        words = f", of the last cycle {last}" if np.isfinite(self.members[:, 1]).any() else ""
+        return f"duty cycle of the run {run}{words}; the run with the fitted values: {self.best}"
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return both bands as plain numbers; None where there is no complete cycle."""
+        plain = np.where(np.isnan(self.interval()), None, self.interval())
+        names = ("mean", "low", "high")
+        return {"run": dict(zip(names, plain[:, 0], strict=True)), "last_cycle": dict(zip(names, plain[:, 1], strict=True))} | {
+            "best": self.best.to_dict()
+        }
+
+
+@dataclass(frozen=True, eq=False)
 class Prediction(Named[Band]):
     """What a fitted model says of a scenario, and with what uncertainty.
 
@@ -259,6 +293,7 @@ class Prediction(Named[Band]):
     left_out : tuple of LeftOut What the bands do not count.
     least : float               Standard error beside which that is to be seen. [K]
     explanation : str           Which defect, fitted beside the deck, the prediction counts; empty where it is that of the deck.
+    duty_cycles : dict          Thermostat -> DutyBand, where members were drawn because they switch.
     """
 
     title: str
@@ -273,6 +308,7 @@ class Prediction(Named[Band]):
     left_out: tuple[LeftOut, ...] = ()
     least: float = 0.0
     explanation: str = ""
+    duty_cycles: Mapping[str, DutyBand] = field(default_factory=dict)
 
     @property
     def not_counted(self) -> str:
@@ -327,6 +363,7 @@ class Prediction(Named[Band]):
             "scenario": self.scenario,
             "standing": self.standing.to_dict(),
             "nodes": nodes,
+            "duty_cycles": {name: duty.to_dict() for name, duty in self.duty_cycles.items()},
             "causes": dict(self.causes),
             "left_out": [{"what": x.what, "kelvin": x.kelvin if np.isfinite(x.kelvin) else None} for x in self.left_out],
             "warnings": list(self.warnings),
@@ -355,6 +392,7 @@ class Prediction(Named[Band]):
             lines.append(
                 f"  {name:<{width}}  end {e.celsius:8.2f} +- {short(e.error)} degC   95 %: {e.low:.2f} .. {e.high:.2f}{rest}{_why(e)}"
             )
+        lines += [f"  {name}: {duty}" for name, duty in self.duty_cycles.items()]
         lines += [f"  {words}" for words in [self.centre] if words]
         lines += [f"  {cause}: {text}" for cause, text in self.causes.items()]
         return self.standing.over("\n".join([*lines, *(f"  warning: {w}" for w in self.warnings)]))
@@ -507,6 +545,11 @@ def averaged(plain: Prediction, others: Sequence[ExplainedFit], explained: Seque
         f"by what it does not have: {'; or '.join(summary(tuple(others)))}. The prediction and its band are those of the fit with it. "
         "Correct the deck or the log."
     )
+    duty_cycles = {
+        name: replace(duty, members=_shared_out([t.duty_cycles[name].members for t in explained], weights))
+        for name, duty in explained[0].duty_cycles.items()
+        if all(name in t.duty_cycles for t in explained)
+    }
     standing = worst([*(t.standing for t in explained), *fit.rests.values(), *([fit.verdict] if fit.verdict is not None else [])])
     warnings = tuple(dict.fromkeys(w for t in explained for w in t.warnings))
     return replace(
@@ -517,6 +560,7 @@ def averaged(plain: Prediction, others: Sequence[ExplainedFit], explained: Seque
         warnings=warnings,
         standing=standing,
         explanation=words,
+        duty_cycles=duty_cycles,
         left_out=explained[0].left_out,
         least=explained[0].least,
     )
@@ -535,9 +579,13 @@ def _mixture(bands: Sequence[Band], weights: Array) -> Band:
     if len(bands) > 1:
         parts[DEFECTS] = weights @ (kelvin - mean) ** 2
     simulated = weights @ np.array([b.simulated for b in bands])
-    drawn = [b.members[:, : round(w * b.members.shape[1])] for b, w in zip(bands, weights, strict=True) if b.members is not None]
-    members = np.concatenate(drawn, axis=1) if all(b.switches for b in bands) else None
+    members = _shared_out([b.members.T for b in bands if b.members is not None], weights).T if all(b.switches for b in bands) else None
     return Band(bands[0].path, bands[0].times, simulated, mean - simulated, parts, members, shifts)
+
+
+def _shared_out(members: Sequence[Array], weights: Array) -> Array:
+    """Return the members of a mixture: of each part as many of its first (members, ...) as its weight says."""
+    return np.concatenate([m[: round(w * len(m))] for m, w in zip(members, weights, strict=True)])
 
 
 def _mixed(several: Sequence[Estimate], weights: Array) -> Estimate:
@@ -572,7 +620,8 @@ def predicted(
     why = Missed() if draws else missed(first.setting, first.linear)
     count = draws or (DRAWN_MEMBERS if why.words else 0)
     sources = budget.drawn(budget.numbers(seed, 0, count))
-    members, lost = drawn_members(ways, budget.chosen(sources), sources, not draws and not why.bent, executor) if count else ({}, "")
+    straight = not draws and not why.bent
+    members, shares, lost = drawn_members(ways, budget.chosen(sources), sources, straight, executor) if count else ({}, {}, "")
     bands, rest = {}, {}
     for n in first.linear.columns:
         parts, shifts, centre, mixture = mixed_answer(ways, n, best[n].kelvin)
@@ -598,7 +647,9 @@ def predicted(
     words = meaning(widest.shares if widest is not None else {}, budget)
     bands = {n: b.parted for n, b in bands.items()} if first.setting.switches else bands
     standing = worst([budget.standing, *best.doubts])
-    return Prediction(budget.model.title, budget.scenario.title, times, bands, rest, words, warnings, find, standing, omitted, least)
+    duty_cycles = {name: DutyBand(duty, shares[name]) for name, duty in best.duty_cycles.items() if name in shares}
+    titles = (budget.model.title, budget.scenario.title)
+    return Prediction(*titles, times, bands, rest, words, warnings, find, standing, omitted, least, duty_cycles=duty_cycles)
 
 
 def undetermined_words(answer: WayAnswer, bands: Mapping[str, Band]) -> list[str]:
@@ -711,8 +762,8 @@ Members = tuple[Array, Array]
 
 def drawn_members(
     ways: Sequence[WayAnswer], chosen: NDArray[np.int64], sources: Array, straight: bool, executor: Workers
-) -> tuple[dict[str, Members], str]:
-    """Return node -> members that reached the end, and a remark on those that failed.
+) -> tuple[dict[str, Members], dict[str, Array], str]:
+    """Return node -> members that reached the end, thermostat -> their duty cycles as of an `Ensemble`, and a remark on those that failed.
 
     Parameters
     ----------
@@ -723,6 +774,7 @@ def drawn_members(
     """
     failed: dict[int, str] = {}
     out: dict[str, list[Members]] = {}
+    shares: dict[str, list[Array]] = {}
     for k, way in enumerate(ways):
         sources_of_way = sources[:, chosen == k]
         if not sources_of_way.shape[1]:
@@ -735,6 +787,8 @@ def drawn_members(
             drawn = _member_temperatures(way.setting, way.linear, sources_of_way, list(columns), KeptTasks.of_workers(executor).workers)
             rest |= _member_rest(way, sources_of_way, drawn, executor)
             kelvin = dict(drawn.kelvin)
+            for name, of_way in drawn.runs.duty_cycles.items() if drawn.runs is not None else ():
+                shares.setdefault(name, []).append(of_way)
             failed |= drawn.runs.failed if drawn.runs is not None else {}
         for n, traces in kelvin.items():
             complete = ~np.isnan(traces).any(axis=0)
@@ -742,7 +796,7 @@ def drawn_members(
     every = {n: (np.concatenate([a for a, _ in m], axis=1), np.concatenate([b for _, b in m])) for n, m in out.items()}
     why = next(iter(failed.values()), "")
     lost = f"{len(failed)} of {sources.shape[1]} members failed; the bands leave them out. One of them: {why}" if failed else ""
-    return {n: m for n, m in every.items() if m[1].size}, lost
+    return {n: m for n, m in every.items() if m[1].size}, {n: np.concatenate(several) for n, several in shares.items()}, lost
 
 
 def _member_rest(way: WayAnswer, sources: Array, drawn: Drawn, executor: Workers) -> dict[str, Array]:

@@ -26,6 +26,7 @@ from thermid.base.linear_algebra import Array, Bools, Dual, Indices, real_power
 from thermid.base.results import PlottedTrace, Result
 from thermid.base.units import ICE_POINT
 from thermid.model.tree import UNJUDGED, Constant, Model, Standing
+from thermid.simulation._duty import on_shares
 from thermid.simulation._many.kept import JobFolder, digest
 from thermid.simulation._many.tally import PILOT, Counted, CountGrid, Tally, added
 from thermid.simulation._many.tasks import KeptTasks, Workers, in_tasks
@@ -52,6 +53,8 @@ class Ensemble(Result):
     draws : dict            Name -> value of every member (members,). [SI]
     failed : dict           Member -> why it did not reach the end.
     statistics : dict       Steps (of a group of members, or of one), rejected steps, members run one by one, instruction set.
+    duty_cycles : dict      Thermostat -> time on over time (members, 2), of the run and of its last complete cycle, NaN where there is
+                            none; empty where members were counted. [-]
     warnings : tuple        What a reader must know.
     standing : Standing     Of the values that it rests on: those of the model, and those that were drawn.
     """
@@ -68,6 +71,7 @@ class Ensemble(Result):
     _traces: Callable[[str], Array] = field(repr=False)
     _counts: Mapping[str, Tally] = field(repr=False)
     _turnings: Mapping[str, MemberTurnings] = field(repr=False)
+    duty_cycles: Mapping[str, Array] = field(default_factory=dict, repr=False)
     warnings: tuple[str, ...] = ()
     standing: Standing = UNJUDGED
 
@@ -423,7 +427,7 @@ class _GroupRun:
     kept : tuple of str             Nodes that the kernel stored.
     stored : array (groups, times, kept, lanes)     [K]
     times : array (times,)          [s]
-    failed, turnings, statistics    As of an `Ensemble`.
+    failed, turnings, statistics, duty_cycles   As of an `Ensemble`.
     """
 
     wiring: Wiring
@@ -434,6 +438,7 @@ class _GroupRun:
     failed: Mapping[int, str]
     turnings: Mapping[str, MemberTurnings]
     statistics: Mapping[str, Any]
+    duty_cycles: Mapping[str, Array]
 
     def temperature(self, node: str) -> Array:
         """Return the temperature (times, members) of a node, NaN where a member failed. [K]"""
@@ -483,7 +488,8 @@ class _Runs:
         failed = _failed(engine, kernel, numbers, self.options)
         turnings = _turnings(engine, kernel, numbers, self.wanted, kept_nodes, failed, self.options)
         statistics = {"steps": kernel.steps, "rejected": kernel.rejected, "one_by_one": int(kernel.alone.sum()), "simd": kernel.simd}
-        return _GroupRun(engine.wiring, numbers, kept_nodes, stored, self.times, failed, turnings, statistics)
+        duty_cycles = _duty_cycles(engine, kernel, members, failed, end)
+        return _GroupRun(engine.wiring, numbers, kept_nodes, stored, self.times, failed, turnings, statistics, duty_cycles)
 
     def key(self, values: Mapping[str, Array]) -> str:
         """Return a hash of all that the counts at values (members,) depend on: model, scenario, values, settings, version."""
@@ -548,10 +554,10 @@ def run_members(
     ensemble = partial(Ensemble, *titles, times, wanted, members, values)
     if shares:
         counted = _all_counted(runs, values, members, KeptTasks.of_workers(executor))
-        return ensemble(counted.failed, counted.statistics, network.find, dict[str, Array]().__getitem__, counted.tallies, {}, warnings)
+        return ensemble(counted.failed, counted.statistics, network.find, dict[str, Array]().__getitem__, counted.tallies, {}, {}, warnings)
     if executor is None:
         group = runs.group(values)
-        return ensemble(group.failed, group.statistics, network.find, group.temperature, {}, group.turnings, warnings)
+        return ensemble(group.failed, group.statistics, network.find, group.temperature, {}, group.turnings, group.duty_cycles, warnings)
     kept_tasks = KeptTasks.of_workers(executor)
     if kept_tasks.folder is not None:
         raise ScenarioError(
@@ -573,7 +579,9 @@ def run_members(
     failed = {first + m: why for first, p in zip(firsts, parts, strict=True) for m, why in p.failed.items()}
     followed_nodes = [n for n in parts[0].turnings if all(n in p.turnings for p in parts)]
     turnings = {n: MemberTurnings.joined([(first, p.turnings[n]) for first, p in zip(firsts, parts, strict=True)]) for n in followed_nodes}
-    return ensemble(failed, added([p.statistics for p in parts]), network.find, partial(_traces_of, parts), {}, turnings, warnings)
+    duty_cycles = {name: np.concatenate([p.duty_cycles[name] for p in parts]) for name in parts[0].duty_cycles}
+    statistics = added([p.statistics for p in parts])
+    return ensemble(failed, statistics, network.find, partial(_traces_of, parts), {}, turnings, duty_cycles, warnings)
 
 
 def _all_counted(runs: _Runs, values: Mapping[str, Array], members: int, kept_tasks: KeptTasks) -> Counted:
@@ -665,7 +673,7 @@ def _one_by_one(
         return np.asarray(temperatures[:, :, place[node]].T)
 
     statistics = {"steps": 0, "rejected": 0, "one_by_one": members, "simd": "none"}
-    return Ensemble(*titles, times, wanted, members, values, failed, statistics, wiring.network.find, traces, {}, {}, warnings)
+    return Ensemble(*titles, times, wanted, members, values, failed, statistics, wiring.network.find, traces, {}, {}, {}, warnings)
 
 
 def _columns(draws: Mapping[str, Any], where: str) -> tuple[dict[str, Array], int]:
@@ -708,6 +716,18 @@ def _failed(engine: Engine, kernel: Any, numbers: MembersNumbers, options: Optio
         numbers_of_member = numbers.one(m, like) if like is not None and last.size and m not in out else None
         out.setdefault(m, engine.message(ended, options, engine.wiring.scenario.seconds, numbers_of_member))
     return dict(sorted(out.items()))
+
+
+def _duty_cycles(engine: Engine, kernel: Any, members: int, failed: Mapping[int, str], end: float) -> dict[str, Array]:
+    """Return thermostat -> time on over time (members, 2), of the run and of its last complete cycle; NaN where there is none. [-]"""
+    out = {name: np.full((members, 2), np.nan) for name in engine.thermostats}
+    for m in (m for m in range(members if out else 0) if m not in failed):
+        times, switches, states, on = kernel.switchings(m)
+        for name, shares in out.items():
+            own = switches == (k := engine.control_names.index(name))
+            before = 1 - states[own][0] if own.any() else on[k]
+            shares[m] = on_shares(times[own], states[own], int(before), end)[:2]
+    return out
 
 
 def _turnings(

@@ -21,6 +21,7 @@ from thermid.base.units import ICE_POINT
 from thermid.model.tree import Standing, degrees, literal, worst
 from thermid.physics.correlations import GapLaw, correlation
 from thermid.simulation._condensation import condensation
+from thermid.simulation._duty import DutyCycle, on_shares
 from thermid.simulation._network.network import Network
 from thermid.simulation._solver.engine import Engine
 from thermid.simulation._solver.extremes import Dense, Extreme, Turnings, first_above
@@ -525,6 +526,23 @@ class Solution(Result):
         return {name: shares[name] for name in self._run.network.controls}
 
     @cached_property
+    def duty_cycles(self) -> dict[str, DutyCycle]:
+        """Thermostat, or load that has one of its own -> its duty cycle, and the power of the loads that it switches."""
+        engine, answer = self._run.engine, self._run.answer
+        energies = dict(zip(engine.load_names, answer.load_energy.tolist(), strict=False))
+        out = {}
+        for name in engine.thermostats:
+            k = engine.control_names.index(name)
+            own = [(time, state, before) for time, row, state, before in answer.switched if row == k]
+            times, states = np.array([[time, state] for time, state, _ in own]).reshape(-1, 2).T
+            share, last, period = on_shares(times, states, own[0][2] if own else int(answer.on[k]), answer.end)
+            energy = sum(energies[x.path] for x in self._run.network.flat.loads if x.path == name or name in x.controls)
+            mean = energy / answer.end
+            of_last = mean * last / share if share > 0.0 else last
+            out[name] = DutyCycle(share, last, period, int(states.sum()), energy, mean, of_last)
+        return out
+
+    @cached_property
     def modes(self) -> dict[str, tuple[str, ...]]:
         """Control with modes -> its mode (times,); of a thermostat off and on."""
         names = {row.name: row.modes for row in self._run.assembled.numbers.controls}
@@ -602,6 +620,7 @@ class Solution(Result):
             "nodes": nodes,
             "time_constants_s": list(self.time_constants),
             "heat_balance": asdict(self.heat_balance()),
+            "duty_cycles": {name: duty.to_dict() for name, duty in self.duty_cycles.items()},
             "steady_of": getattr(steady, "held", None),
             "warnings": list(self.warnings),
         }
@@ -655,6 +674,7 @@ class Solution(Result):
             lines.append(f"  {node:<{width}}  end {trace.final:9.3f} degC   highest {trace.highest:9.3f} degC")
         if any(self[n].turnings is None for n in self.nodes):
             lines.append("  highest of the stored samples; not known between them")
+        lines += [f"  {name}: {duty}" for name, duty in self.duty_cycles.items()]
         lines += [f"  warning: {w}" for w in self.warnings]
         return worst(self.doubts).over("\n".join(lines))
 

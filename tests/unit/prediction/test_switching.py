@@ -165,23 +165,30 @@ def test_where_nothing_switches_derivatives_do(found: Calibration) -> None:
 
 
 def test_random_decks_keep_their_truths_inside() -> None:
-    """Twenty decks, five truths each, drawn from the stated errors: 90 to 99 % inside a band no wider than the hysteresis."""
-    draws, inside = np.random.default_rng(5), []
+    """Twenty decks, five truths each, from the stated errors: 90 to 99 % inside a band within the hysteresis, and so are duty cycles."""
+    draws, inside, duties = np.random.default_rng(5), [], []
     spread = {"cell.conductance": "15 [%]", "bat.capacitance": "15 [%]", "frame.capacitance": "10 [%]", "air": "1 [K]"}
     for _ in range(20):
         on, hysteresis, room = draws.uniform(-5.0, 8.0), draws.uniform(1.5, 6.0), draws.uniform(-45.0, -20.0)
         cell, bat, frame, power = (float(draws.uniform(*ends)) for ends in ((0.1, 0.3), (120.0, 300.0), (200.0, 500.0), (6.0, 9.0)))
         scenario = COLD.with_(boundaries={"air": f"{room} [degC]"})
         model = deck(cell, bat, frame, power, (on, on + hysteresis))
-        band = td.predict(
+        told = td.predict(
             td.design.Knowledge(model), scenario, spread=spread, times=np.arange(0.0, COLD.seconds + 1.0, 600.0), nodes=["bat"]
-        )["bat"]
+        )
+        band, (_, least, most) = told["bat"], told.duty_cycles["heater"].interval()
+        assert told.to_dict()["duty_cycles"]["heater"]["run"]["high"] == most[0]
+        assert str(told.duty_cycles["heater"]) in str(told)
         low, high = band.interval()
         assert band.half_width[band.times > LATE].max() < 0.5 * hysteresis + 0.1
         for _ in range(5):
             factors = 1.0 + draws.normal(0.0, [0.15, 0.15, 0.1])
             truth = deck(*(np.array([cell, bat, frame]) * factors).tolist(), power, (on, on + hysteresis))
             walls = scenario.with_(boundaries={"air": f"{room + draws.normal()} [degC]"})
-            celsius = td.simulate(truth, walls, times=band.times)["bat"].celsius
+            run = td.simulate(truth, walls, times=band.times)
+            celsius, duty = run["bat"].celsius, run.duty_cycles["heater"]
+            duties.append((np.array([duty.share, duty.last_share]) >= least) & (np.array([duty.share, duty.last_share]) <= most))
             inside.append(np.mean((celsius >= low - 1e-6) & (celsius <= high + 1e-6)))
     assert 0.9 <= np.mean(inside) <= 0.99
+    assert (np.mean(duties, axis=0) >= 0.88).all()
+    assert (np.mean(duties, axis=0) <= 0.99).all()

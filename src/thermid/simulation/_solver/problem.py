@@ -453,6 +453,8 @@ class KernelProblem:
         self.load_names = tuple(p.row.name for p in s.loads[: len(s.loads) - s.hidden])
         self.machines = tuple(p.row.name for p in s.factors if p.row.modes)
         self.control_names = (*(p.name for p in s.controls), *self.machines)
+        of_deck = [p.row.name for p in s.factors if p.row.modes == ("off", "on")]
+        self.thermostats = (*(p.name for p in s.controls if p.kind == "thermostat"), *of_deck)
         self.flow_rows = np.array([k for k, p in enumerate(s.conductors) if p.row.form == "flow"], dtype=int)
         self.problem: Any = _kernel.Problem(**self.arrays())
         # whether some table ends a run outside its points; for searches that pass there it holds its last value
