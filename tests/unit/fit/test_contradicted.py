@@ -157,7 +157,7 @@ def test_a_wrong_exponent_that_shifts_all_sensors_together_is_told(exponent: flo
 def test_errors_of_all_instruments_that_contradict_their_accuracies_are_told(errors: tuple[float, ...], words: str) -> None:
     kinds = [("sensor", f"sensor T{k}") for k in range(4)] + [("input", "ROOM error")]
     unknowns = [Unknown(name, kind, (), 0.0, prior=Prior(0.0, 0.5), unit="K") for kind, name in kinds]
-    told = _beyond_accuracy(SimpleNamespace(unknowns=unknowns), SimpleNamespace(fitted=np.array(errors)))  # type: ignore[arg-type]
+    told = _beyond_accuracy(SimpleNamespace(unknowns=unknowns), errors)  # type: ignore[arg-type]
     assert (told[0] > ASIDE) == bool(words)
     assert words in told[1]
 
