@@ -588,14 +588,22 @@ class Verdict(Result):
 
     @property
     def questions(self) -> tuple[str, ...]:
-        """What its record asks of its owner: exchanged sensors, a power in another unit, a sensor that moved since the fit."""
+        """What its record asks of its owner: exchanged sensors, a power in another unit, other conditions, a sensor that moved since."""
         missed = {c.sensor for c in self.missed}
         apart = {n: s.mean for n, s in self.statistics.items() if n in missed and abs(s.mean) > ONE_SIGN * s.rmse}
-        moved = [
-            f"{FIRST}{n} reads {short(abs(mean))} K {'above' if mean > 0.0 else 'below'} the prediction throughout. Does this sensor sit "
-            "at another place than in the fitted records?"
-            for n, mean in apart.items()
-        ]
+        sides = {mean > 0.0 for mean in apart.values()}
+        if len(sides) == 1 and 1 < len(apart) == len(self.statistics):
+            sizes, side = sorted(map(abs, apart.values())), "above" if sides == {True} else "below"
+            moved = [
+                f"{FIRST}all sensors read {short(sizes[0])} to {short(sizes[-1])} K {side} the prediction throughout. Do losses, a fan's "
+                "speed, a power or the surroundings differ from the fitted records?"
+            ]
+        else:
+            moved = [
+                f"{FIRST}{n} reads {short(abs(mean))} K {'above' if mean > 0.0 else 'below'} the prediction throughout. Does this sensor "
+                "sit at another place than in the fitted records?"
+                for n, mean in apart.items()
+            ]
         return (*(w for w in self.prediction.warnings if w.startswith(FIRST)), *moved) if self.prediction is not None else ()
 
     @property
