@@ -272,7 +272,7 @@ def test_a_campaign_has_one_verdict_at_every_door(asked: Asked, limit: str, pass
     agree(opened(file), said)
     (record,) = command("predict", str(file), "--record", "judged")[0]["records"]
     judged = {n: s["rmse_K"] for n, s in told["sensors"].items()}
-    assert {n: s["rmse_of_run_K"] for n, s in record["sensors"].items()} == pytest.approx(judged, abs=CLOSE)
+    assert {n: s["rmse_K"] for n, s in record["sensors"].items()} == pytest.approx(judged, abs=CLOSE)
     assert record["standing"]["state"] == stage["standing"]["state"]
     assert "()" not in record["standing"]["because"]
     assert command("report", str(file), "--to", str(page))[1] == code

@@ -62,37 +62,46 @@ UNKNOWN_CLOCK = 0.5
 def own_standing(
     request: Request,
     problem: Problem,
-    minimum: Fit,
     values: FittedValues,
-    total: Array,
+    at: Sequence[float],
+    errors: Sequence[float],
     spread: Autocorrelation | None,
     moved: Moves,
+    message: str = "",
 ) -> Standing:
-    """Return the standing of a fit by itself, whatever it rests on; `moved` is what its logs say of values that it inherited."""
-    wrong = [*contradicted(values).values(), *([] if minimum.converged else [f"the fit did not converge: {minimum.message}"])]
+    """Return the standing of a fit by itself, whatever it rests on.
+
+    Parameters
+    ----------
+    values : FittedValues   Those to quote.
+    at, errors : sequence   The unknowns of the problem there and their standard errors, fitted form.
+    moved : Moves           What its logs say of values that it inherited.
+    message : str           How the search ended where it did not converge.
+    """
+    wrong = [*contradicted(values).values(), *([f"the fit did not converge: {message}"] if message else [])]
     if wrong:
         return Standing("not credible", "; ".join([*moved.contradictions(), *wrong]), values.stage, request.accepted)
-    short_of = [f"'{u.name}' ended at its {side} bound" for u, side, _ in at_bounds(problem, minimum, total)]
+    short_of = [f"'{u.name}' ended at its {side} bound" for u, side, _ in at_bounds(problem, at, errors)]
     short_of += _beyond_stated(problem, spread, request.adequate) if request.adequate and spread is not None else []
     short_of += [
         f"'{name}' lies {far:.1f} standard deviations from its prior (limit {STRAINED:g})"
-        for name, far in [*_far_from_prior(problem, minimum).items()][:1]
+        for name, far in [*_far_from_prior(problem, at).items()][:1]
         if far > STRAINED
     ]
-    times, words = _beyond_accuracy(problem, minimum)
+    times, words = _beyond_accuracy(problem, at)
     short_of += [words] if times > ASIDE else []
     if short_of:
         return Standing("not adequate", "; ".join(short_of), values.stage, request.accepted)
     return replace(CREDIBLE, stage=values.stage)
 
 
-def _beyond_accuracy(problem: Problem, minimum: Fit) -> tuple[float, str]:
+def _beyond_accuracy(problem: Problem, at: Sequence[float]) -> tuple[float, str]:
     """Return how many times their stated accuracies the instruments' constant errors are, and that in words.
 
     It is the root mean square of errors by accuracies, so that instruments that share their error, as those of one logger may, count as
     one: by chance it is above three in at most one fit of 370, however they hang together.
     """
-    pairs = [(u, x) for u, x in zip(problem.unknowns, minimum.fitted.tolist(), strict=True) if u.unit == "K" and u.prior is not None]
+    pairs = [(u, x) for u, x in zip(problem.unknowns, at, strict=True) if u.unit == "K" and u.prior is not None]
     errors = {u.name: (x, x / u.prior.sd) for u, x in pairs if u.prior is not None and u.kind in ("sensor", INPUT)}
     if len(errors) < 2 or not (of_sensors := [errors[u.name] for u, _ in pairs if u.kind == "sensor"]):
         return 0.0, ""
@@ -107,9 +116,9 @@ def _beyond_accuracy(problem: Problem, minimum: Fit) -> tuple[float, str]:
     )
 
 
-def at_bounds(problem: Problem, minimum: Fit, total: Array) -> list[tuple[Unknown, str, float]]:
-    """Return the unknowns that ended at a bound, which one, and the bound in the fitted form."""
-    ends = zip(problem.unknowns, minimum.fitted.tolist(), np.sqrt(np.diag(total)).tolist(), strict=True)
+def at_bounds(problem: Problem, at: Sequence[float], errors: Sequence[float]) -> list[tuple[Unknown, str, float]]:
+    """Return the unknowns that ended at a bound, which one, and the bound; by their values and errors, all in the fitted form."""
+    ends = zip(problem.unknowns, at, errors, strict=True)
     return [(u, side, bound) for u, fitted, error in ends if not u.is_instant for side, bound in u.bounds_met(fitted, error)]
 
 
@@ -442,7 +451,10 @@ def summarise(
     }
     values = FittedValues(name, items, total[np.ix_(rows, rows)], provenance)
     moved = moves_above(request, problem, best, spread.variance_factor) if request.store.states else Moves()
-    alone, rests = own_standing(request, problem, best, values, total, spread, moved), rests_on(request, values)
+    errors = np.sqrt(np.diag(total)).tolist()
+    message = "" if best.converged else best.message
+    alone = own_standing(request, problem, values, best.fitted.tolist(), errors, spread, moved, message)
+    rests = rests_on(request, values)
     store = stored(request, problem, values.judged(worst([alone, *rests.values()])), responses_of_fit)
     values = _with_uncut(view(store, list(values), name), problem, best, responses_of_fit)
     runner, far = request.model.runner, contradicted(values)
@@ -529,7 +541,7 @@ def _warnings(problem: Problem, minimum: Fit, total: Array, spread: Autocorrelat
     out = []
     if not minimum.converged:
         out.append(f"the fit did not converge: {minimum.message}")
-    for u, side, bound in at_bounds(problem, minimum, total):
+    for u, side, bound in at_bounds(problem, minimum.fitted.tolist(), np.sqrt(np.diag(total)).tolist()):
         shown = f"{FittedValue(u.name, u.to_value(bound), 0, 0, u.log, u.unit, 0, (0, 0)).in_unit:.6g} {u.unit}".strip()
         cut = f", where its standard error of {short(v.shown(v.uncut))} is cut" if u.name in values and (v := values[u.name]).uncut else ""
         out.append(f"'{u.name}' ended at its {side} bound {shown}{cut}. Widen the bound, or fix the parameter.")
@@ -544,7 +556,7 @@ def _warnings(problem: Problem, minimum: Fit, total: Array, spread: Autocorrelat
                 f"'{u.name}' is not determined: its 95 % are {100.0 * min(4.0 * error / (u.high - u.low), 1.0):.0f} % of the range that it "
                 "was looked for in. State one number, such as that of the stamps, or log a part that answers at once to a switched power."
             )
-    if far := [f"'{name}' ({size:.1f})" for name, size in _far_from_prior(problem, minimum).items()]:
+    if far := [f"'{name}' ({size:.1f})" for name, size in _far_from_prior(problem, minimum.fitted.tolist()).items()]:
         out.append(
             f"more than {ASIDE:g} standard deviations from what was known before: {some(far, 'values')}. A prior is too tight, or these "
             "values take up physics that the model lacks. Check where the priors come from, or run `thermid criticise`."
@@ -712,9 +724,9 @@ def _noise_apart(problem: Problem) -> list[str]:
     ]
 
 
-def _far_from_prior(problem: Problem, minimum: Fit) -> dict[str, float]:
+def _far_from_prior(problem: Problem, at: Sequence[float]) -> dict[str, float]:
     """Return value -> how many standard deviations it lies from its prior, of those that lie far, the farthest first."""
-    pairs = zip(problem.unknowns, minimum.fitted.tolist(), strict=True)
+    pairs = zip(problem.unknowns, at, strict=True)
     apart = {u.name: abs(x - u.prior.mean) / u.prior.sd for u, x in pairs if u.prior is not None}
     return {name: size for name, size in sorted(apart.items(), key=lambda item: -item[1]) if size > ASIDE}
 
@@ -844,8 +856,28 @@ def fit_problem(
         calibration, spread = _fitted(request, problem, progress, recalled, stoppable, executor)
         errors = ErrorsOfFit(calibration, keeping if calibration.converged else None)
         if request.structural_errors or _suspect(calibration, spread):
-            calibration = with_structural_errors(calibration, errors)
+            calibration = _judged_by_estimates(with_structural_errors(calibration, errors), spread)
         return _with_errors(calibration, errors)
+
+
+def _judged_by_estimates(fit: Calibration, spread: Autocorrelation) -> Calibration:
+    """Return a fit whose standing is that of the values that it gives to quote, where departures of elements explain its readings.
+
+    Starts and rooms of its runs are then where they were stated: the model of error has them among what it integrates over.
+    """
+    if not fit.expected or not fit.converged:
+        return fit
+    assert fit.problem is not None
+    assert fit.request is not None
+    at, errors = [], []
+    for u in fit.problem.unknowns:
+        expected = fit.expected.get(u.name)
+        x = u.to_fitted(expected[0]) if expected else u.prior.mean if u.prior is not None else fit.fitted[u.name]
+        at.append(float(x))
+        errors.append(expected[1] / u.slope(x) if expected else 0.0)
+    own = own_standing(fit.request, fit.problem, fit.estimates, at, errors, spread, fit.moved)
+    warnings = tuple(w for w in fit.warnings if not w.startswith(LOUD) or fit.contradicted)
+    return replace(fit, own=own, warnings=warnings).judged(fit.rests, fit.verdict)
 
 
 def _fitted(

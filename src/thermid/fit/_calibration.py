@@ -37,12 +37,6 @@ def blame_of(experiments: Sequence[Experiment]) -> str:
     return f"A column, a unit, a node, an accuracy{joined} or the model is wrong. Do not use these values."
 
 
-LAW = (
-    "The law of an element or the model's structure is wrong: once elements may depart from their laws, the same readings agree with "
-    "these priors. Do not use the fitted values."
-)
-"""What to look for where the model of error finds values that agree with what was stated."""
-
 FIRST = "check: "
 """Begins what stands in the first lines of a fit: a question that its user can answer and the fit cannot."""
 QUESTIONED_FACTOR = 5.0
@@ -333,7 +327,7 @@ class Calibration(Named[FittedValue]):
     @property
     def contradicted(self) -> Mapping[str, str]:
         """Value -> what would have to be wrong, of those over ten deviations from an accuracy or prior: do not use the fit then."""
-        return contradicted(self.values)
+        return contradicted(self.estimates)
 
     @property
     def contradicts_held(self) -> bool:
@@ -344,9 +338,7 @@ class Calibration(Named[FittedValue]):
     @property
     def blame(self) -> str:
         """What to look for where the fit contradicts what was stated; empty where it does not."""
-        if not self.contradicted:
-            return ""
-        return LAW if self.expected and not contradicted(self.estimates) else blame_of(self.experiments)
+        return blame_of(self.experiments) if self.contradicted else ""
 
     @cached_property
     def estimates(self) -> FittedValues:

@@ -428,7 +428,7 @@ def centre_words(moved: Mapping[str, Mapping[str, Array]], times: Array) -> str:
     why = ", ".join(f"{c} ({'+' if v > 0.0 else ''}{short(v)} K)" for c, v in named if abs(v) >= NAMED_SHARE * NEGLIGIBLE_HALF_WIDTH)
     return (
         f"at {duration_text(float(times[k]))} the band of '{node}' is centred {short(abs(float(apart[node][k])))} K "
-        f"{'above' if apart[node][k] > 0.0 else 'below'} the run with the fitted values, because of {why}; simulate and verdicts show that "
+        f"{'above' if apart[node][k] > 0.0 else 'below'} the run with the fitted values, because of {why}; simulate shows that "
         "run. Report the centre of the band with its ends; other nodes differ less"
     )
 

@@ -7,7 +7,7 @@ followed of that, the constant error of the sensor, and the noise of one reading
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import cache
 from itertools import pairwise
 from statistics import NormalDist
@@ -19,7 +19,6 @@ from thermid.base.linear_algebra import Array
 from thermid.base.results import PlottedTrace, Result
 from thermid.base.units import TEMPERATURE, from_si
 from thermid.fit.calibration import (
-    FIRST,
     Calibration,
     Experiment,
     LocalSpec,
@@ -41,16 +40,12 @@ from thermid.prediction._setting import Setting
 from thermid.simulation.runs import Scenario
 from thermid.values.store import LeftOut, error_table_of
 
-STATED_WIDTH = 2.0
-"""Constant error of an instrument up to which it is taken off the readings of a held-out record, by its accuracy: 95 % lie within. [-]"""
 SLICES = 120
 """Stretches of time between which residuals are looked at for what grows with a command."""
 CHANCE_DEVIATIONS, MIN_CORRELATION = 3.0, 0.3
 """Standard deviations of chance, and correlation, from which residuals are said to grow with a command. [-]"""
 WORST_STRETCH_SHARE = 0.1
 """Length of the stretch that is named as the worst, in lengths of the record. [-]"""
-MIN_CENTRE_DIFFERENCE = 0.01
-"""Part of the error of a run from which that of the centre of its band is printed beside it."""
 SAME_TEMPERATURE = 1e-6
 """Difference below which two given temperatures are one. [K]"""
 LEVELS = (0.5, 0.8, 0.9, 0.95, 0.99)
@@ -93,8 +88,6 @@ class SensorBand:
     times : array (readings,)               [s]
     measured, predicted : array (readings,) Predicted holds the sensor's constant error, and what is expected of the run's room. [K]
     parts : dict                            Cause -> variance (readings,). [K^2]
-    shift : array (readings,)               What `predicted` differs by from the run of the model with its best values: what constant
-                                            coefficients and the room are expected to be wrong by. Empty for nothing. [K]
     """
 
     sensor: str
@@ -103,7 +96,6 @@ class SensorBand:
     measured: Array
     predicted: Array
     parts: Mapping[str, Array]
-    shift: Array = field(default_factory=lambda: np.zeros(0))
 
     @property
     def error(self) -> Array:
@@ -122,12 +114,6 @@ class SensorBand:
     def rmse(self) -> float:
         """Root mean square of measured less predicted: of the centre of the band. [K]"""
         return float(np.sqrt(np.mean((self.measured - self.predicted) ** 2)))
-
-    @property
-    def rmse_of_run(self) -> float:
-        """Root mean square of measured less the run of the model with its best values, as a verdict has it. [K]"""
-        run = self.predicted - self.shift if self.shift.size else self.predicted
-        return float(np.sqrt(np.mean((self.measured - run) ** 2)))
 
     @property
     def interval_score(self) -> float:
@@ -205,7 +191,6 @@ class RecordPrediction(Result):
             return {
                 "node": b.node,
                 "rmse_K": b.rmse,
-                "rmse_of_run_K": b.rmse_of_run,
                 "inside": b.inside(),
                 "half_width_K": float(b.half_width().mean()),
                 "interval_score_K": b.interval_score,
@@ -234,12 +219,8 @@ class RecordPrediction(Result):
         out = []
         for name, b in self.bands.items():
             causes = ", ".join(f"{c} {100 * s:.0f} %" for c, s in sorted(_shares(b).items(), key=lambda x: -x[1]) if s >= 0.05)
-            errors = f"RMSE of the run {b.rmse_of_run:.3g} K"
-            errors += (
-                f", of the centre of its band {b.rmse:.3g} K" if abs(b.rmse - b.rmse_of_run) > MIN_CENTRE_DIFFERENCE * b.rmse_of_run else ""
-            )
             out.append(
-                f"{name:<{width}}  {errors}, {100 * b.inside():.0f} % of the readings inside the 95 % band of "
+                f"{name:<{width}}  RMSE {b.rmse:.3g} K, {100 * b.inside():.0f} % of the readings inside the 95 % band of "
                 f"+- {float(b.half_width().mean()):.2g} K, from {causes}"
             )
         return (*out, f"worst stretch: {self.worst}")
@@ -267,27 +248,19 @@ def record_request(
     readings: Mapping[str, Any] | None = None,
     window: float = 0.0,
 ) -> Request:
-    """Return the request that runs a record with all fitted values fixed; arguments as in `predict_record`.
-
-    Constant errors of instruments are corrected up to twice the stated accuracy: beyond that they are errors of the model.
-    """
-    constant_errors = {**calibration.instrument_errors, **calibration.bias}
-    widths = {c.name: STATED_WIDTH * c.accuracy for c in record.channels.values() if c.accuracy and c.quantity == "temperature"}
-    held = {n: min(max(x, -widths[n]), widths[n]) if n in widths else x for n, x in constant_errors.items()}
-    cut = [f"{n} ({held[n]:+.2g} of {x:+.3g} K)" for n, x in constant_errors.items() if held[n] != x]
-    remark = f"{FIRST}constant errors that the fit found are taken off up to twice the stated accuracy: {', '.join(cut)}."
+    """Return the request that runs a record with all values fixed where they are to be quoted; arguments as in `predict_record`."""
+    quoted = replace(calibration, values=calibration.estimates)
     return Request(
-        calibration.model,
-        (as_found(record, calibration.values, calibration.bias),),
+        quoted.model,
+        (as_found(record, quoted.values, quoted.bias),),
         scenarios={"*": scenario} if scenario else {},
         local={k: LocalSpec.read(v, f"local.{k}") for k, v in (local or {}).items()},
-        held_bias={n: held[n] for n in calibration.bias},
-        held_errors={n: held[n] for n in calibration.instrument_errors},
+        held_bias=quoted.bias,
+        held_errors=quoted.instrument_errors,
         window=window,
         name=calibration.stage,
         fit_start=False,
         readings={n: Reading.read(r, f"readings.{n}") for n, r in (readings or {}).items()},
-        remarks=(remark,) if cut else (),
     )
 
 
@@ -328,7 +301,7 @@ def record_bands(calibration: Calibration, shown: Calibration, without: Sequence
     """
     assert shown.problem is not None
     assert shown.request is not None
-    e, knowledge = shown.problem.experiments[0], Knowledge.of_source(calibration)
+    e, knowledge = shown.problem.experiments[0], Knowledge(shown.request.model, fit=calibration)
     budget = budget_of(knowledge, e.bare, without=without)
     values_of_run, open_ = own_values(shown, e, own_values_kept(knowledge.provenances))
     local = {u.name: float(shown.fitted[u.name]) for u in shown.problem.unknowns}
@@ -338,7 +311,8 @@ def record_bands(calibration: Calibration, shown: Calibration, without: Sequence
     used = np.flatnonzero(below.gain.any(axis=0))
     named = ((n, t, row[used]) for t, row in zip(below.targets, below.gain, strict=True) for n in (t.name, *t.also))
     bands = _banded(calibration, shown, local, laws, {n: BesideRow(row, t.form == "log") for n, t, row in named if row.any()}, without)
-    bands = _switched(bands, budget) if e.network.switches else bands
+    run = {b.sensor: b.predicted for b in shown.blocks}
+    bands = _switched(bands, budget, run) if e.network.switches else bands
     listed = (
         [LeftOut(f"the temperature of {', '.join(open_)}, which is assumed: no fit shows how it differs between runs")] if open_ else []
     )
@@ -348,10 +322,10 @@ def record_bands(calibration: Calibration, shown: Calibration, without: Sequence
     return RecordPrediction(calibration.stage, e.record.name, bands, locally, remarks, omitted, calibration.standing)
 
 
-def _switched(bands: dict[str, SensorBand], budget: Budget) -> dict[str, SensorBand]:
+def _switched(bands: dict[str, SensorBand], budget: Budget, run: Mapping[str, Array]) -> dict[str, SensorBand]:
     """Return the bands of readings of a run that temperatures switch: mean and variance of members; as they are where nothing switches.
 
-    What the run's own room and start follow is then not taken off.
+    What the run's own room and start follow is then not taken off. `run` has what sensors read at the values to quote. [K]
     """
     times = np.unique(np.concatenate([b.times for b in bands.values()]))
     if not Setting.of_budget(budget.weighted_ways[0][1], times=times).switches:
@@ -361,7 +335,7 @@ def _switched(bands: dict[str, SensorBand], budget: Budget) -> dict[str, SensorB
         of_node = by_node[b.node]
         moved, variance = (np.interp(b.times, times, v) for v in (of_node.kelvin - of_node.simulated, of_node.error**2))
         parts = parted({c: v for c, v in b.parts.items() if c != READING}, variance) | {READING: b.parts[READING]}
-        out[name] = replace(b, predicted=b.predicted - b.shift + moved, parts=parts, shift=moved)
+        out[name] = replace(b, predicted=run[name] + moved, parts=parts)
     return out
 
 
@@ -402,14 +376,13 @@ def _banded(
         *({BandCause.STRUCTURE, BandCause.RUN, BandCause.ROOM, BandCause.START, AVERAGED} if "structural" in without else ()),
         *without,
     }
-    predicted = {b.sensor: b.predicted for b in shown.blocks}
     out = {}
     for i, o in enumerate(problem.experiments[0].observations):
         trace, rows = ways[0][1].traces[i], ways[0][1].means[i]
         at = {s: np.interp(trace.times, rows.times, split(v, ways[0][1].means)[i]) for s, v in variances.items() if s not in off}
         centre = o.measured + weights @ np.array([c[i] for c in sensors])
         parts = {s: v for s, v in at.items() if v.any()} | {READING: trace.noise**2}
-        out[o.sensor] = SensorBand(o.sensor, o.seat, trace.times, o.measured, centre, parts, centre - predicted[o.sensor])
+        out[o.sensor] = SensorBand(o.sensor, o.seat, trace.times, o.measured, centre, parts)
     return out
 
 

@@ -71,10 +71,11 @@ def test_where_it_settles_is_where_a_long_run_ends(fit: td.Calibration) -> None:
 
 def test_a_record_is_predicted_with_its_band(fit: td.Calibration) -> None:
     """At one and a half times the power, with its room logged: the centre is nearer than the run with the best values."""
-    told = predict_record(fit, _log(6.0, 2))
-    band = told.bands["T"]
+    record = _log(6.0, 2)
+    told = predict_record(fit, record)
+    band, run = told.bands["T"], td.compare(fit.model, record).sensors["T"]
     assert band.inside() > 0.9
-    assert band.rmse < 0.7 * band.rmse_of_run
+    assert band.rmse < 0.7 * run.rmse
     assert band.half_width().mean() < 1.0
     assert {"values", "extrapolation", "differences between tests", "noise of a reading"} <= {*band.parts}
 

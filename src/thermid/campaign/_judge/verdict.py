@@ -10,7 +10,7 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any, Final
@@ -588,14 +588,22 @@ class Verdict(Result):
 
     @property
     def questions(self) -> tuple[str, ...]:
-        """What its record asks of its owner: exchanged sensors, a power in another unit, a sensor that moved since the fit."""
+        """What its record asks of its owner: exchanged sensors, a power in another unit, other conditions, a sensor that moved since."""
         missed = {c.sensor for c in self.missed}
         apart = {n: s.mean for n, s in self.statistics.items() if n in missed and abs(s.mean) > ONE_SIGN * s.rmse}
-        moved = [
-            f"{FIRST}{n} reads {short(abs(mean))} K {'above' if mean > 0.0 else 'below'} the prediction throughout. Does this sensor sit "
-            "at another place than in the fitted records?"
-            for n, mean in apart.items()
-        ]
+        sides = {mean > 0.0 for mean in apart.values()}
+        if len(sides) == 1 and 1 < len(apart) == len(self.statistics):
+            sizes, side = sorted(map(abs, apart.values())), "above" if sides == {True} else "below"
+            moved = [
+                f"{FIRST}all sensors read {short(sizes[0])} to {short(sizes[-1])} K {side} the prediction throughout. Do losses, a fan's "
+                "speed, a power or the surroundings differ from the fitted records?"
+            ]
+        else:
+            moved = [
+                f"{FIRST}{n} reads {short(abs(mean))} K {'above' if mean > 0.0 else 'below'} the prediction throughout. Does this sensor "
+                "sit at another place than in the fitted records?"
+                for n, mean in apart.items()
+            ]
         return (*(w for w in self.prediction.warnings if w.startswith(FIRST)), *moved) if self.prediction is not None else ()
 
     @property
@@ -694,7 +702,9 @@ def validate(
             f"record '{record.name}' was used by {user}. A validation needs a hold-out record: use one that no fit used.",
             code="campaign.record-used",
         )
-    prediction = fit(record_request(calibration, record, scenario, local, readings, amount(window, "s", "window")))
+    run = fit(record_request(calibration, record, scenario, local, readings, amount(window, "s", "window")))
+    bands = record_bands(calibration, run)
+    prediction = replace(run, blocks=tuple(replace(b, predicted=bands.bands[b.sensor].predicted) for b in run.blocks))
     statistics = prediction.statistics[record.name]
     refuse_unknown(
         criteria.sensors or {},
@@ -705,20 +715,21 @@ def validate(
     )
     checks = tuple(judge_sensors(criteria, [_deviation(b) for b in prediction.blocks]))
     locally = tuple(dict.fromkeys(i.name for i in prediction.local))
-    bands, deciding = record_bands(calibration, prediction), _deciding(prediction, criteria, checks)
-    standing = calibration.standing
+    deciding, standing = _deciding(run, prediction.blocks, criteria, checks), calibration.standing
     return Verdict(calibration.stage, record.name, checks, statistics, locally, prediction, title, (), standing, bands, deciding)
 
 
-def _deciding(prediction: Calibration, criteria: Criteria, checks: Sequence[Check]) -> tuple[str, ...]:
+def _deciding(run: Calibration, judged: Sequence[SensorTrace], criteria: Criteria, checks: Sequence[Check]) -> tuple[str, ...]:
     """Return the values fitted to the record that judges, each of which changes the verdict within two of its standard errors."""
-    problem, names_that_decide = prediction.problem, []
+    problem, names_that_decide = run.problem, []
     assert problem is not None
-    for local in prediction.local:
+    moved = [b.predicted - a.predicted for a, b in zip(run.blocks, judged, strict=True)]
+    for local in run.local:
         for errors in (-2.0, 2.0):
             names = (local.name, f"{local.record}: {local.name}")
-            fitted = np.array([prediction.fitted[u.name] + (errors * local.error if u.name in names else 0.0) for u in problem.unknowns])
-            others = judge_sensors(criteria, [_deviation(b) for b in problem.blocks(fitted)]) if np.isfinite(fitted).all() else ()
+            fitted = np.array([run.fitted[u.name] + (errors * local.error if u.name in names else 0.0) for u in problem.unknowns])
+            blocks = zip(problem.blocks(fitted), moved, strict=True) if np.isfinite(fitted).all() else ()
+            others = judge_sensors(criteria, [_deviation(replace(b, predicted=b.predicted + by)) for b, by in blocks])
             if weigh([c.passed for c in others]) != weigh([c.passed for c in checks]):
                 names_that_decide.append(local.name)
     return tuple(dict.fromkeys(names_that_decide))

@@ -18,7 +18,7 @@ import numpy as np
 from thermid.base.errors import IdentificationError, ThermidError, quoted
 from thermid.base.linear_algebra import Array
 from thermid.base.results import Result, Row
-from thermid.fit._calibration import FIRST, LAW, Calibration, far_from_sheet
+from thermid.fit._calibration import FIRST, Calibration, contradicted, far_from_sheet
 from thermid.fit._error_model.courses import FREE_AIR, OperatingPoint
 from thermid.fit._error_model.elements import (
     ANOTHER,
@@ -643,25 +643,16 @@ def with_structural_errors(fit: Calibration, errors: ErrorsOfFit) -> Calibration
         )
         return replace(fit, warnings=fit.warnings + doubt * (probability > COUNTED))
     fit = _widened(fit, moved, covariance, contradiction)
-    return fit if fit.blame != LAW else _with_explanation(fit, ErrorModel.from_dict(table).exponents)
-
-
-def _with_explanation(fit: Calibration, exponents: Mapping[str, float]) -> Calibration:
-    """Return a fit that is not credible with what explains its readings before what it contradicts.
-
-    Parameters
-    ----------
-    exponents : dict    Surface that the deck gives a constant coefficient -> exponent of its temperature difference. [-]
-    """
-    words, warnings = "the readings are explained once elements depart from their laws; by these laws", fit.warnings
-    if exponents:
-        powers = " to ".join(dict.fromkeys(f"dT^{end:.2f}" for end in (min(exponents.values()), max(exponents.values()))))
-        surfaces = quoted([*exponents], 3)
-        words = f"the readings are explained once the coefficient of {surfaces} grows as {powers}, as in free air; with a constant one"
-        remedy = f"Write htc = {{ coefficient = ..., exponent = 0.25 }} for {surfaces}, and fit again."
-        warnings = (*warnings, f"{FIRST}free air carries heat by a coefficient that grows with the temperature difference. {remedy}")
-    own = replace(fit.own, because=f"{words}, {fit.own.because}")
-    return replace(fit, own=own, warnings=warnings).judged(fit.rests, fit.verdict)
+    exponents = ErrorModel.from_dict(table).exponents if fit.expected and contradicted(fit.values) else {}
+    if not exponents:
+        return fit
+    powers = " to ".join(dict.fromkeys(f"dT^{end:.2f}" for end in (min(exponents.values()), max(exponents.values()))))
+    surfaces = quoted([*exponents], 3)
+    words = (
+        f"the readings are explained once the coefficient of {surfaces} grows as {powers}, as in free air; with a constant one, fitted "
+        f"values go far from what was stated. Write htc = {{ coefficient = ..., exponent = 0.25 }} for {surfaces}, and fit again."
+    )
+    return replace(fit, warnings=(*fit.warnings, f"{FIRST}{words}"))
 
 
 def _widened(fit: Calibration, moved: Mapping[str, float], covariance: Array, unexplained: str) -> Calibration:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -75,7 +75,8 @@ class Smooth:
     at : OperatingPoint     Where it was found.
     kind : str              Its class.
     pivots : array (r, 2)   Of ln(difference) and level, from where it was found.
-    centre : array (r,)     Mean of the features over the runs of the fit, weighted by heat.
+    centre : array (r,)     Mean of the features over the runs of the fit, weighted by heat: a value of the fit is the one there. Where
+                            conductors share the value it is that times the part of their heat that this one carries.
     thinned : tuple (r,)    Whether its gas was another there than air on the ground.
     outside : float         What of its variance lies outside of the features over these runs, weighted by heat. [-]
     """
@@ -89,12 +90,18 @@ class Smooth:
 
     @classmethod
     def of_conductor(
-        cls, c: FlatConductor, at: OperatingPoint, kind: str, several: Sequence[tuple[ElementCourse, bool]], columns: int = COLUMNS
+        cls,
+        c: FlatConductor,
+        at: OperatingPoint,
+        kind: str,
+        several: Sequence[tuple[ElementCourse, bool]],
+        columns: int = COLUMNS,
+        part: float = 1.0,
     ) -> Smooth:
         """Return the smooth departure of a conductor from its law over the runs of a fit, given with whether their gas is thinned.
 
         Pivots are chosen where the conductor carries more than `HEATED` of its largest heat, at most `columns` in each gas; centre and
-        what lies outside are means over all runs, weighted by heat.
+        what lies outside are means over all runs, weighted by heat. `part` of the heat of the conductors that share its value is its own.
         """
         runs = [(r, thin) for r, thin in several if c.path in r.flows]
         most = max(float(np.abs(r.flows[c.path]).max()) for r, _ in runs)
@@ -112,7 +119,7 @@ class Smooth:
         heat = np.concatenate([np.abs(r.flows[c.path]) for r, _ in runs])
         phi = np.concatenate([bare._features(c, r, thin) for r, thin in runs])
         outside = float(heat @ _variance_outside(phi) / max(heat.sum(), 1e-300))
-        return replace(bare, centre=heat @ phi / heat.sum(), outside=outside)
+        return replace(bare, centre=part * (heat @ phi) / heat.sum(), outside=outside)
 
     def _features(self, c: FlatConductor, course: ElementCourse, thinned: bool) -> Array:
         """Return the features along a run (times, r); those of another gas are zero."""
@@ -232,9 +239,13 @@ def thinned(network: Network, c: FlatConductor) -> bool:
 
 
 def departures_of(
-    networks: Sequence[Network], courses: Sequence[ElementCourse], points: Mapping[str, OperatingPoint], hidden: tuple[float, ...]
+    networks: Sequence[Network],
+    courses: Sequence[ElementCourse],
+    points: Mapping[str, OperatingPoint],
+    hidden: tuple[float, ...],
+    fitted: Collection[str] = (),
 ) -> Departures:
-    """Return what may depart of a model, by the runs of a fit and the networks that they run in."""
+    """Return what may depart of a model, by the runs of a fit of the values `fitted` and the networks that they run in."""
     network = networks[0]
     every: dict[str, FlatConductor] = {}
     for course in courses:
@@ -245,10 +256,13 @@ def departures_of(
     stored = {n: sum(r.stores[n][1] * float(np.ptp(r.kelvin[n])) for r in courses if n in r.stores) for r in courses for n in r.stores}
     nodes = tuple(sorted(stored, key=lambda n: -stored[n])[:NODES])
     columns = min(COLUMNS, ALL_COLUMNS // max(len(several), 1))
+    behind = network.flat.parameters.literal_behind
+    values = {p: {behind(f) for f in every[p].fields.values()} & {*fitted} for p in heat}
     smooth = {}
     for p, c in several.items():
+        part = heat[p] / (heat[p] + sum(h for q, h in heat.items() if q != p and values[p] & values[q]))
         runs = [(course, thinned(n, c)) for n, course in zip(networks, courses, strict=True)]
-        smooth[p] = Smooth.of_conductor(c, points[p], class_of(c, network), runs, columns)
+        smooth[p] = Smooth.of_conductor(c, points[p], class_of(c, network), runs, columns, part)
     return Departures(smooth, hidden, nodes, len(heat) - len(several) + len(stored) - len(nodes))
 
 

@@ -70,17 +70,13 @@ def test_constant_errors_that_the_fit_found_are_held(found: Calibration) -> None
     np.testing.assert_allclose(room, run("held", 3)["ROOM"].values - found["ROOM error"].value, rtol=1e-15)
 
 
-def test_no_constant_error_is_taken_off_beyond_twice_its_accuracy(found: Calibration) -> None:
+def test_an_instrument_of_another_accuracy_is_another_instrument(found: Calibration) -> None:
     held = run("held", 3)
-    narrow = held.with_channels(replace(held["T"], accuracy=0.2), replace(held["ROOM"], accuracy=0.001))
-    stated, cut = validate(found, held, WIDE), validate(found, narrow, WIDE)
+    narrow = held.with_channels(replace(held["T"], accuracy=0.01))
+    same, other = validate(found, held, WIDE), validate(found, narrow, WIDE)
     assert found.bias["T"] > 0.4
-    assert (stated.questions, cut.statistics["T"].bias) == ((), 0.4)
-    room = cut.prediction.experiments[0].scenario.boundaries["air"].values - held["ROOM"].values
-    np.testing.assert_allclose(room, -np.copysign(0.002, found["ROOM error"].value), rtol=1e-9)
-    (question,) = cut.questions
-    assert f"T (+0.4 of {found.bias['T']:+.3g} K)" in question
-    assert cut.statistics["T"].mean > stated.statistics["T"].mean + 0.1
+    assert abs(same.statistics["T"].mean) < 0.1
+    assert other.statistics["T"].mean > 0.2  # beside a room and a first reading that keep their errors
 
 
 def test_the_start_is_the_first_reading_less_the_held_error() -> None:
