@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from thermid.base.errors import ThermidError
-from thermid.base.expression import quantity
+from thermid.base.units import quantity
 from thermid.fit.calibration import calibrate
 from thermid.measure.records import Channel, Record
 from thermid.model.deck import load_model, model_from_dict

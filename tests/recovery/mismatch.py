@@ -11,7 +11,7 @@ import numpy as np
 
 from recovery.cases import ICE, STACK
 from thermid.base.errors import IdentificationError
-from thermid.base.expression import quantity
+from thermid.base.units import quantity
 from thermid.fit.calibration import calibrate
 from thermid.measure.records import Channel, Record
 from thermid.model.deck import load_model, model_from_dict

@@ -84,7 +84,7 @@ def by_grammar(kind: str, content: Any, where: Callable[[str], str]) -> Any:
     ----------
     kind : str          As in `grammar_of`.
     content : dict      The file as read.
-    where : callable    Key path -> its place, such as `toml_files.Places`.
+    where : callable    Key path -> its place, such as `files.Places`.
 
     Raises
     ------

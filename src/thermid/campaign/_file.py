@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Any
 
 from thermid.base.errors import DeckError, MissingDataError, RecordError, errors_at, nearest, refuse_unknown
 from thermid.base.extensions import by_grammar, extension
+from thermid.base.files import Places, read_toml, resolve_inside
 from thermid.base.memo import Memo
-from thermid.base.toml_files import Places, read_toml, resolve_inside
 from thermid.campaign._cache import file_name, log_kept
 from thermid.fit.calibration import LocalSpec
 from thermid.measure.readers import read_record

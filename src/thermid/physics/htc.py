@@ -11,11 +11,9 @@ from typing import Any
 
 import numpy as np
 
-from thermid.base.codes import CodedText
-from thermid.base.errors import ThermidError, ThermidWarning, refuse_unknown
-from thermid.base.expression import amount
+from thermid.base.errors import CodedText, ThermidError, ThermidWarning, refuse_unknown
 from thermid.base.results import Result
-from thermid.base.units import TEMPERATURE
+from thermid.base.units import TEMPERATURE, amount
 from thermid.physics._number import Number
 from thermid.physics.air import Gas, dry_air
 from thermid.physics.convection import effective_htc, effective_htc_error

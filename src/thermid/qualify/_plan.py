@@ -15,13 +15,12 @@ from typing import TYPE_CHECKING, Any
 
 from thermid.base.errors import DeckError, NameNotFoundError, ThermidError, errors_at, look_up, quoted, refuse_unknown
 from thermid.base.extensions import by_grammar, refuse_another_kind
-from thermid.base.files import FileKinds, read_bytes, write_text
+from thermid.base.files import FileKinds, Places, project_root, read_bytes, read_json, read_toml, resolve_inside, write_text
 from thermid.base.results import Result
-from thermid.base.toml_files import Places, project_root, read_json, read_toml, resolve_inside
 from thermid.base.units import TEMPERATURE, counted
 from thermid.campaign.stages import run_stages
 from thermid.campaign.verdicts import CRITERIA, POLICIES, Criteria, Limits, load_limits, read_limits
-from thermid.measure.steadiness import rule_of
+from thermid.measure.records import rule_of
 from thermid.model.deck import load_model
 from thermid.model.tree import literal
 from thermid.prediction.bands import Knowledge

@@ -15,10 +15,9 @@ import numpy as np
 
 from thermid.base.arguments import guard_methods
 from thermid.base.errors import ScenarioError
-from thermid.base.expression import amount
 from thermid.base.linear_algebra import Array
 from thermid.base.results import Shown
-from thermid.base.units import TEMPERATURE
+from thermid.base.units import TEMPERATURE, amount
 from thermid.model.tree import Constant, Facing, MeanOf, Mixed, Signal, TableSignal, degrees, literal, signal
 from thermid.physics.air import dew_point, dry_air, vapour_pressure
 from thermid.physics.constants import STEFAN_BOLTZMANN

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from thermid.base.errors import ScenarioError, errors_at
-from thermid.base.toml_files import resolve_inside
+from thermid.base.files import resolve_inside
 from thermid.base.units import TEMPERATURE
 from thermid.model.tree import Constant, literal
 from thermid.simulation.runs import Environment

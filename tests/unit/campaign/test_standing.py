@@ -20,8 +20,7 @@ from thermid.campaign._stages import Campaign, request_of, run_stages
 from thermid.fit._calibrate import rests_on
 from thermid.model.deck import load_model
 from thermid.model.tree import CREDIBLE, UNJUDGED, Standing, State, worst
-from thermid.values.fitted import FittedValue, FittedValues
-from thermid.values.store import model_standing
+from thermid.values.store import FittedValue, FittedValues, model_standing
 from unit.fit.planted import BOX_VALUES, CAMPAIGN, planted
 
 WHY = "T_BOX would need an error of +0."

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from thermid.base.expression import quantity
+from thermid.base.units import quantity
 from thermid.measure.records import Channel, Record
 from thermid.model.deck import model_from_dict
 from thermid.model.tree import Model, Signal

@@ -22,8 +22,7 @@ from thermid.model.deck import model_from_dict
 from thermid.model.tree import parameter
 from thermid.prediction.bands import predict
 from thermid.simulation.runs import Scenario
-from thermid.values.fitted import FittedValue, FittedValues
-from thermid.values.store import Normal, Source, State, Store, ValueOrigin
+from thermid.values.store import FittedValue, FittedValues, Normal, Source, State, Store, ValueOrigin
 from unit.fit.bench import AREA, HTC, MASS, PAIR, box, log, metered, pair
 
 

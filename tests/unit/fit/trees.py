@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from thermid.base.expression import quantity
+from thermid.base.units import quantity
 from thermid.measure.records import Channel, Record
 from thermid.model.deck import load_model
 from thermid.model.tree import Model

@@ -23,14 +23,12 @@ from thermid.fit._error_model.kept import ErrorModel, KeptWay, SeenValue
 from thermid.fit._error_model.own_values import Beside
 from thermid.fit._error_model.runs import Departures, Smooth, UnknownColumn
 from thermid.fit.calibration import KeptFit, calibrate
-from thermid.fit.discrepancy import Discrepancy, OperatingPoint, OwnValue
-from thermid.measure.records import Channel, Record
-from thermid.measure.sensors import SensorCertificate
+from thermid.fit.error_model import Discrepancy, OperatingPoint, OwnValue
+from thermid.measure.records import Channel, Record, SensorCertificate
 from thermid.model.deck import load_model, model_from_dict, save_model
 from thermid.model.tree import KINDS, Dropped, Model, Standing
 from thermid.prediction._known import known_of
 from thermid.simulation.runs import Scenario, simulate
-from thermid.values.fitted import load_store, load_values, save_store
 from thermid.values.store import (
     DISTRIBUTIONS,
     Cut,
@@ -44,6 +42,9 @@ from thermid.values.store import (
     State,
     Store,
     ValueOrigin,
+    load_store,
+    load_values,
+    save_store,
 )
 from thermid.values.value_files import filed, hand_values
 from unit.model.every_kind import firsts

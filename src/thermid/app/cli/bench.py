@@ -18,17 +18,14 @@ from rich.live import Live
 from rich.table import Table
 
 from thermid.base.errors import RecordError, spoken
-from thermid.base.expression import amount, positive_seconds
 from thermid.base.extensions import require
-from thermid.base.units import ICE_POINT, TEMPERATURE, duration_text
+from thermid.base.units import ICE_POINT, TEMPERATURE, amount, duration_text, positive_seconds
 from thermid.bench.bench_files import load_programme, load_sensors
 from thermid.bench.board import BoardPort, simulated
 from thermid.bench.guide import ice_point as guided_ice_point, name_sensors
 from thermid.bench.logger import Logger, Settings
 from thermid.bench.port import check_port, find_port
-from thermid.measure.records import Channel, Record
-from thermid.measure.sensors import ICE
-from thermid.measure.steadiness import MIN_JUDGED_WINDOW, StabilityRule, channel_stability, rule_of
+from thermid.measure.records import ICE, MIN_JUDGED_WINDOW, Channel, Record, StabilityRule, channel_stability, rule_of
 from thermid.qualify.steadiness import MIN_FORECAST_READINGS, Forecast, forecast
 
 _SHARE = 0.1

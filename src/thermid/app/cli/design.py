@@ -25,8 +25,8 @@ from thermid.app.cli.options import (
     with_unit,
 )
 from thermid.base.errors import ThermidError, ThermidWarning
-from thermid.base.expression import Kelvin
 from thermid.base.files import FileKinds, check_ending, write_text
+from thermid.base.units import Kelvin
 from thermid.campaign.verdicts import Limits, compare_models, size, worst_case
 from thermid.model.deck import load_model
 from thermid.model.tree import UNJUDGED

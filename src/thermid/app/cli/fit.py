@@ -42,8 +42,7 @@ from thermid.app.cli.options import (
 from thermid.app.cli.screen import Progress, show, working
 from thermid.app.cli.summary import campaign_progress, check_target, named_page, show_campaign, staged
 from thermid.base.errors import ScenarioError, SolverError, ThermidError
-from thermid.base.files import FileKinds, may_write, read_bytes
-from thermid.base.toml_files import kind_of_text
+from thermid.base.files import FileKinds, kind_of_text, may_write, read_bytes
 from thermid.campaign import studies as origins
 from thermid.campaign.stages import (
     Campaign,

@@ -14,7 +14,7 @@ from thermid.app.cli.screen import searching, show, working
 from thermid.app.cli.summary import show_campaign, staged
 from thermid.app.examples import EXAMPLES, PUBLIC, copies, copy_example, example_named
 from thermid.base.errors import IdentificationError, NameNotFoundError, ScenarioError, nearest, refuse_unknown
-from thermid.base.expression import amount
+from thermid.base.units import amount
 from thermid.campaign import start as improved
 from thermid.campaign.start import (
     ACCURACY,

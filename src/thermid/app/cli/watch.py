@@ -28,15 +28,12 @@ from thermid.app.cli.options import (
     with_unit,
 )
 from thermid.app.cli.summary import staged
-from thermid.base.codes import add_codes
-from thermid.base.errors import RecordError, refuse_unknown
-from thermid.base.expression import amount
+from thermid.base.errors import RecordError, add_codes, refuse_unknown
 from thermid.base.results import clean
-from thermid.base.units import ICE_POINT, TEMPERATURE, duration_text
+from thermid.base.units import ICE_POINT, TEMPERATURE, amount, duration_text
 from thermid.campaign.stages import RunningTest, running_test
 from thermid.measure.readers import read_record, temperature_columns
-from thermid.measure.records import Record
-from thermid.measure.steadiness import rule_of
+from thermid.measure.records import Record, rule_of
 from thermid.model.deck import load_model
 from thermid.model.tree import UNJUDGED, Standing, literal
 from thermid.qualify.steadiness import Forecast, forecast, stability

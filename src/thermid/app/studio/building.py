@@ -29,10 +29,8 @@ from thermid.app.studio.shapes import (
 )
 from thermid.app.studio.work import Jobs, JobState
 from thermid.base.errors import DeckError, MissingDataError, NameNotFoundError, ThermidError, quoted, refuse_unknown
-from thermid.base.expression import with_unit
-from thermid.base.files import FileKinds, read_bytes, write_bytes
-from thermid.base.toml_files import read_toml, resolve_inside
-from thermid.base.units import from_si, short
+from thermid.base.files import FileKinds, read_bytes, read_toml, resolve_inside, write_bytes
+from thermid.base.units import from_si, short, with_unit
 from thermid.campaign.stages import request_of
 from thermid.campaign.start import ACCURACY, VERDICT_NOISES, VERDICT_SHARE_OF_RANGE, word
 from thermid.campaign.verdicts import Criteria

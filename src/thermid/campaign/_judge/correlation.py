@@ -12,15 +12,12 @@ from typing import Any
 import numpy as np
 
 from thermid.base.errors import IdentificationError, NameNotFoundError, RecordError, look_up, nearest, quoted, refuse_unknown
-from thermid.base.expression import amount
 from thermid.base.linear_algebra import Array, Bools
-from thermid.base.results import Result, Row
-from thermid.base.sourced import VERDICTS, weigh
-from thermid.base.units import ICE_POINT
+from thermid.base.results import VERDICTS, Result, Row, weigh
+from thermid.base.units import ICE_POINT, amount
 from thermid.campaign._judge.verdict import CRITERIA, Check, Criteria, Deviation, Residuals, judge, rmse
 from thermid.fit.calibration import Calibration
-from thermid.measure.records import Record, gap_from, usual_step
-from thermid.measure.steadiness import RULES
+from thermid.measure.records import RULES, Record, gap_from, usual_step
 from thermid.model.tree import UNJUDGED, Model, Standing
 from thermid.simulation.runs import Scenario, simulate
 from thermid.values.store import model_standing

@@ -13,16 +13,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thermid.base.errors import NameNotFoundError, RecordError, ThermidError, refuse_unknown
-from thermid.base.expression import Kelvin, Stamp
 from thermid.base.linear_algebra import Array
 from thermid.base.memo import Memo
-from thermid.measure.records import Channel, Record, SecondClock
-from thermid.measure.sensors import SensorPart
+from thermid.base.units import Kelvin, Stamp
+from thermid.measure.records import Channel, Record, SecondClock, SensorPart
 from thermid.model.deck import model_from_dict
 from thermid.model.tree import Constant, Model, Names, Signal, Submodel, TableSignal
-from thermid.simulation.runs import Network, Scenario, compile_network
-from thermid.simulation.solver import Engine, Wiring
-from thermid.values.fitted import FittedValue
+from thermid.simulation.runs import Engine, Network, Scenario, Wiring, compile_network
+from thermid.values.store import FittedValue
 
 DRIVEN = ("loads", "commands", "gains", "schedule")
 """Tables of a scenario that channels lie over, beside its boundaries."""

@@ -29,7 +29,7 @@ from thermid.physics.materials import materials
 from thermid.physics.plates import body_htc, conduction_floor
 from thermid.physics.radiation import linearised_htc
 from thermid.simulation.runs import Network, simulate
-from thermid.values.fitted import FittedValue
+from thermid.values.store import FittedValue
 
 CONTACTS = "Incropera, 6th ed., Tables 3.1 and 3.2; Yovanovich, IEEE Trans. CPT 28 (2005) 182"
 

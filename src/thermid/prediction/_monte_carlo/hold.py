@@ -13,9 +13,9 @@ import numpy as np
 
 from thermid.base.errors import ScenarioError
 from thermid.base.extensions import by_grammar
+from thermid.base.files import Places, read_toml, resolve_inside
 from thermid.base.linear_algebra import Array
 from thermid.base.results import PlottedTrace, Result, Shown
-from thermid.base.toml_files import Places, read_toml, resolve_inside
 from thermid.base.units import ICE_POINT
 from thermid.fit.error_model import BandCause
 from thermid.model.deck import load_model
@@ -27,8 +27,7 @@ from thermid.prediction._monte_carlo.uncertain import SIDES, UncertainRuns, limi
 from thermid.prediction._reduction.macro import macro_model
 from thermid.simulation.runs import JobFolder, Workers
 from thermid.simulation.scenario_files import Scenario, load_scenario
-from thermid.values.fitted import FittedValues
-from thermid.values.store import LeftOut
+from thermid.values.store import FittedValues, LeftOut
 from thermid.values.value_files import filed
 
 SAMPLING_PROBABILITY = 0.95

@@ -105,7 +105,7 @@ def test_a_model_goes_to_c(call: Call, accelerometer: Path, tmp_path: Path) -> N
 
 
 def test_a_fitted_model_and_a_vacuum_go_out(call: Call, accelerometer: Path, tmp_path: Path) -> None:
-    from thermid.values.fitted import FittedValue, FittedValues
+    from thermid.values.store import FittedValue, FittedValues
 
     value = FittedValue("area", 0.005, 1e-5, 1e-5, True, "m^2", 0.0042, (0.003, 0.006))
     FittedValues("s", {"area": value}, np.array([[1e-6]])).save(tmp_path / "v.toml")

@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 
 import thermid as td
-from thermid.measure.records import Channel, Record
-from thermid.measure.steadiness import rule_of
+from thermid.measure.records import Channel, Record, rule_of
 from thermid.model.deck import model_from_dict
 from thermid.model.tree import TableSignal
 from thermid.qualify._watch import growing
