@@ -22,8 +22,7 @@ from thermid.measure.looks import look as look
 from thermid.measure.readers import read_record as read_record
 from thermid.measure.records import Channel as Channel, Record as Record
 from thermid.model.blocks import Block as Block
-from thermid.model.deck import load_model as load_model, model_from_dict as model_from_dict, save_model as save_model
-from thermid.model.tree import Model as Model
+from thermid.model.tree import Model as Model, load_model as load_model, model_from_dict as model_from_dict, save_model as save_model
 from thermid.prediction.bands import Prediction as Prediction, predict as predict
 from thermid.reporting.pages import report as report
 from thermid.simulation.runs import (
@@ -31,11 +30,11 @@ from thermid.simulation.runs import (
     Scenario as Scenario,
     Solution as Solution,
     ensemble as ensemble,
+    load_scenario as load_scenario,
     prepare as prepare,
     simulate as simulate,
     steady as steady,
 )
-from thermid.simulation.scenario_files import load_scenario as load_scenario
 from thermid.values.store import load_values as load_values
 
 __version__: str

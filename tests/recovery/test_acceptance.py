@@ -11,8 +11,7 @@ from recovery.cases import ICE, STACK
 from thermid.base.units import quantity
 from thermid.fit.calibration import Calibration, Request, calibrate, fit
 from thermid.measure.records import Channel, Record
-from thermid.model.deck import load_model, model_from_dict
-from thermid.model.tree import Model, ParameterSet
+from thermid.model.tree import Model, ParameterSet, load_model, model_from_dict
 from thermid.simulation.runs import Scenario, Solution, simulate
 from thermid.values.store import FittedValues
 

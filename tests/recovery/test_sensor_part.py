@@ -14,8 +14,7 @@ from thermid.fit._minimisation import ended
 from thermid.fit.calibration import Calibration, attached, calibrate, covariances
 from thermid.measure._record.channel import with_sensor
 from thermid.measure.records import Channel, Record, SensorCertificate, SensorPart
-from thermid.model.deck import model_from_dict
-from thermid.model.tree import Model
+from thermid.model.tree import Model, model_from_dict
 from thermid.simulation.runs import Scenario, simulate
 
 pytestmark = pytest.mark.recovery

@@ -11,8 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from thermid.base.errors import MissingDataError, RecordError
-from thermid.base.extensions import by_grammar
-from thermid.base.files import FileKinds, Places, command, read_toml, write_text
+from thermid.base.files import FileKinds, Places, by_grammar, command, read_toml, write_text
 from thermid.base.units import amount
 from thermid.bench._wire import rom_is_good
 from thermid.measure.records import ICE, SensorCertificate

@@ -20,7 +20,6 @@ from thermid.campaign._joint import Level, places_of
 from thermid.campaign._stages import Campaign, Notice, progress_of, request_of
 from thermid.fit.calibration import MOVED, Calibration, Request, as_found, fit, moved_instruments
 from thermid.fit.error_model import ERRORS_KEY, errors_after, errors_without
-from thermid.model.deck import load_model
 from thermid.model.tree import (
     Constant,
     Model,
@@ -33,6 +32,7 @@ from thermid.model.tree import (
     exact,
     inside,
     instances,
+    load_model,
     parameter,
     short_text,
     touching,

@@ -46,8 +46,7 @@ from thermid.inference.intervals import Identifiability, identifiability, identi
 from thermid.measure.records import Record, open_questions, stray_readings
 from thermid.model.tree import Finding, Model
 from thermid.prediction.bands import predict
-from thermid.simulation.runs import Environment, Scenario, Workers, compile_network
-from thermid.simulation.scenario_files import load_scenario
+from thermid.simulation.runs import Environment, Scenario, Workers, compile_network, load_scenario
 from thermid.values.store import Normal, Source, State, Store, ValueOrigin
 
 if TYPE_CHECKING:

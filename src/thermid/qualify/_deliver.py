@@ -14,11 +14,9 @@ import numpy as np
 
 from thermid.base.errors import DeckError
 from thermid.base.files import FileKinds, folder_replacing, read_bytes, read_json, write_bytes, write_text
-from thermid.model.deck import load_model, save_model
-from thermid.model.tree import Model
+from thermid.model.tree import Model, load_model, save_model
 from thermid.prediction.reduction import Reduction, assumed, reduce
-from thermid.simulation.runs import Solution, digest, network_for, simulate
-from thermid.simulation.scenario_files import Scenario, load_scenario
+from thermid.simulation.runs import Scenario, Solution, digest, load_scenario, network_for, simulate
 from thermid.values.store import FittedValues
 
 MAX_DIFFERENCE = 1e-6

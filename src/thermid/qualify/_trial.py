@@ -41,8 +41,7 @@ from thermid.qualify._profile_runs.conduct import run_profile
 from thermid.qualify._profile_runs.profile_run import ProfileRun, verdict_remarks
 from thermid.qualify._profiles.profile import ThermalProfile, profile_from
 from thermid.qualify._steadiness.stabilisation import Stability, stability
-from thermid.simulation.runs import Solution
-from thermid.simulation.scenario_files import Scenario, load_scenario
+from thermid.simulation.runs import Scenario, Solution, load_scenario
 
 if TYPE_CHECKING:
     from thermid.qualify._plan_schema import TestTable, ValidityTable

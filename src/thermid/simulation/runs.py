@@ -25,6 +25,11 @@ from thermid.simulation._network.rows import (
 )
 from thermid.simulation._network.streams import signal_of as signal_of
 from thermid.simulation._scenarios.scenario import STEADY as STEADY, Scenario as Scenario, Start as Start
+from thermid.simulation._scenarios.scenario_file import (
+    LogColumns as LogColumns,
+    environments_of as environments_of,
+    load_scenario as load_scenario,
+)
 from thermid.simulation._simulator import (
     Simulator as Simulator,
     draw as draw,

@@ -13,8 +13,7 @@ from typing import Any
 import numpy as np
 
 from thermid.base.errors import DeckError
-from thermid.base.extensions import by_grammar
-from thermid.base.files import FileKinds, Places, parse_toml, read_text, toml_key, toml_value, write_text
+from thermid.base.files import FileKinds, Places, by_grammar, parse_toml, read_text, toml_key, toml_value, write_text
 from thermid.base.linear_algebra import Array, square_root
 from thermid.base.results import Named, Row
 from thermid.base.units import counted, from_si, unit

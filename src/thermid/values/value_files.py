@@ -13,8 +13,7 @@ from typing import Any
 import numpy as np
 
 from thermid.base.errors import DeckError, errors_at
-from thermid.base.extensions import refuse_another_kind
-from thermid.base.files import Places
+from thermid.base.files import Places, refuse_another_kind
 from thermid.base.units import TEMPERATURE
 from thermid.model.tree import Model, ParameterSet, literal
 from thermid.values._fitted import FittedValues, load_store, read_values, values_of

@@ -8,7 +8,7 @@ import pytest
 
 from thermid.campaign._stages import Campaign, run_stages
 from thermid.fit.power import PowerCourse
-from thermid.model.deck import load_model
+from thermid.model.tree import load_model
 from thermid.prediction._known import known_of
 from thermid.prediction.bands import predict
 from thermid.simulation.runs import Scenario

@@ -18,8 +18,7 @@ from thermid.base.errors import DeckError
 from thermid.campaign._file import read_campaign
 from thermid.campaign._stages import Campaign, request_of, run_stages
 from thermid.fit._calibrate import rests_on
-from thermid.model.deck import load_model
-from thermid.model.tree import CREDIBLE, UNJUDGED, Standing, State, worst
+from thermid.model.tree import CREDIBLE, UNJUDGED, Standing, State, load_model, worst
 from thermid.values.store import FittedValue, FittedValues, model_standing
 from unit.fit.planted import BOX_VALUES, CAMPAIGN, planted
 

@@ -14,8 +14,7 @@ from thermid.fit._calibrate import calibrate
 from thermid.fit._calibration import Calibration
 from thermid.fit._error_model.discrepancy import Discrepancy, discrepancy, operating_points
 from thermid.measure.records import Channel, Record
-from thermid.model.deck import model_from_dict
-from thermid.model.tree import Model
+from thermid.model.tree import Model, model_from_dict
 from thermid.prediction._known import values_at
 from thermid.prediction.bands import predict
 from thermid.simulation.runs import Scenario, simulate

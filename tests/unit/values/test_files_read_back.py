@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 from pydantic import BaseModel
 
-from thermid.base.extensions import grammar_of
+from thermid.base.files import grammar_of
 from thermid.bench.bench_files import MappedSensor, load_sensors, save_sensor
 from thermid.campaign._judge.verdict import _read, look
 from thermid.campaign.stages import recall, remember
@@ -25,8 +25,7 @@ from thermid.fit._error_model.runs import Departures, Smooth, UnknownColumn
 from thermid.fit.calibration import KeptFit, calibrate
 from thermid.fit.error_model import Discrepancy, OperatingPoint, OwnValue
 from thermid.measure.records import Channel, Record, SensorCertificate
-from thermid.model.deck import load_model, model_from_dict, save_model
-from thermid.model.tree import KINDS, Dropped, Model, Standing
+from thermid.model.tree import KINDS, Dropped, Model, Standing, load_model, model_from_dict, save_model
 from thermid.prediction._known import known_of
 from thermid.simulation.runs import Scenario, simulate
 from thermid.values.store import (

@@ -28,11 +28,10 @@ from thermid.base.errors import ThermidError, ThermidWarning
 from thermid.base.files import FileKinds, check_ending, write_text
 from thermid.base.units import Kelvin
 from thermid.campaign.verdicts import Limits, compare_models, size, worst_case
-from thermid.model.deck import load_model
-from thermid.model.tree import UNJUDGED
+from thermid.model.tree import UNJUDGED, load_model
 from thermid.physics.htc import compare_htc
 from thermid.reporting.diagrams import network_map
-from thermid.simulation.scenario_files import load_scenario
+from thermid.simulation.runs import load_scenario
 
 
 def compare_versions(

@@ -60,8 +60,7 @@ from thermid.campaign.verdicts import CampaignPrediction
 from thermid.fit.calibration import Calibration
 from thermid.fit.error_model import SIZES
 from thermid.fit.estimation import estimated
-from thermid.model.deck import load_model, save_model
-from thermid.model.tree import UNJUDGED, literal, worst
+from thermid.model.tree import UNJUDGED, literal, load_model, save_model, worst
 from thermid.prediction import bands as prediction
 from thermid.prediction.bands import Knowledge, predict_record
 from thermid.prediction.members import load_hold
@@ -69,8 +68,7 @@ from thermid.reporting import pages as page
 from thermid.reporting.objects import calibration_object, campaign_object, campaign_standing, retune_object
 from thermid.reporting.pages import check_audience, tables_folder
 from thermid.reporting.pictures import picture
-from thermid.simulation.runs import KeptTasks, Workers
-from thermid.simulation.scenario_files import load_scenario
+from thermid.simulation.runs import KeptTasks, Workers, load_scenario
 
 Kept = Annotated[Path | None, typer.Option("--to", help="Folder for the values files; 'results' beside the campaign by default.")]
 Fresh = Annotated[bool, typer.Option("--fresh", help="Run every stage, also those whose model, logs and request are unchanged.")]

@@ -34,12 +34,10 @@ from thermid.base.units import ICE_POINT, TEMPERATURE, amount, duration_text
 from thermid.campaign.stages import RunningTest, running_test
 from thermid.measure.readers import read_record, temperature_columns
 from thermid.measure.records import Record, rule_of
-from thermid.model.deck import load_model
-from thermid.model.tree import UNJUDGED, Standing, literal
+from thermid.model.tree import UNJUDGED, Standing, literal, load_model
 from thermid.qualify.steadiness import Forecast, forecast, stability
 from thermid.qualify.watch import BoundColumns, GrowingLog, TemperatureLimit, Watcher, WatchLook, WatchRequest, replayed
-from thermid.simulation.runs import Scenario, simulate
-from thermid.simulation.scenario_files import load_scenario
+from thermid.simulation.runs import Scenario, load_scenario, simulate
 from thermid.values.store import model_standing
 
 READ_KEYS: Final = ("time", "separator", "decimal", "clock")

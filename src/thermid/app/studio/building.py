@@ -38,8 +38,7 @@ from thermid.fit.calibration import Calibration, Request, build_problem, fit
 from thermid.measure.looks import clocks_of, look, offset_range, stated_offset
 from thermid.measure.readers import name_and_unit, read_record
 from thermid.measure.records import Record
-from thermid.model.deck import Edit
-from thermid.model.tree import Model, literal
+from thermid.model.tree import Edit, Model, literal
 from thermid.reporting.diagrams import card_places
 from thermid.reporting.objects import fit_object
 from thermid.simulation.runs import Scenario, compile_network

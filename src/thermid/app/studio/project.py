@@ -30,11 +30,9 @@ from thermid.campaign.stages import (
 from thermid.campaign.studies import RetunePlan, plan_retune
 from thermid.campaign.verdicts import Verdict
 from thermid.fit.calibration import Calibration, Request, build_problem, fit, fit_problem
-from thermid.model.deck import DeckDocument, load_model
-from thermid.model.tree import Model, ParameterSet
+from thermid.model.tree import DeckDocument, Model, ParameterSet, load_model
 from thermid.reporting.pages import Table, levels
-from thermid.simulation.runs import compile_network
-from thermid.simulation.scenario_files import Scenario, load_scenario
+from thermid.simulation.runs import Scenario, compile_network, load_scenario
 from thermid.values.store import Store, load_store, save_store
 
 Told = Callable[[int, float], None]

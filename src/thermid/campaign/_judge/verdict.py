@@ -19,8 +19,7 @@ import numpy as np
 
 from thermid.base.arguments import takes_objects
 from thermid.base.errors import IdentificationError, ScenarioError, nearest, refuse_unknown
-from thermid.base.extensions import by_grammar
-from thermid.base.files import FileKinds, Places, read_json, write_text
+from thermid.base.files import FileKinds, Places, by_grammar, read_json, write_text
 from thermid.base.linear_algebra import Array
 from thermid.base.results import VERDICTS, PlottedTrace, Result, Row, check_mark, weigh
 from thermid.base.units import ICE_POINT, amount, counted, short

@@ -31,8 +31,7 @@ from thermid.inference.criticism import (
 )
 from thermid.inference.diagnosis import SPECIFIC_HEAT, RangeCheck
 from thermid.measure.records import Record
-from thermid.model.deck import model_from_dict
-from thermid.model.tree import Model, ParameterSet, literal, parameter
+from thermid.model.tree import Model, ParameterSet, literal, model_from_dict, parameter
 from thermid.physics.materials import materials as all_materials
 from thermid.simulation.runs import Scenario
 

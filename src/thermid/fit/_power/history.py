@@ -21,8 +21,7 @@ from thermid.fit._problem.request import Request, priors_of
 from thermid.fit._problem.residuals import Influence, Problem, SensorTrace, Unknown
 from thermid.fit._uncertainty.noise import MIN_LIKELIHOOD_GAIN, Binned, TraceNoise, answers_to_inputs, binned, covariance_of_means
 from thermid.measure.records import Record
-from thermid.model.deck import model_from_dict
-from thermid.model.tree import Constant, HeatLoad, Model, TableSignal, literal
+from thermid.model.tree import Constant, HeatLoad, Model, TableSignal, literal, model_from_dict
 from thermid.simulation.runs import Scenario, compile_network, simulate
 from thermid.values.store import deviation
 

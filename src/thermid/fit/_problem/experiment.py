@@ -17,8 +17,7 @@ from thermid.base.linear_algebra import Array
 from thermid.base.memo import Memo
 from thermid.base.units import Kelvin, Stamp
 from thermid.measure.records import Channel, Record, SecondClock, SensorPart
-from thermid.model.deck import model_from_dict
-from thermid.model.tree import Constant, Model, Names, Signal, Submodel, TableSignal
+from thermid.model.tree import Constant, Model, Names, Signal, Submodel, TableSignal, model_from_dict
 from thermid.simulation.runs import Engine, Network, Scenario, Wiring, compile_network
 from thermid.values.store import FittedValue
 

@@ -14,13 +14,15 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from thermid.base.errors import DeckError, ThermidError, cap, errors_at, nearest, raising
-from thermid.base.extensions import by_grammar, grammar_of, refuse_another_kind
 from thermid.base.files import (
     FileKinds,
     Places,
+    by_grammar,
+    grammar_of,
     may_write,
     read_text,
     read_toml,
+    refuse_another_kind,
     resolve_inside,
     toml_key,
     toml_value,

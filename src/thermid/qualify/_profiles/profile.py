@@ -14,8 +14,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from thermid.base.errors import ScenarioError, ThermidError, cap, errors_at, look_up, nearest, raising, refuse_unknown
-from thermid.base.extensions import by_grammar, grammar_of, refuse_another_kind
-from thermid.base.files import FileKinds, Places, read_toml, toml_value, write_text
+from thermid.base.files import FileKinds, Places, by_grammar, grammar_of, read_toml, refuse_another_kind, toml_value, write_text
 from thermid.base.results import Result, check_mark, weakest
 from thermid.base.units import ICE_POINT, TEMPERATURE, Kelvin, Quantity, amount, si_value
 from thermid.measure.records import rule_of

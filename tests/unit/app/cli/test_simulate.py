@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from thermid.model.deck import load_model
+from thermid.model.tree import load_model
 from thermid.simulation.runs import Scenario, simulate
 from unit.app.cli.conftest import Call
 
