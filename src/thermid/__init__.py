@@ -97,8 +97,6 @@ _NAMESPACES = {
         "Diagnosis": "inference.diagnosis",
         "discrepancy": "fit.error_model",
         "Discrepancy": "fit.error_model",
-        "difference": "campaign.verdicts",
-        "Difference": "campaign.verdicts",
         "compare_models": "campaign.verdicts",
         "Changes": "campaign.verdicts",
         "predict_record": "prediction.bands",

@@ -21,7 +21,7 @@ def house(**texts: str) -> dict[str, Module]:
     ("name", "inner", "below"),
     [
         ("thermid.model", False, False),
-        ("thermid.model.tree", False, True),
+        ("thermid.model.deck", False, True),
         ("thermid.model._laws.law", True, True),
         ("thermid.model._parts._kinds", True, True),
         ("thermid._kernel", False, False),
@@ -39,8 +39,8 @@ THREE = house(
     model="",
     model__deck="from thermid.base import units\nx = units.si() + units.other",
     model___laws__law="from thermid.base.units import si",
-    fit="NAME = 'thermid.model.tree.Deck'",
-    fit__fit="if TYPE_CHECKING:\n    from ..model._laws.law import Law\ndef f():\n    import thermid.model.tree as d\n    d.load()",
+    fit="NAME = 'thermid.model.deck.Deck'",
+    fit__fit="if TYPE_CHECKING:\n    from ..model._laws.law import Law\ndef f():\n    import thermid.model.deck as d\n    d.load()",
 )
 
 
@@ -48,11 +48,11 @@ class TestDoors:
     def test_arrows_are_pairs_of_files(self) -> None:
         arrows = doors.arrows_between_files(THREE)
         assert {(a.source, a.target) for a in arrows} == {
-            ("thermid.model.tree", "thermid.base.units"),
+            ("thermid.model.deck", "thermid.base.units"),
             ("thermid.model._laws.law", "thermid.base.units"),
-            ("thermid.fit", "thermid.model.tree"),
+            ("thermid.fit", "thermid.model.deck"),
             ("thermid.fit.fit", "thermid.model._laws.law"),
-            ("thermid.fit.fit", "thermid.model.tree"),
+            ("thermid.fit.fit", "thermid.model.deck"),
         }
 
     def test_map(self) -> None:

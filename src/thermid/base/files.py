@@ -118,7 +118,7 @@ class FileKinds:
     SCENARIO: Final = FileKind("scenario", endings=(".toml",))
     PROFILE: Final = FileKind("profile", endings=(".toml",))
     STUDY: Final = FileKind("study", endings=(".toml",))
-    CREDIBILITY: Final = FileKind("credibility record", endings=(".json", ".toml"))
+    CREDIBILITY: Final = FileKind("credibility record", endings=(".json",))
     PAGE: Final = FileKind("page", endings=(".html", ".htm"))
     PAPER: Final = FileKind("printed page", endings=(".pdf",), named=True)
     PICTURE: Final = FileKind("picture", endings=(".png", ".svg", ".pdf"), named=True)

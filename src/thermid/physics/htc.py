@@ -112,7 +112,7 @@ class HtcComparison(Result):
         return self.correlations[-1].htc
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the object of ``thermid htc --json``."""
+        """Return it as JSON holds it."""
         settling = self.settling
         return {
             "effective": self.effective,

@@ -17,13 +17,8 @@ LEAD = "this is not a values file of thermid, or it was changed by hand. Run the
 Pair = Annotated[list[Real], Field(min_length=2, max_length=2)]
 
 
-def _known_unit(text: str) -> str:
-    """Return the text of a unit as it is written; one that nobody knows raises `UnitError`."""
-    unit(text)
-    return text
-
-
-UnitText = Annotated[str, reads(str, _known_unit)]
+UnitText = Annotated[str, reads(str, lambda text: unit(text) and text)]
+"""The text of a unit as it is written; one that nobody knows raises `UnitError`."""
 
 
 def _law(table: Any) -> Distribution:

@@ -241,7 +241,6 @@ def estimate(
 def fleet(
     campaign: CampaignPath,
     scenario: ScenarioPath = None,
-    members: Annotated[int, typer.Option("--members", help="Units that are drawn for the bands of --scenario.", min=2)] = 1000,
     data: Data = None,
     results: Results = None,
     executor: Workers = None,
@@ -259,10 +258,10 @@ def fleet(
         population = fleet_in(campaign, data=data, cache=results or campaign.parent / "results", notice=progress, executor=executor)
     answer, lines = population.to_dict(), [str(population)]
     if conditions is not None:
-        runs = population.predict(conditions, members, executor=KeptTasks.of_workers(executor).workers)  # traces, which no folder keeps
+        runs = population.predict(conditions, executor=KeptTasks.of_workers(executor).workers)  # traces, which no folder keeps
         bands = {n: np.quantile(runs.highest(n), (0.5, 0.025, 0.975)).tolist() for n in runs.nodes}
         answer |= {"highest_degC": {n: dict(zip(("median", "low", "high"), b, strict=True)) for n, b in bands.items()}}
-        lines.append(f"Highest temperatures of a unit not built yet, {conditions.title}, 95 % of {members} drawn units:")
+        lines.append(f"Highest temperatures of a unit not built yet, {conditions.title}, 95 % of 1,000 drawn units:")
         lines += [f"  {n}  {b[0]:.1f} ({b[1]:.1f} .. {b[2]:.1f}) degC" for n, b in bands.items()]
     say(as_json, answer, "\n".join(lines), verbose)
     raise SystemExit(1 if population.odd else population.standing.exit_code)
@@ -273,7 +272,7 @@ def credibility(
     campaign: CampaignPath,
     data: Data = None,
     results: Results = None,
-    to: Annotated[Path | None, typer.Option("--to", help="The file to write, JSON or TOML; standard output without it.")] = None,
+    to: Annotated[Path | None, typer.Option("--to", help="The JSON file to write; standard output without it.")] = None,
     executor: Workers = None,
     force: Force = False,
     verbose: Whole = False,
@@ -281,7 +280,7 @@ def credibility(
 ) -> None:
     """List source, state, tests, date and range of every value.
 
-    Level and origin of every value are listed too, and the sizes of model error; --to writes the values as JSON or TOML.
+    Level and origin of every value are listed too, and the sizes of model error; --to writes the values as JSON.
     """
     writable((to, FileKinds.CREDIBILITY))
     record = origins.credibility(staged(campaign, data, results, executor=executor))

@@ -115,7 +115,7 @@ OUTPUTS = {
     "predict --job": ["predict", "campaign.toml", "--scenario", "pair_warm.toml", "--job"],
     "credibility --job": ["credibility", "campaign.toml", "--job"],
     "plausibility --job": ["plausibility", "campaign.toml", "--job"],
-    "fleet --job": ["fleet", "fleet.toml", "--scenario", "warm.toml", "--members", "4", "--job"],
+    "fleet --job": ["fleet", "fleet.toml", "--scenario", "warm.toml", "--job"],
     "report --results": ["report", "campaign.toml", "--to", "new.html", "--results"],
 }
 READ = frozenset(
