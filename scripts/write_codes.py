@@ -1,4 +1,4 @@
-"""Write docs/codes.md: every code of an error, warning or remark with its cause and cure, of the table in thermid.base.codes.
+"""Write docs/codes.md: every code of an error, warning or remark with its cause and cure, of the table in thermid.base.errors.
 
 Run it as ``.venv/bin/python scripts/write_codes.py``; tests/architecture/test_codes.py fails when the page is not current.
 """
@@ -7,14 +7,14 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from thermid.base.codes.table import CODES, SUBJECTS
+from thermid.base.code_table import CODES, SUBJECTS
 
 PAGE = Path(__file__).parent.parent / "docs/codes.md"
 HEAD = """# Codes of messages
 
 Errors, warnings and remarks have a code by their cause, so that a script need not read sentences: a sentence may change, its code stays.
 `-v` prints it in brackets behind the text. Under `--json` an error and a finding of `check` have it as `code`, and `codes` lists the
-remarks of an answer. In Python it is `error.code` and `warning.code`, of a remark `code_of(text)` of `thermid.base.codes`. A message
+remarks of an answer. In Python it is `error.code` and `warning.code`, of a remark `code_of(text)` of `thermid.base.errors`. A message
 that has no code yet has an empty one.
 """
 

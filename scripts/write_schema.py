@@ -8,7 +8,7 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
-from thermid.base.extensions import file_kinds, json_schema
+from thermid.base.files import file_kinds, json_schema
 
 FOLDER = Path(__file__).parent.parent / "docs/schema"
 

@@ -8,14 +8,14 @@ from contextlib import contextmanager
 
 import pytest
 
-from thermid.base.codes.table import CODES
+from thermid.base.code_table import CODES
 from thermid.base.errors import ThermidError, ThermidWarning
 
 
 @contextmanager
 def raises_code(code: str, kind: type[ThermidError] = ThermidError, match: str = "") -> Iterator[pytest.ExceptionInfo[ThermidError]]:
     """Expect an error of this code and kind; `match` is for what the text must hold beside it: a number, a name, a place."""
-    assert code in CODES, f"thermid.base.codes.table has no '{code}'"
+    assert code in CODES, f"thermid.base.code_table has no '{code}'"
     with pytest.raises(kind) as raised:
         yield raised
     assert raised.value.code == code, f"the code is '{raised.value.code}', of: {raised.value}"
@@ -25,7 +25,7 @@ def raises_code(code: str, kind: type[ThermidError] = ThermidError, match: str =
 @contextmanager
 def warns_code(code: str, match: str = "") -> Iterator[None]:
     """Expect a warning of this code; `match` as of `raises_code`."""
-    assert code in CODES, f"thermid.base.codes.table has no '{code}'"
+    assert code in CODES, f"thermid.base.code_table has no '{code}'"
     with pytest.warns(ThermidWarning) as heard:
         yield
     said = [(w.message.code, str(w.message)) for w in heard if isinstance(w.message, ThermidWarning)]

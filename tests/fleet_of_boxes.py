@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 import thermid as td
-from thermid.model.deck import model_from_dict
+from thermid.model.tree import model_from_dict
 from two_masses import DECK
 
 MODEL = model_from_dict(DECK)

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from thermid.model.deck import model_from_dict
+from thermid.model.tree import model_from_dict
 from thermid.simulation.runs import Scenario, simulate
 
 TRUTH = {"contact_conductance": 640.0, "effective_htc": 9.3}

@@ -9,7 +9,7 @@ import pytest
 
 import thermid as td
 from strategies import TIGHT
-from thermid.simulation.solver import Engine, Options, Wiring
+from thermid.simulation.runs import Engine, Options, Wiring
 
 pytestmark = pytest.mark.analytic
 SIGMA = 5.670374419e-8

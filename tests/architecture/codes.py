@@ -6,7 +6,7 @@ import ast
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
-from thermid.base.codes.table import CODES, SUBJECTS
+from thermid.base.code_table import CODES, SUBJECTS
 
 from .source import Module
 
@@ -114,7 +114,7 @@ def constants(modules: Mapping[str, Module]) -> set[str]:
     texts = (
         node.value
         for name, module in modules.items()
-        if name != "thermid.base.codes.table"
+        if name != "thermid.base.code_table"
         for node in module.nodes
         if isinstance(node, ast.Constant) and isinstance(node.value, str)
     )

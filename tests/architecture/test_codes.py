@@ -8,7 +8,7 @@ import runpy
 
 import pytest
 
-from thermid.base.codes.table import CODES, SUBJECTS
+from thermid.base.code_table import CODES, SUBJECTS
 
 from .codes import PASSED_ON, Place, constants, places
 from .source import ROOT, Module
@@ -26,8 +26,8 @@ def every_place(modules: dict[str, Module]) -> list[Place]:
 
 def test_the_source_uses_the_codes_of_the_table_and_no_other(modules: dict[str, Module], every_place: list[Place]) -> None:
     used = {place.code for place in every_place} - {"", PASSED_ON} | constants(modules)
-    assert not used - CODES.keys(), "not in CODES of thermid.base.codes.table"
-    assert not CODES.keys() - used, "in CODES of thermid.base.codes.table, and nothing uses it"
+    assert not used - CODES.keys(), "not in CODES of thermid.base.code_table"
+    assert not CODES.keys() - used, "in CODES of thermid.base.code_table, and nothing uses it"
 
 
 def test_codes_have_one_form_and_each_stands_once(modules: dict[str, Module]) -> None:
@@ -36,9 +36,7 @@ def test_codes_have_one_form_and_each_stands_once(modules: dict[str, Module]) ->
     assert {code.partition(".")[0] for code in CODES} == set(SUBJECTS)
     assert [code for code in CODES if not re.fullmatch(r"[a-z]+\.[a-z]+(-[a-z]+)*", code)] == []
     written = next(
-        n.value
-        for n in modules["thermid.base.codes.table"].nodes
-        if isinstance(n, ast.AnnAssign) and getattr(n.target, "id", "") == "CODES"
+        n.value for n in modules["thermid.base.code_table"].nodes if isinstance(n, ast.AnnAssign) and getattr(n.target, "id", "") == "CODES"
     )
     assert isinstance(written, ast.Dict)
     assert len(written.keys) == len(CODES), "a code stands twice in the table"

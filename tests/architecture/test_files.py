@@ -36,13 +36,12 @@ INSIDE_REPLACING = {"savetxt", "savez", "to_netcdf", "savefig"}
 """What a library writes to a path that `replacing` gave, or into memory."""
 READS = {"read_text", "read_bytes"}
 NO_INPUT = {
-    "thermid.base.files": "reading is its work",
+    "thermid.base.files": "reading is its work; locks and verdicts are carried on",
     "thermid.bench.bench_files": "the map is changed in its place",
     "thermid.bench.benchlog": "the log is continued",
     "thermid.campaign._cache": "results of its own, and the code",
     "thermid.measure._readers.confined": "the system's word on the memory of the process",
     "thermid.interop.c99": "a text of the package",
-    "thermid.base.toml_files": "locks and verdicts are carried on",
     "thermid.model._deck.modelfile": "a deck may be changed in its place",
     "thermid.app.cli.qualify": "the delivery of this command",
     "thermid.qualify._deliver": "the delivery of this command, or one that is checked",

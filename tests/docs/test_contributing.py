@@ -126,7 +126,7 @@ def copy(tmp_path_factory: pytest.TempPathFactory) -> Path:
     store = folder / "src" / "thermid" / "values" / "store.py"
     source = store.read_text(encoding="utf-8").replace("\nMIDPOINTS = ", f"\n{EXAMPLE['prior-class']}\n\nMIDPOINTS = ")
     store.write_text(source.replace("Shifted, Logarithm)}", f"Shifted, Logarithm{EXAMPLE['prior-name'].strip()})}}"), encoding="utf-8")
-    spreads = folder / "src" / "thermid" / "values" / "spreads.py"
+    spreads = folder / "src" / "thermid" / "values" / "_spreads.py"
     source = spreads.read_text(encoding="utf-8").replace("Normal, Uniform\n", "Normal, Triangular, Uniform\n")
     spreads.write_text(added(source, "prior", "FORMS: Mapping", "FORMS: Mapping", '    "low": '), encoding="utf-8")
     cli = folder / "src" / "thermid" / "app" / "cli"
@@ -388,7 +388,7 @@ def test_the_reading_path_is_as_long_as_it_says(capsys: pytest.CaptureFixture[st
     assert (path[0], path[-1]) == ("__init__", "campaign/_stages")
     counts = {module: lines(module) for module in path}
     total = sum(counts.values())
-    below = ["base/errors", "base/units", "base/expression", "base/linear_algebra"]
+    below = ["base/errors", "base/_units", "base/_expression", "base/linear_algebra"]
     inside = [p for room in ("model", "simulation") for p in sorted((PACKAGE / room).rglob("*.py"))]
     below += [p.relative_to(PACKAGE).with_suffix("").as_posix() for p in inside]
     whole = sum(map(lines, dict.fromkeys([*path, *below])))

@@ -32,7 +32,7 @@ from thermid.qualify._profiles.numbers import SLOTS
 from thermid.qualify._profiles.schema import ProfileTable, StepTable
 from thermid.simulation._scenarios import schema as scenario_schema
 from thermid.site import pad
-from thermid.values.fitted import FittedValue, FittedValues
+from thermid.values.store import FittedValue, FittedValues
 
 from .pages import ROOT, codes, tables
 

@@ -15,8 +15,7 @@ import pytest
 
 from by_code import raises_code
 from thermid.base.errors import DeckError, NameNotFoundError
-from thermid.model.deck import load_model, model_from_dict, save_model
-from thermid.model.tree import Model, flatten, ledger
+from thermid.model.tree import Model, flatten, ledger, load_model, model_from_dict, save_model
 from thermid.simulation.runs import compile_network, modes, state_space
 
 pytestmark = pytest.mark.document

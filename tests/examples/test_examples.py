@@ -132,7 +132,7 @@ def test_07_pad(copy: Path) -> None:
 
 
 def test_the_decks_of_all_lessons_are_without_errors(copy: Path) -> None:
-    from thermid.model.deck import load_model
+    from thermid.model.tree import load_model
 
     decks = [p for p in copy.glob("0*/*.toml") if p.name not in ("campaign.toml", "pad.toml")]
     assert len(decks) >= 6

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 import thermid as td
 from oracle import si
 from strategies import DURATION, SMOOTH, WITHOUT_KNEES, Case, cases, random_models
-from thermid.simulation.solver import Engine, Options, Wiring
+from thermid.simulation.runs import Engine, Options, Wiring
 
 VERY_TIGHT = Options(error=8e-11, max_step=30.0)
 TIMES = np.array([60.0, 900.0, DURATION])

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 import thermid as td
 from oracle import DECK_TABLES, flatten
 from strategies import DURATION, LOADS, SMOOTH, TIGHTER, WITHOUT_KNEES, Case, Deck, build, cases, random_models
-from thermid.simulation.solver import Engine, Wiring
+from thermid.simulation.runs import Engine, Wiring
 
 SAME = 1e-6  # sums in another order differ by rounding only, which a step may answer within its tolerance, in kelvin
 

@@ -10,11 +10,10 @@ from typing import Any
 import numpy as np
 
 from thermid.base.errors import ThermidError
-from thermid.base.expression import quantity
+from thermid.base.units import quantity
 from thermid.fit.calibration import calibrate
 from thermid.measure.records import Channel, Record
-from thermid.model.deck import load_model, model_from_dict
-from thermid.model.tree import Model
+from thermid.model.tree import Model, load_model, model_from_dict
 from thermid.simulation.runs import Scenario, simulate
 
 STACK = Path(__file__).parents[2] / "examples" / "02_stack" / "m_PrE.toml"

@@ -11,8 +11,7 @@ import numpy as np
 from recovery.cases import STACK, Z95, Bench, draw
 from thermid.fit.calibration import calibrate
 from thermid.measure.records import Record
-from thermid.model.deck import load_model, model_from_dict
-from thermid.model.tree import Model
+from thermid.model.tree import Model, load_model, model_from_dict
 from thermid.prediction.bands import predict
 from thermid.simulation.runs import Scenario, simulate
 

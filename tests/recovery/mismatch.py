@@ -11,11 +11,10 @@ import numpy as np
 
 from recovery.cases import ICE, STACK
 from thermid.base.errors import IdentificationError
-from thermid.base.expression import quantity
+from thermid.base.units import quantity
 from thermid.fit.calibration import calibrate
 from thermid.measure.records import Channel, Record
-from thermid.model.deck import load_model, model_from_dict
-from thermid.model.tree import Model
+from thermid.model.tree import Model, load_model, model_from_dict
 from thermid.prediction.bands import predict
 from thermid.simulation.runs import Scenario, simulate
 

@@ -8,13 +8,12 @@ import numpy as np
 import pytest
 
 from recovery.cases import ICE, STACK
-from thermid.base.expression import quantity
+from thermid.base.units import quantity
 from thermid.fit.calibration import Calibration, Request, calibrate, fit
 from thermid.measure.records import Channel, Record
-from thermid.model.deck import load_model, model_from_dict
-from thermid.model.tree import Model, ParameterSet
+from thermid.model.tree import Model, ParameterSet, load_model, model_from_dict
 from thermid.simulation.runs import Scenario, Solution, simulate
-from thermid.values.fitted import FittedValues
+from thermid.values.store import FittedValues
 
 pytestmark = pytest.mark.recovery
 ACC = Path(__file__).parents[2] / "examples" / "01_accelerometer" / "accelerometer.toml"

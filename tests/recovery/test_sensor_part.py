@@ -8,15 +8,13 @@ import numpy as np
 import pytest
 
 from by_code import raises_code
-from thermid.base.expression import celsius
+from thermid.base.units import celsius
 from thermid.campaign.verdicts import Criteria, validate
 from thermid.fit._minimisation import ended
 from thermid.fit.calibration import Calibration, attached, calibrate, covariances
 from thermid.measure._record.channel import with_sensor
-from thermid.measure.records import Channel, Record
-from thermid.measure.sensors import SensorCertificate, SensorPart
-from thermid.model.deck import model_from_dict
-from thermid.model.tree import Model
+from thermid.measure.records import Channel, Record, SensorCertificate, SensorPart
+from thermid.model.tree import Model, model_from_dict
 from thermid.simulation.runs import Scenario, simulate
 
 pytestmark = [pytest.mark.recovery, pytest.mark.usefixtures("values_alone")]

@@ -10,8 +10,7 @@ import pytest
 
 import thermid as td
 from thermid.base.errors import IdentificationError
-from thermid.model.deck import load_model
-from thermid.model.tree import Model
+from thermid.model.tree import Model, load_model
 
 PART = """
 title  = "{title}"

@@ -18,9 +18,8 @@ import thermid as td
 from thermid.base.errors import ThermidError
 from thermid.measure._readers.columns import name_and_unit
 from thermid.measure.readers import log_cells, read_record, temperature_columns
-from thermid.measure.records import Channel, Record
-from thermid.measure.steadiness import channel_stability, rule_of
-from thermid.model.deck import model_from_dict
+from thermid.measure.records import Channel, Record, channel_stability, rule_of
+from thermid.model.tree import model_from_dict
 from thermid.qualify._watch.stopping import STOP
 from thermid.qualify.watch import GrowingLog, Stopping, Watcher, WatchLook, replayed as played
 from unit.fit.estimation.rig import AIR, NOISE, Array, deck_of, logged, rig, run, scenario

@@ -16,7 +16,7 @@ import pytest
 from thermid.campaign.stages import check_campaign
 from thermid.fit.calibration import calibrate
 from thermid.measure.readers import read_record
-from thermid.model.deck import load_model
+from thermid.model.tree import load_model
 from thermid.simulation.runs import Scenario, simulate
 from two_masses import COOLED, HEATERS, PAIR, write_cooled_log, write_heaters_log, write_log, write_pair_log
 

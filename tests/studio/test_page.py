@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from thermid.values.fitted import load_values
+from thermid.values.store import load_values
 
 from .browser import Page, logs_of, needed, page, studio
 

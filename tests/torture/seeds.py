@@ -23,7 +23,7 @@ from thermid.campaign.verdicts import load_limits
 from thermid.interop.initfcn import read_initfcn
 from thermid.measure.readers import read_plain
 from thermid.qualify.plans import lock_plan, lock_status
-from thermid.values.fitted import FittedValue, FittedValues
+from thermid.values.store import FittedValue, FittedValues
 from torture.elements import network
 from torture.mutants import _toml
 from unit.measure.samples import excel, labview_with_x, tdms

@@ -22,7 +22,7 @@ import numpy as np
 
 import thermid as td
 from thermid.base.errors import ThermidError
-from thermid.base.expression import pairs, parse
+from thermid.base.units import pairs, parse
 from thermid.model._tree.flat import allows
 from thermid.model._tree.rules import findings
 from thermid.model.tree import flatten

@@ -69,7 +69,7 @@ def plan() -> None:
 def values() -> None:
     import numpy as np
 
-    from thermid.values.fitted import FittedValue, FittedValues
+    from thermid.values.store import FittedValue, FittedValues
 
     v = 6.0 if Path("new").exists() else 5.0
     item = FittedValue("skin.htc", v, 0.1, 0.1, True, "W/(m^2 K)", 5.0, (2.0, 12.0), "by hand")

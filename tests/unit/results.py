@@ -63,7 +63,6 @@ def of_a_fit(folder: Path) -> dict[str, Any]:
         "advice": td.design.next_test(fit, HTC, [td.design.Action("hot", HOT)]),
         "history": history,
         "law of a power": history.laws()[0],
-        "difference": td.inference.difference(model, box(), HOT),
         "changes": td.inference.compare_models(model, box(), [HOT]),
         "sizing": td.design.size(model, HTC, [td.qualify.Limits("case", "case", (-np.inf, "90 [degC]"))], [HOT], between=(2.0, 19.0)),
         "worst cases": td.design.worst_case(

@@ -13,7 +13,7 @@ import thermid as td
 from by_code import raises_code
 from thermid.base.errors import MissingExtraError
 from thermid.base.results import MAX_REPR_CHARACTERS, ROWS, PlottedTrace, Result, clean
-from thermid.values.fitted import FittedValue, FittedValues
+from thermid.values.store import FittedValue, FittedValues
 from unit.fit.bench import box
 from unit.results import of_a_fit, of_a_run
 

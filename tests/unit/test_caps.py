@@ -17,8 +17,7 @@ import thermid as td
 from by_code import raises_code
 from thermid.base import files
 from thermid.base.errors import CAPS, CAPS_VARIABLE, RecordError, ScenarioError, ThermidError, cap
-from thermid.base.expression import parse
-from thermid.base.units import unit
+from thermid.base.units import parse, unit
 from thermid.interop.decks import read_sinda
 from thermid.interop.initfcn import read_initfcn
 from thermid.measure.readers import read_plain

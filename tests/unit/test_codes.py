@@ -15,8 +15,7 @@ from by_code import raises_code, warns_code
 from thermid import errors
 from thermid.app.cli.app import main
 from thermid.base import units
-from thermid.base.codes import CodedText, add_codes, code_of, mark_codes
-from thermid.base.errors import ThermidError, ThermidWarning
+from thermid.base.errors import CodedText, ThermidError, ThermidWarning, add_codes, code_of, mark_codes
 from thermid.physics.air import dry_air
 from thermid.physics.htc import biot_number, compare_htc
 

@@ -9,7 +9,8 @@ import pytest
 
 import thermid as td
 from by_code import raises_code
-from thermid.base.extensions import announced, extension, file_kinds, grammar_of
+from thermid.base.extensions import announced, extension
+from thermid.base.files import file_kinds, grammar_of
 
 PARTS = dict(announced("thermid.parts"))
 

@@ -12,7 +12,7 @@ import pytest
 import thermid as td
 from by_code import raises_code
 from thermid.base.errors import ThermidError
-from thermid.base.extensions import file_kinds
+from thermid.base.files import file_kinds
 from thermid.bench.bench_files import load_programme, load_sensors
 from thermid.campaign.stages import read_campaign
 from thermid.campaign.verdicts import load_limits

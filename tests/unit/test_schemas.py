@@ -11,8 +11,7 @@ import pytest
 
 import thermid as td
 from thermid.base.errors import DeckError, RecordError, ScenarioError, ThermidError
-from thermid.base.extensions import file_kinds, json_schema
-from thermid.base.toml_files import read_json
+from thermid.base.files import file_kinds, json_schema, read_json
 from thermid.bench.bench_files import load_programme, load_sensors
 from thermid.campaign._judge.verdict import _read
 from thermid.campaign.verdicts import load_limits

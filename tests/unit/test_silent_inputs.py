@@ -19,8 +19,7 @@ from thermid.app.cli.app import app
 from thermid.base.errors import DeckError
 from thermid.campaign.stages import check_campaign
 from thermid.measure.records import Channel
-from thermid.model.deck import load_model
-from thermid.model.tree import TableSignal
+from thermid.model.tree import TableSignal, load_model
 
 ZERO = 273.15
 NOISE = 0.05

@@ -16,8 +16,7 @@ from thermid.base.errors import DeckError, IdentificationError, RecordError, Sol
 from thermid.base.units import unit
 from thermid.campaign.verdicts import Criteria, Limits, check_limits, correlate
 from thermid.model._tree.identity import to_dict
-from thermid.model.deck import save_model
-from thermid.model.tree import KINDS
+from thermid.model.tree import KINDS, save_model
 from thermid.physics.constants import STEFAN_BOLTZMANN
 from thermid.physics.correlations import correlation
 from thermid.prediction._reduction.macro import host_values

@@ -15,7 +15,7 @@ import xarray as xr
 
 import thermid as td
 from by_code import raises_code
-from thermid.base.expression import seconds
+from thermid.base.units import seconds
 
 KELVIN = 297.15
 UNITS = pint.UnitRegistry()

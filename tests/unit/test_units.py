@@ -13,8 +13,7 @@ from hypothesis import given, strategies as st
 from by_code import raises_code
 from thermid.base._units_table import TABLE
 from thermid.base.errors import UnitError
-from thermid.base.expression import parse, quantity
-from thermid.base.units import NAMES, TEMPERATURE, describe, format_value, require, to_si, unit
+from thermid.base.units import NAMES, TEMPERATURE, describe, format_value, parse, quantity, require, to_si, unit
 
 SCRIPT = Path(__file__).parents[2] / "scripts/generate_units.py"
 

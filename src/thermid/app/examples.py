@@ -199,9 +199,9 @@ MOTOR = DataSet(
 """Three runs of a brushless motor without load."""
 
 
-def copies(folder: Path | None) -> Path | None:
-    """Return the folder with copies of published repositories, as given or of the environment; None for the public addresses."""
-    return folder or (Path(os.environ[PUBLIC]) if os.environ.get(PUBLIC) else None)
+def copies() -> Path | None:
+    """Return the folder with copies of published repositories that the environment names; None for the public addresses."""
+    return Path(os.environ[PUBLIC]) if os.environ.get(PUBLIC) else None
 
 
 def taken(source: DataSet, file: Original, folder: Path | None) -> bytes:
@@ -217,7 +217,7 @@ def taken(source: DataSet, file: Original, folder: Path | None) -> bytes:
                 return place.read_bytes()
         raise MissingDataError(
             f"no '{source.repository}/{file.path}' below '{folder}'. Get the repository (git clone https://github.com/"
-            f"{source.repository}), or leave --from out to take the files from their public address.",
+            f"{source.repository}), or unset {PUBLIC} to take the files from their public address.",
             str(folder),
         )
     address = ADDRESS.format(repository=source.repository, commit=source.commit, path=quote(file.path))
@@ -227,7 +227,7 @@ def taken(source: DataSet, file: Original, folder: Path | None) -> bytes:
     except (URLError, TimeoutError, OSError) as error:
         raise MissingDataError(
             f"{address} cannot be reached ({getattr(error, 'reason', error)}). Offline, set THERMID_PUBLIC to a folder with "
-            "copies of repositories, OWNER/REPOSITORY/path; `thermid example` has --from FOLDER for it too.",
+            "copies of repositories, OWNER/REPOSITORY/path.",
             source.repository,
         ) from None
 

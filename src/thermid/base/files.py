@@ -3,10 +3,13 @@
 A file that thermid writes carries a seal: a comment with the kind of the file and a checksum of what stands before it (tables carry
 theirs in the header, netCDF files in an attribute). A file may be replaced by one of its own kind while its seal is unbroken.
 Decision 109 says why.
+
+TOML and JSON files of every kind are read here too: where they lie, what they hold, and on which line each key stands.
 """
 
 from __future__ import annotations
 
+import contextlib
 import errno
 import hashlib
 import json
@@ -18,15 +21,18 @@ import shutil
 import stat
 import struct
 import time
+import tomllib
 import zlib
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass, field, replace
+from importlib import import_module
 from pathlib import Path
 from typing import Any, Final
 
-from thermid.base.errors import OutputError, ThermidError, cap, raising
+from thermid.base.errors import DeckError, OutputError, ThermidError, cap, nearest, raising, refuse_unknown
+from thermid.base.extensions import announced
 
 NETCDF_SOURCE: Final = "thermid"
 """Attribute `source` of a netCDF file."""
@@ -112,7 +118,7 @@ class FileKinds:
     SCENARIO: Final = FileKind("scenario", endings=(".toml",))
     PROFILE: Final = FileKind("profile", endings=(".toml",))
     STUDY: Final = FileKind("study", endings=(".toml",))
-    CREDIBILITY: Final = FileKind("credibility record", endings=(".json", ".toml"))
+    CREDIBILITY: Final = FileKind("credibility record", endings=(".json",))
     PAGE: Final = FileKind("page", endings=(".html", ".htm"))
     PAPER: Final = FileKind("printed page", endings=(".pdf",), named=True)
     PICTURE: Final = FileKind("picture", endings=(".png", ".svg", ".pdf"), named=True)
@@ -491,3 +497,307 @@ def sealed(path: Path, name: str) -> bool:
 def unsealed(text: str) -> str:
     """Return the text of a TOML file without its seal."""
     return re.sub(r"^# written by thermid: [\w ]+, sha256 [0-9a-f]{16}\s*\Z", "", text, flags=re.MULTILINE)
+
+
+MARKER = "thermid.toml"
+_HEADER = re.compile(r"^\s*\[\[?\s*([^\]]+?)\s*\]\]?\s*(#.*)?$")
+_KEY = re.compile(r"""^\s*((?:"[^"]*"|'[^']*'|[A-Za-z0-9_-]+)(?:\s*\.\s*(?:"[^"]*"|'[^']*'|[A-Za-z0-9_-]+))*)\s*=""")
+
+
+def _plain(raw: str) -> str:
+    """Return a key path without quotation marks and blanks around its dots."""
+    return ".".join(part.strip().strip("\"'") for part in re.findall(r"\"[^\"]*\"|'[^']*'|[A-Za-z0-9_-]+", raw))
+
+
+def line_numbers(text: str) -> dict[str, int]:
+    """Return key path -> line (from 1) of every header and key that stands on a line of its own.
+
+    Entries of arrays of tables are numbered: ``stages.0.free``.
+    """
+    out: dict[str, int] = {}
+    prefix, counts = "", {}  # type: tuple[str, dict[str, int]]
+    for number, line in enumerate(text.splitlines(), start=1):
+        header = _HEADER.match(line)
+        if header:
+            prefix = _plain(header[1])
+            if line.lstrip().startswith("[["):
+                counts[prefix] = counts.get(prefix, -1) + 1
+                prefix = f"{prefix}.{counts[prefix]}"
+            out.setdefault(prefix, number)
+            continue
+        key = _KEY.match(line)
+        if key:
+            path = _plain(key[1])
+            out.setdefault(f"{prefix}.{path}" if prefix else path, number)
+    return out
+
+
+@dataclass(frozen=True)
+class Places:
+    """File, line and key path of each key, for messages.
+
+    Parameters
+    ----------
+    file : str      Name of the file, or what stands for it.
+    lines : dict    Key path -> line (from 1), or the place itself where another file holds the key.
+    """
+
+    file: str
+    lines: Mapping[str, int | str] = field(default_factory=dict)
+
+    def __call__(self, key: str = "") -> str:
+        """Return the place of a key: with the line of the nearest key above where its own is not known."""
+        steps = key.split(".")
+        line = next((self.lines[k] for n in range(len(steps), 0, -1) if (k := ".".join(steps[:n])) in self.lines), None)
+        place = line if isinstance(line, str) else f"{self.file}:{line}" if line else self.file
+        return f"{place}, {key}" if key else place
+
+
+def read_json(path: Path, kind: str) -> Any:
+    """Return the content of a JSON file as its grammar has it; such files are carried on, so that they are no inputs of a command.
+
+    Parameters
+    ----------
+    path : Path         The file.
+    kind : str          As in `by_grammar`.
+
+    Raises
+    ------
+    ThermidError    When it is not valid JSON, or does not follow the grammar.
+    OSError         When it cannot be opened.
+    """
+    try:
+        content = json.loads(path.read_text(encoding="utf-8"))
+    except (ValueError, RecursionError) as error:
+        grammar, text = grammar_of(kind), f"this is not valid JSON: {error}."
+        raise grammar.fault(f"{grammar.lead}\n  {path}: {text}" if grammar.lead else text, str(path), code="file.not-valid") from None
+    return by_grammar(kind, content, Places(str(path)))
+
+
+def kind_of_text(data: bytes) -> str:
+    """Return what a text is called that is a TOML or JSON file of a known kind; nothing where it is none."""
+    for read in (tomllib.loads, json.loads):
+        with contextlib.suppress(ValueError, RecursionError):
+            content = read(data.decode("utf-8"))
+            return words_of_kind(content) if isinstance(content, dict) else ""
+    return ""
+
+
+def project_root(start: Path) -> Path:
+    """Return the nearest folder upward that holds ``thermid.toml``, or the start folder itself."""
+    start = start.resolve()
+    return next((folder for folder in (start, *start.parents) if (folder / MARKER).is_file()), start)
+
+
+def resolve_inside(folder: Path, name: str, where: str, roots: tuple[Path, ...] = ()) -> Path:
+    """Return the path of a file named in a deck; it must lie in the project or in one of `roots`.
+
+    Raises
+    ------
+    DeckError   When it leaves them, symbolic links resolved.
+    """
+    root = project_root(folder)
+    if "\0" in name:
+        raise DeckError(f"{name!r} is not a file name.", where, code="file.not-found")
+    path = (folder / name).resolve()
+    if not any(path.is_relative_to(r) for r in (root, *(r.resolve() for r in roots))):
+        raise DeckError(
+            f"'{name}' lies outside the project ({MARKER} marks its root). Copy the file into the project, "
+            f"or put an empty {MARKER} into the folder that holds both: it is then the root.",
+            where,
+            code="file.outside-project",
+        )
+    return path
+
+
+def read_toml(path: Path) -> tuple[dict[str, Any], dict[str, int]]:
+    """Return the content of a TOML file and the line of each key.
+
+    Raises
+    ------
+    DeckError   When the file is missing, too large, not text, or no TOML.
+    """
+    if not path.is_file():
+        if path.is_dir():
+            raise DeckError(f"there is no file '{path}': it is a folder.", code="file.not-found")
+        if path.exists():
+            raise DeckError("this is a pipe or a device. Give the path of a file.", path.name, code="file.not-a-file")
+        if not path.parent.is_dir():
+            raise DeckError(f"there is no file '{path.name}', and no folder '{path.parent}'.", code="file.not-found")
+        near = nearest(path.stem, {p.stem for p in path.parent.glob(f"*{path.suffix}")})
+        near = near.replace("'?", f"{path.suffix}'?")
+        raise DeckError(
+            f"there is no file '{path.name}' in {f'{path.parent.name}/' if path.parent.name else 'this folder'}.{near}",
+            code="file.not-found",
+        )
+    if path.stat().st_size > cap("text"):
+        raise DeckError(
+            f"the file has {path.stat().st_size / 1e6:.1f} MB; a deck is a text file of a few kilobytes. "
+            f"Move tables of data into a log.{raising('text')}",
+            path.name,
+            code="cap.exceeded",
+        )
+    try:
+        text = read_text(path, "utf-8-sig")
+        return parse_toml(text), line_numbers(text)
+    except UnicodeDecodeError:
+        raise DeckError("the file is not UTF-8 text.", path.name, code="file.not-text") from None
+    except tomllib.TOMLDecodeError as error:
+        raise DeckError(
+            f"this is not valid TOML: {error}. Put texts, and numbers with units, in quotes; begin comments with #.",
+            path.name,
+            code="file.not-valid",
+        ) from None
+
+
+def file_kinds() -> tuple[str, ...]:
+    """Return the kinds of file that have a grammar."""
+    return tuple(announced("thermid.files"))
+
+
+def grammar_of(kind: str) -> Any:
+    """Return the grammar of a kind of file, or of a table by its module and class; what reads grammars is loaded now and not before.
+
+    A room names its own grammars by module and class, which needs no search of the installed packages.
+
+    Raises
+    ------
+    ThermidError   When nothing announces that kind.
+    """
+    if "." not in kind:
+        refuse_unknown([kind], file_kinds(), "", "there is no kind of file '{}'.{near} There are {known}.", ThermidError)
+        kind = announced("thermid.files")[kind].replace(":", ".")
+    module, _, name = kind.rpartition(".")
+    return getattr(import_module(module), name)
+
+
+def by_grammar(kind: str, content: Any, where: Callable[[str], str]) -> Any:
+    """Return the content of a file as its grammar has it.
+
+    Parameters
+    ----------
+    kind : str          As in `grammar_of`.
+    content : dict      The file as read.
+    where : callable    Key path -> its place, such as `files.Places`.
+
+    Raises
+    ------
+    ThermidError    When it is a file of another kind, or does not follow the grammar: every fault with its place.
+    """
+    try:
+        return grammar_of(kind).from_file(content, where)
+    except ThermidError:
+        refuse_another_kind(kind, content, where)
+        raise
+
+
+_WORDS: Final = {
+    "plan": "a qualification plan",
+    "hold": "a hold question",
+    "sensors": "a sensor map",
+    "values": "a file of values",
+    "limits": "a file of limits",
+    "looks": "a file of looks",
+}
+"""Kind -> what it is called, where that is not its name."""
+
+
+_SIGNS: Final = (
+    ("credibility record", {"synthetic", "values"}),
+    ("campaign", {"records"}),
+    ("campaign", {"stages"}),
+    ("deck", {"nodes"}),
+    ("deck", {"submodels"}),
+    ("plan", {"tests", "limits"}),
+    ("scenario", {"duration"}),
+    ("scenario", {"boundaries"}),
+)
+"""Keys by which a kind is known that its grammar would refuse."""
+
+
+_ADVICE: Final = {
+    ("plan", "deck"): " Run `thermid plan` on it.",
+    ("scenario", "deck"): " Give the deck, and this file with --scenario.",
+    ("campaign", "deck"): " Give a deck named under 'model' of its stages.",
+    ("deck", "campaign"): " A campaign has records and stages, and names the deck of each stage under 'model'. "
+    "`thermid predict DECK --values FILE --scenario FILE` predicts with a deck alone.",
+    ("deck", "scenario"): " A scenario has boundaries, loads, start and duration.",
+    ("deck", "plan"): " A plan names its deck under [model], beside objectives, limits and tests.",
+    ("deck", "hold"): " A hold question names its deck under 'model'.",
+}
+"""Kind of a file, kind that is needed -> what to do."""
+
+
+def refuse_another_kind(kind: str, content: Any, where: Callable[[str], str]) -> None:
+    """Refuse a file whose keys are those of another kind, in one sentence; one that misses a kind by a key or two is left to its grammar.
+
+    Parameters
+    ----------
+    kind, content, where    As in `by_grammar`.
+
+    Raises
+    ------
+    ThermidError    Says what it is and what it is not.
+    """
+    if not isinstance(content, Mapping) or _has_keys_of(grammar_of(kind), content):
+        return
+    kinds = announced("thermid.files")
+    needed = next((name for name, at in kinds.items() if kind in (name, at.replace(":", "."))), "")
+    of = _kind_of(content, needed, len({*content} & _fields(grammar_of(kind)))) if needed else ""
+    if of not in ("", needed) and (of in content or not {*content} <= _fields(grammar_of(kind))):
+        text = f"this is {_name_of_kind(of)}, not {_name_of_kind(needed)}.{_ADVICE.get((of, needed), '')}"
+        raise grammar_of(kind).fault(text, where(""), code="file.another-kind") from None
+
+
+def words_of_kind(content: Mapping[str, Any]) -> str:
+    """Return what a file is called by its keys, such as 'a deck'; nothing where they are those of no kind."""
+    return _name_of_kind(_kind_of(content, "", 0)) if content else ""
+
+
+def _name_of_kind(kind: str) -> str:
+    """Return what a kind of file is called, with its article; empty for none."""
+    return kind and _WORDS.get(kind, f"a {kind}")
+
+
+def _fields(grammar: Any) -> set[str]:
+    """Return the keys that a grammar has; none where its keys are names."""
+    fields = {f.alias or name for name, f in grammar.model_fields.items()}
+    return fields if grammar.model_config.get("extra") == "forbid" else set()
+
+
+def _has_keys_of(grammar: Any, content: Mapping[str, Any]) -> bool:
+    """Whether a file has no key that a grammar does not know, and all that it needs."""
+    needs = {f.alias or name for name, f in grammar.model_fields.items() if f.is_required()}
+    return bool(fields := _fields(grammar)) and needs <= {*content} <= fields
+
+
+def _kind_of(content: Mapping[str, Any], needed: str, common: int) -> str:
+    """Return the kind of a file by its keys; `common` of them are those of the kind that is needed."""
+    grammars: dict[str, Any] = {}
+    for name in file_kinds():
+        try:
+            grammars[name] = grammar_of(name)
+        except ModuleNotFoundError:
+            continue  # of a room that is not installed
+    for name, grammar in grammars.items():
+        if _has_keys_of(grammar, content) or (name in content and {*content} <= _fields(grammar)):
+            return name
+    if 2 * common > len(content):
+        return needed
+    for name, keys in _SIGNS:
+        if keys <= {*content}:
+            return name
+    for name, grammar in grammars.items():  # a file whose keys are names is known by what stands under them
+        if grammar.model_config.get("extra") is None and content:
+            try:
+                grammar.from_file(content, str)
+            except ThermidError:
+                continue
+            return name
+    return ""
+
+
+def json_schema(kind: str) -> dict[str, Any]:
+    """Return the JSON Schema of a kind of file, for editors."""
+    head = {"$schema": "https://json-schema.org/draft/2020-12/schema", "title": f"thermid {kind}"}
+    return head | {k: v for k, v in grammar_of(kind).model_json_schema(by_alias=True).items() if k != "title"}

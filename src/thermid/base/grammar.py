@@ -24,8 +24,7 @@ from pydantic import (
 )
 from pydantic_core import PydanticCustomError, core_schema
 
-from thermid.base.codes import CodedText
-from thermid.base.errors import DeckError, ThermidError, cap, nearest, raising
+from thermid.base.errors import CodedText, DeckError, ThermidError, cap, nearest, raising
 
 T = TypeVar("T")
 BRANCHES = ("str", "float", "ValueTable", "PowerLawTable", "Correlated")
@@ -141,7 +140,7 @@ class Grammar(BaseModel):
         Parameters
         ----------
         data : dict, list   The file as read.
-        where : callable    Key path -> file, line and key path, such as `toml_files.Places`.
+        where : callable    Key path -> file, line and key path, such as `files.Places`.
 
         Raises
         ------

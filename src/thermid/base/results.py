@@ -1,12 +1,14 @@
 """What every result can do: a short text, a table in a notebook, a plot, a frame, names to complete. One home for all rooms.
 
 In: a result that says its rows and its traces. Out: `repr`, HTML, axes of matplotlib, frames of pandas, data sets of xarray.
+
+Verdicts stand here too: on several verdicts, and on a number of a standard (`Figure`) by the mark of how it is known.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence, Sized
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence, Sized
 from dataclasses import dataclass, fields, is_dataclass
 from html import escape
 from typing import TYPE_CHECKING, Any, Final, Generic, TypeVar
@@ -14,7 +16,7 @@ from typing import TYPE_CHECKING, Any, Final, Generic, TypeVar
 import numpy as np
 
 from thermid.base.arguments import guard_methods
-from thermid.base.errors import ThermidError, look_up
+from thermid.base.errors import ScenarioError, ThermidError, look_up, refuse_unknown
 from thermid.base.extensions import optional
 from thermid.base.linear_algebra import Array
 
@@ -320,3 +322,69 @@ def _drawable(rows: Sequence[Row]) -> tuple[str, str]:
         if any(isinstance(v, int | float) and not isinstance(v, bool) and abs(v) < float("inf") for v in values):
             return next((k for k, v in rows[0].items() if isinstance(v, str)), ""), key
     return "", ""
+
+
+MARKS = {
+    "read": "read in the text of its source",
+    "project": "the project's own",
+    "secondary": "quoted from a secondary document",
+    "memory": "from memory; shown for information, not used for a verdict",
+}
+"""Mark -> what it says, the surest first."""
+VERDICTS = {True: "met", False: "NOT met", None: "not decided"}
+"""Verdict -> its words."""
+
+
+@dataclass(frozen=True)
+class Figure:
+    """One number of a rule.
+
+    Parameters
+    ----------
+    value : float   The number. [SI; a margin in K]
+    mark : str      A key of `MARKS`.
+    source : str    Document and clause.
+    """
+
+    value: float
+    mark: str
+    source: str
+
+    def __post_init__(self) -> None:
+        """Refuse a mark that is none."""
+        check_mark(self.mark, self.source or "figure")
+
+    @property
+    def decides(self) -> bool:
+        """Whether a verdict may rest on it: not on a number quoted from memory."""
+        return self.mark != "memory"
+
+
+def check_mark(mark: str, where: str) -> str:
+    """Return a mark that is known.
+
+    Raises
+    ------
+    ScenarioError   With the nearest mark.
+    """
+    refuse_unknown([mark], MARKS, where, "'{}' is not a mark; use one of {known}.", ScenarioError)
+    return mark
+
+
+def weakest(marks: Iterable[str]) -> str:
+    """The least sure of some marks; ``read`` of none.
+
+    >>> weakest(["read", "memory", "project"])
+    'memory'
+    """
+    return max(marks, key=list(MARKS).index, default="read")
+
+
+def weigh(verdicts: Iterable[bool | None]) -> bool | None:
+    """Return the verdict on several: False where one is, else None where one is not decided, or where there is none at all.
+
+    >>> weigh([True, None, True]), weigh([None, False]), weigh([])
+    (None, False, None)
+    """
+    decisions = list(verdicts)
+    return False if False in decisions else None if None in decisions or not decisions else True

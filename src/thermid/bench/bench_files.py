@@ -11,12 +11,10 @@ from pathlib import Path
 from typing import Any
 
 from thermid.base.errors import MissingDataError, RecordError
-from thermid.base.expression import amount
-from thermid.base.extensions import by_grammar
-from thermid.base.files import FileKinds, command, write_text
-from thermid.base.toml_files import Places, read_toml
+from thermid.base.files import FileKinds, Places, by_grammar, command, read_toml, write_text
+from thermid.base.units import amount
 from thermid.bench._wire import rom_is_good
-from thermid.measure.sensors import ICE, SensorCertificate
+from thermid.measure.records import ICE, SensorCertificate
 
 _BROKEN = 5.0
 

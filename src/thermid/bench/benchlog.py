@@ -21,11 +21,11 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 
 from thermid.base.errors import OutputError, RecordError
-from thermid.base.expression import Kelvin
 from thermid.base.files import FileKinds, write_bytes
+from thermid.base.units import Kelvin
 from thermid.bench._wire import COUNTER_RANGE, MAGIC, BoardLine, parse_line, sealed, unsealed
 from thermid.measure.readers import UNFINISHED, Cells, is_bench_log
-from thermid.measure.sensors import SensorCertificate
+from thermid.measure.records import SensorCertificate
 
 RANGE: Final = (-55.0, 125.0)
 """What a DS18B20 can measure, by its data sheet; -127, which its usual driver gives for a lost one, lies outside. [degC]"""

@@ -12,7 +12,7 @@ import numpy as np
 from thermid.base.errors import RecordError
 from thermid.bench.bench_files import MappedSensor, save_sensor
 from thermid.bench.logger import Logger
-from thermid.measure.sensors import ICE, SensorCertificate
+from thermid.measure.records import ICE, SensorCertificate
 
 _MIN_RISE = 2.0
 """Rise that a hand gives a sensor within seconds, and no draught does. [K]"""

@@ -17,12 +17,11 @@ from typing import Any
 import numpy as np
 
 from thermid.base.errors import ThermidError
-from thermid.base.expression import Kelvin
 from thermid.base.files import FileKinds, read_bytes, replacing, write_text
+from thermid.base.units import Kelvin
 from thermid.fit.calibration import KeptFit
 from thermid.fit.error_model import Keeping
-from thermid.measure.records import Channel, Origin, Record
-from thermid.measure.sensors import TEMPERATURES, SensorPart
+from thermid.measure.records import TEMPERATURES, Channel, Origin, Record, SensorPart
 
 _ARRAYS = ("values", "valid", "masks")
 _ABOUT = "about"

@@ -95,13 +95,8 @@ class CredibilityRecord(Named[ValueRecord], Mapping[str, ValueRecord]):
         return head | {"states": self.states, "verdicts": [dict(v) for v in self.verdicts], "values": plain}
 
     def save(self, path: str | os.PathLike[str]) -> Path:
-        """Write it as JSON, or as TOML where the file's name ends so, and return the path."""
-        target = Path(path)
-        if target.suffix == ".toml":
-            import tomlkit
-
-            return write_text(target, tomlkit.dumps(self.to_dict()), FileKinds.CREDIBILITY)
-        return write_text(target, json.dumps(self.to_dict(), indent=1), FileKinds.CREDIBILITY)
+        """Write it as JSON, and return the path."""
+        return write_text(Path(path), json.dumps(self.to_dict(), indent=1), FileKinds.CREDIBILITY)
 
     def __str__(self) -> str:
         """Return it as text, a line a value."""

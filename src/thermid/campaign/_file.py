@@ -10,17 +10,15 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from thermid.base.errors import DeckError, MissingDataError, RecordError, errors_at, nearest, refuse_unknown
-from thermid.base.extensions import by_grammar, extension
+from thermid.base.extensions import extension
+from thermid.base.files import Places, by_grammar, read_toml, resolve_inside
 from thermid.base.memo import Memo
-from thermid.base.toml_files import Places, read_toml, resolve_inside
 from thermid.campaign._cache import file_name, log_kept
 from thermid.fit.calibration import LocalSpec
 from thermid.measure.readers import read_record
 from thermid.measure.records import ROLES, Channel, Record
-from thermid.model.deck import load_model
-from thermid.model.tree import Model, TableSignal, literal
-from thermid.simulation.runs import Scenario
-from thermid.simulation.scenario_files import LogColumns, environments_of
+from thermid.model.tree import Model, TableSignal, literal, load_model
+from thermid.simulation.runs import LogColumns, Scenario, environments_of
 
 if TYPE_CHECKING:
     from thermid.campaign._schema import CampaignFile, RecordTable, ScenarioTable, StageTable, VerdictTable

@@ -32,8 +32,7 @@ from thermid.fit.calibration import (
     prior_of,
 )
 from thermid.model.tree import Model, ParameterSet, definition_of, instances, local_identities, without_layers
-from thermid.values.fitted import FittedValue, FittedValues
-from thermid.values.store import LeftOut, Store, graft
+from thermid.values.store import FittedValue, FittedValues, LeftOut, Store, graft
 
 if TYPE_CHECKING:
     from thermid.campaign._file import CampaignSource

@@ -10,20 +10,15 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from thermid.base.errors import DeckError, NameNotFoundError, nearest, refuse_unknown
-from thermid.base.expression import Kelvin
-from thermid.base.extensions import by_grammar
-from thermid.base.files import FileKinds, write_text
+from thermid.base.files import FileKinds, Places, by_grammar, read_toml, resolve_inside, write_text
 from thermid.base.results import Shown
-from thermid.base.toml_files import Places, read_toml, resolve_inside
-from thermid.base.units import ICE_POINT, TEMPERATURE
+from thermid.base.units import ICE_POINT, TEMPERATURE, Kelvin
 from thermid.campaign._file import read_campaign
 from thermid.campaign._judge.verdict import Residuals, metric
 from thermid.campaign._stages import Campaign
 from thermid.fit.calibration import SensorTrace
-from thermid.model.deck import load_model
-from thermid.model.tree import Model, Names, literal
-from thermid.simulation.runs import Solution
-from thermid.simulation.solver import Options
+from thermid.model.tree import Model, Names, literal, load_model
+from thermid.simulation.runs import Options, Solution
 
 if TYPE_CHECKING:
     from thermid.campaign._schema import ComponentTable, SensorTable, StudyFile

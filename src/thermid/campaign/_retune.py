@@ -19,8 +19,7 @@ from thermid.campaign._file import CampaignSource, read_campaign
 from thermid.campaign._joint import Level, places_of
 from thermid.campaign._stages import Campaign, Notice, progress_of, request_of
 from thermid.fit.calibration import MOVED, Calibration, Request, as_found, fit, moved_instruments
-from thermid.fit.error_model import KEY as ERRORS, errors_after, errors_without
-from thermid.model.deck import load_model
+from thermid.fit.error_model import ERRORS_KEY, errors_after, errors_without
 from thermid.model.tree import (
     Constant,
     Model,
@@ -33,13 +32,13 @@ from thermid.model.tree import (
     exact,
     inside,
     instances,
+    load_model,
     parameter,
     short_text,
     touching,
 )
 from thermid.simulation.runs import Scenario, Workers, compile_network, steady
-from thermid.values.fitted import view
-from thermid.values.store import Normal, Source, State, Store, ValueOrigin, graft
+from thermid.values.store import Normal, Source, State, Store, ValueOrigin, graft, view
 
 if TYPE_CHECKING:
     from thermid.campaign._schema import InheritTable, StageTable
@@ -581,9 +580,9 @@ def _fitted(request: Request, before: Calibration, anew: Sequence[str], progress
 def _with_errors_before(refit: Calibration, before: Calibration, anew: Sequence[str], request: Request) -> Calibration:
     """Return a fit of some values with what the fit before it left open of all others; not credible where its logs contradict these."""
     provenance, earlier = refit.values.provenance, request.store.provenance.get(before.stage, {})
-    if ERRORS in provenance and ERRORS in earlier:
-        provenance = {**provenance, ERRORS: errors_after(provenance[ERRORS], earlier[ERRORS], anew)}
-    rest = {k: x for k, x in earlier.items() if k != ERRORS}
+    if ERRORS_KEY in provenance and ERRORS_KEY in earlier:
+        provenance = {**provenance, ERRORS_KEY: errors_after(provenance[ERRORS_KEY], earlier[ERRORS_KEY], anew)}
+    rest = {k: x for k, x in earlier.items() if k != ERRORS_KEY}
     every = {n: x for n, x in refit.store.provenance.items() if n != refit.stage}
     store = replace(refit.store, provenance={**every, f"{before.stage} before": rest, refit.stage: provenance})
     refit = replace(refit, values=replace(refit.values, provenance=provenance), store=store)
@@ -597,7 +596,7 @@ def _carry_over(before: Calibration, request: Request, gone: Sequence[str]) -> C
     """Return a fit with what is known after the swap: nothing of the old part, nor of a joint to it, by its model of error either."""
     store, stage = request.store, before.stage
     kept = dict(store.provenance.get(stage, {}))
-    kept |= {ERRORS: errors_without(kept[ERRORS], gone)} if ERRORS in kept else {}
+    kept |= {ERRORS_KEY: errors_without(kept[ERRORS_KEY], gone)} if ERRORS_KEY in kept else {}
     store = replace(store, provenance={**store.provenance, stage: kept})
     new_paths = [p for p, s in store.states.items() if s.origin.stage == stage]
     return replace(

@@ -23,8 +23,8 @@ from thermid.base.errors import (
     quoted,
     refuse_unknown,
 )
+from thermid.base.files import resolve_inside
 from thermid.base.results import Named, Row
-from thermid.base.toml_files import resolve_inside
 from thermid.base.units import counted, duration_text, short
 from thermid.campaign._cache import changed_since, errors_kept, file_name, forget, recall, remember
 from thermid.campaign._file import CampaignSource, accepting, local_of, read_campaign, scenario_of

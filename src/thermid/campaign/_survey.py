@@ -10,11 +10,19 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from thermid.base.codes import code_of
-from thermid.base.errors import DeckError, IdentificationError, NameNotFoundError, RecordError, ThermidError, errors_at, refuse_unknown
-from thermid.base.expression import kelvin
+from thermid.base.errors import (
+    DeckError,
+    IdentificationError,
+    NameNotFoundError,
+    RecordError,
+    ThermidError,
+    code_of,
+    errors_at,
+    refuse_unknown,
+)
+from thermid.base.files import resolve_inside
 from thermid.base.linear_algebra import value_of
-from thermid.base.toml_files import resolve_inside
+from thermid.base.units import kelvin
 from thermid.campaign._file import CampaignSource, bound_by, local_of, read_campaign, scenario_of
 from thermid.campaign._judge.limits import Limits
 from thermid.campaign._judge.predictions import CampaignPrediction
@@ -38,8 +46,7 @@ from thermid.inference.intervals import Identifiability, identifiability, identi
 from thermid.measure.records import Record, open_questions, stray_readings
 from thermid.model.tree import Finding, Model
 from thermid.prediction.bands import predict
-from thermid.simulation.runs import Environment, Scenario, Workers, compile_network
-from thermid.simulation.scenario_files import load_scenario
+from thermid.simulation.runs import Environment, Scenario, Workers, compile_network, load_scenario
 from thermid.values.store import Normal, Source, State, Store, ValueOrigin
 
 if TYPE_CHECKING:

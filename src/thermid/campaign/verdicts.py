@@ -3,11 +3,9 @@
 from thermid.campaign._judge.changes import Changes as Changes, compare_models as compare_models
 from thermid.campaign._judge.correlation import (
     Correlation as Correlation,
-    Difference as Difference,
     Exclusions as Exclusions,
     Overlay as Overlay,
     correlate as correlate,
-    difference as difference,
     overlays as overlays,
     paired as paired,
 )

@@ -29,7 +29,7 @@ from thermid.fit._calibration import (
     fitted_values,
 )
 from thermid.fit._error_model.discrepancy import assumed_moves, with_discrepancy
-from thermid.fit._error_model.kept import KEY as ERRORS, ErrorsOfFit, Keeping, with_structural_errors
+from thermid.fit._error_model.kept import ERRORS_KEY, ErrorsOfFit, Keeping, with_structural_errors
 from thermid.fit._error_model.sizes import OUTSIDE
 from thermid.fit._inputs import inputs_of
 from thermid.fit._minimisation import Fit, KeptFit, covariances, ended, minimise
@@ -45,8 +45,7 @@ from thermid.fit._uncertainty.noise import Autocorrelation, TraceNoise, autocorr
 from thermid.measure.records import COLUMN_UNITS, Record, open_questions
 from thermid.model.tree import CREDIBLE, Model, Standing, TableSignal, identity_of, unlumped, worst
 from thermid.simulation.runs import Scenario, Workers
-from thermid.values.fitted import FittedValue, FittedValues, view
-from thermid.values.store import INPUT, LaterTable, State, Store, ValueOrigin, graft
+from thermid.values.store import INPUT, FittedValue, FittedValues, LaterTable, State, Store, ValueOrigin, graft, view
 
 _version = cache(version)  # half a millisecond, once
 
@@ -942,7 +941,7 @@ def _with_errors(fit: Calibration, errors: ErrorsOfFit) -> Calibration:
     """Return a fit whose values keep its model of error, which is made when somebody asks for it if it is not there."""
     if fit.stopped or fit.problem is None or not any(u.kind == "parameter" for u in fit.problem.unknowns):
         return fit
-    provenance = {**fit.values.provenance, ERRORS: LaterTable(errors.table)}
+    provenance = {**fit.values.provenance, ERRORS_KEY: LaterTable(errors.table)}
     store = replace(fit.store, provenance={**fit.store.provenance, fit.values.stage: provenance})
     return replace(fit, values=replace(fit.values, provenance=provenance), store=store)
 

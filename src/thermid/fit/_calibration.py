@@ -23,9 +23,20 @@ from thermid.fit._problem.residuals import Predictions, Problem, SensorStatistic
 from thermid.fit._uncertainty.moved import MOVED, Moves
 from thermid.fit._uncertainty.noise import Autocorrelation
 from thermid.model.tree import UNJUDGED, Model, Standing, cuts_of, worst
-from thermid.values.fitted import FittedValue, FittedValues, load_values, save_store
-from thermid.values.ranges import bracketed, range_shares, without_spread
-from thermid.values.store import AS_FITTED, EXPECTED, INPUT, State, Store
+from thermid.values.store import (
+    AS_FITTED,
+    EXPECTED,
+    INPUT,
+    FittedValue,
+    FittedValues,
+    State,
+    Store,
+    bracketed,
+    load_values,
+    range_shares,
+    save_store,
+    without_spread,
+)
 
 LOUD = "NOT CREDIBLE: "
 

@@ -153,8 +153,7 @@ def descend(
     ------
     SolverError   Of the start; and where derivatives are not finite.
     """
-    x = np.clip(start, *bounds)
-    here = local(x)
+    here = local(x := np.clip(start, *bounds))
     reach = reach or max(float(np.linalg.norm(x / scale)), 1.0)
     count, gained, bend, bent = 1, np.inf, np.zeros((x.size, x.size)), False
     while True:
@@ -179,8 +178,7 @@ def descend(
                 straight, more = _promised(*plain, new - x), 0.5 * float((new - x) @ bend @ (new - x))
                 bent = abs(gained - straight) > max(MISJUDGED * straight, abs(gained - straight + more))
                 bend = _bend_after(bend, new - x, plain, there[1:])
-            farther = gained > 0.75 * promised and size > 0.95 * reach
-            reach = 0.25 * size if gained < 0.25 * promised else 2.0 * reach if farther else reach
+            reach = 0.25 * size if gained < 0.25 * promised else 2.0 * reach if gained > 0.75 * promised and size > 0.95 * reach else reach
             if gained > 0.0:
                 break
             if promised < relative * abs(cost) or size < 1e-10:

@@ -35,7 +35,6 @@ from thermid.fit._problem.experiment import (
     attached as attached,
     bind as bind,
     first_reading as first_reading,
-    power_while_on as power_while_on,
     role_and_target as role_and_target,
 )
 from thermid.fit._problem.gather import build_problem as build_problem, clock_suffix as clock_suffix, prior_of as prior_of, wired as wired

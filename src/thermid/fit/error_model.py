@@ -1,6 +1,21 @@
 """The model of error of a fit: what it leaves open of its values and of its elements, and how a run follows that."""
 
-from thermid.fit._error_model.courses import course_of as course_of
+from thermid.fit._error_model.courses import (
+    FREE_AIR as FREE_AIR,
+    OperatingPoint as OperatingPoint,
+    constant_coefficients as constant_coefficients,
+    course_of as course_of,
+)
+from thermid.fit._error_model.discrepancy import (
+    MAX_GAS_CONDUCTANCE as MAX_GAS_CONDUCTANCE,
+    STRUCTURAL_KEY as STRUCTURAL_KEY,
+    Discrepancy as Discrepancy,
+    contacts_in_other_gas as contacts_in_other_gas,
+    discrepancy as discrepancy,
+    discrepancy_kept as discrepancy_kept,
+    kept_in as kept_in,
+    told_first as told_first,
+)
 from thermid.fit._error_model.elements import (
     DepartureHeat as DepartureHeat,
     with_heats as with_heats,
@@ -8,7 +23,7 @@ from thermid.fit._error_model.elements import (
 )
 from thermid.fit._error_model.gaussian import NormalMixture as NormalMixture
 from thermid.fit._error_model.kept import (
-    KEY as KEY,
+    ERRORS_KEY as ERRORS_KEY,
     ErrorModel as ErrorModel,
     Keeping as Keeping,
     KeptWay as KeptWay,
@@ -19,6 +34,12 @@ from thermid.fit._error_model.kept import (
     errors_without as errors_without,
 )
 from thermid.fit._error_model.model import course_in_fit as course_in_fit
+from thermid.fit._error_model.own_values import (
+    BALANCE as BALANCE,
+    OwnValue as OwnValue,
+    own_value as own_value,
+    own_values_kept as own_values_kept,
+)
 from thermid.fit._error_model.records import (
     BandCause as BandCause,
     BesideRow as BesideRow,

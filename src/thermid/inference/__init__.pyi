@@ -2,14 +2,8 @@
 
 from thermid.campaign.stages import joint as joint
 from thermid.campaign.studies import CredibilityRecord as CredibilityRecord, credibility as credibility
-from thermid.campaign.verdicts import (
-    Changes as Changes,
-    Difference as Difference,
-    compare_models as compare_models,
-    difference as difference,
-)
-from thermid.fit.discrepancy import Discrepancy as Discrepancy, discrepancy as discrepancy
-from thermid.fit.error_model import ErrorModel as ErrorModel
+from thermid.campaign.verdicts import Changes as Changes, compare_models as compare_models
+from thermid.fit.error_model import Discrepancy as Discrepancy, ErrorModel as ErrorModel, discrepancy as discrepancy
 from thermid.fit.estimation import Estimation as Estimation, estimate as estimate
 from thermid.fit.power import PowerHistory as PowerHistory, PowerLaw as PowerLaw, power_history as power_history
 from thermid.inference.criticism import Criticism as Criticism, criticise as criticise

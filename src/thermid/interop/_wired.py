@@ -20,8 +20,7 @@ from thermid.base.files import FileKinds, write_text
 from thermid.base.linear_algebra import real_power, value_of
 from thermid.base.units import si_unit
 from thermid.model.tree import HINGES, Constant, Curve, Drawn, Model, TableSignal
-from thermid.simulation.runs import SMOOTHING, ConductorRow, Network, Numbers, Scenario, network_for, signal_of
-from thermid.simulation.solver import Engine, Wiring
+from thermid.simulation.runs import SMOOTHING, ConductorRow, Engine, Network, Numbers, Scenario, Wiring, network_for, signal_of
 
 MOVING = tuple(HINGES.values())
 

@@ -19,8 +19,7 @@ from thermid.base.errors import DeckError, SolverError
 from thermid.base.linear_algebra import Array
 from thermid.interop._wired import Text, Wired, Writer, distinct, exported, file_and_name, identifiers, one_line, resting, wired
 from thermid.model.tree import Curve, Drawn, Model, Sine, TableSignal
-from thermid.simulation.runs import Scenario, curve_arrays, tables_behind
-from thermid.simulation.solver import Engine, Options, Wiring
+from thermid.simulation.runs import Engine, Options, Scenario, Wiring, curve_arrays, tables_behind
 
 C = Writer("C", gas=True, hinges=True, smooth=True, loads=True, schedules=True)
 MAX_DENSE_NODES = 200

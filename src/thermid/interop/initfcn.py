@@ -20,10 +20,9 @@ from pathlib import Path
 from typing import Any
 
 from thermid.base.errors import DeckError, ExpressionError, ThermidError, UnitError, cap, raising
-from thermid.base.expression import parse
 from thermid.base.files import read_text
 from thermid.base.results import Shown
-from thermid.base.units import DIMENSIONLESS, Dimension, counted, describe, in_si, unit
+from thermid.base.units import DIMENSIONLESS, Dimension, counted, describe, in_si, parse, unit
 from thermid.model.tree import Parameter, parameter
 
 _CELSIUS = re.compile(r"(deg\.?\s*|degrees?\s+|°\s*)?(C|celsius)\Z", re.IGNORECASE)

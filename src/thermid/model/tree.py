@@ -1,9 +1,20 @@
 """A model: parts within parts, laid flat, with the values of its parameters and the rules that check it.
 
-Its elements, their parameters, and what their laws are made of: signals, curves, stores.
+Its elements, their parameters, and what their laws are made of: signals, curves, stores. Deck files, read and written.
 Which values of several places are one, and what a replaced part keeps.
 """
 
+from thermid.model._deck.document import DeckDocument as DeckDocument, Edit as Edit, Renamed as Renamed
+from thermid.model._deck.modelfile import (
+    STANDARD as STANDARD,
+    load_model as load_model,
+    model_beside as model_beside,
+    model_from_dict as model_from_dict,
+    model_text as model_text,
+    save_model as save_model,
+    standard_parts as standard_parts,
+    toml_text as toml_text,
+)
 from thermid.model._laws.law import law as law
 from thermid.model._laws.signal import (
     Constant as Constant,

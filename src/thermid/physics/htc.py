@@ -11,11 +11,9 @@ from typing import Any
 
 import numpy as np
 
-from thermid.base.codes import CodedText
-from thermid.base.errors import ThermidError, ThermidWarning, refuse_unknown
-from thermid.base.expression import amount
+from thermid.base.errors import CodedText, ThermidError, ThermidWarning, refuse_unknown
 from thermid.base.results import Result
-from thermid.base.units import TEMPERATURE
+from thermid.base.units import TEMPERATURE, amount
 from thermid.physics._number import Number
 from thermid.physics.air import Gas, dry_air
 from thermid.physics.convection import effective_htc, effective_htc_error
@@ -114,7 +112,7 @@ class HtcComparison(Result):
         return self.correlations[-1].htc
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the object of ``thermid htc --json``."""
+        """Return it as JSON holds it."""
         settling = self.settling
         return {
             "effective": self.effective,
@@ -175,10 +173,9 @@ def compare_htc(
     surface, ambient : temperature      Settled, ``"35.938 [degC]"`` or ``td.celsius(35.938)``.
     height : str or float               Height of the vertical faces. [m]
     box : tuple of 2                    Length and width of a box of that height; adds horizontal faces and the mean over all. [m]
-    air : Gas or tuple of 3             Conductivity [W/(m K)], kinematic viscosity [m^2/s] and Prandtl number [-]; dry air at the mean of
-                                        both temperatures if not given.
-    errors : dict                       Standard errors: ``sensor`` of each of the two temperatures, independent (0.5 if not given) [K],
-                                        ``power`` [W], ``area`` [m^2]; and ``drift``, the variation of the ambient, reported apart [K].
+    air : Gas or tuple of 3             Conductivity [W/(m K)], kinematic viscosity [m^2/s], Prandtl number [-]; by default dry air.
+    errors : dict                       Standard errors: ``sensor`` of each of both temperatures (0.5 if not given) [K], ``power`` [W],
+                                        ``area`` [m^2]; and ``drift``, the variation of the ambient, reported apart [K].
     emissivity : float                  Of the surface, large surroundings at ambient temperature. [-]
     parts : dict                        Name -> (length of the heat's path inside [m], conductivity [W/(m K)]), for Biot numbers.
     capacitance : str or float          Mass times specific heat. [J/K]
@@ -194,16 +191,7 @@ def compare_htc(
 
     References
     ----------
-    Churchill and Chu, DOI 10.1016/0017-9310(75)90243-4; McAdams, in Incropera, 6th ed., Section 9.6.2; source document, Eq. 7 and section
-    on theoretical and effective HTC.
-
-    Examples
-    --------
-    The EleGFO box of the source document, air as printed there:
-
-    >>> found = compare_htc(2.168, 0.082241, "309.088 [K]", "297.15 [K]", 0.02492, air=(0.026, 1.6e-5, 0.71))
-    >>> round(found.effective, 3), round(found.error, 2), round(found.theoretical, 3)
-    (2.208, 0.13, 6.798)
+    Churchill and Chu, DOI 10.1016/0017-9310(75)90243-4; McAdams, in Incropera, 6th ed., Section 9.6.2; source document, Eq. 7.
     """
     q, a, hot, cold, tall = _checked_inputs(power, area, surface, ambient, height)
     rise = hot - cold
@@ -212,10 +200,7 @@ def compare_htc(
     effective = effective_htc(q, a, rise)
     error = effective_htc_error(q, a, rise, power_error=of_power, area_error=of_area, rise_error=sensor * math.sqrt(2.0))
     faces = tuple(amount(x, "m", "box") for x in box) if box is not None else None
-    with warnings.catch_warnings(record=True) as caught:
-        warnings.simplefilter("always", ThermidWarning)
-        correlations = _correlations(hot, cold, tall, faces, _gas(air, (hot + cold) / 2))
-    remarks: list[str] = [CodedText(str(w.message), w.message.code) for w in caught if isinstance(w.message, ThermidWarning)]
+    correlations, remarks = _correlations(hot, cold, tall, faces, _gas(air, (hot + cold) / 2))
     for text in remarks:
         warnings.warn(ThermidWarning(text), stacklevel=3)
     radiation = None if emissivity is None else float(linearised_htc(emissivity, hot, cold))
@@ -223,8 +208,7 @@ def compare_htc(
     remarks += _meaning(effective, error, correlations[-1].htc, radiation, q, a, rise)
     biot = _biot(parts or {}, effective, correlations[-1].htc, remarks)
     settling = _settling(capacitance, settled_after, effective * a, remarks)
-    shift = effective * drift / abs(rise)
-    return HtcComparison(effective, error, shift, correlations, rise, tuple(remarks), radiation, biot, settling)
+    return HtcComparison(effective, error, effective * drift / abs(rise), correlations, rise, tuple(remarks), radiation, biot, settling)
 
 
 def _gas(air: Gas | tuple[float, float, float] | None, temperature: float) -> Gas:
@@ -268,29 +252,33 @@ def _checked_inputs(
     return q, a, hot, cold, tall
 
 
-def _correlations(hot: float, cold: float, height: float, box: tuple[float, ...] | None, air: Gas) -> tuple[HtcEstimate, ...]:
-    """Return the coefficients of the faces at surface and ambient temperatures [K], the one to compare with last.
+def _correlations(
+    hot: float, cold: float, height: float, box: tuple[float, ...] | None, air: Gas
+) -> tuple[tuple[HtcEstimate, ...], list[str]]:
+    """Return the coefficients of the faces at surface and ambient temperatures [K], the one to compare with last, and their warnings.
 
     The vertical plate alone, or with a `box` (length, width) [m] also its horizontal faces and the mean over all six, weighted by area.
     """
     mean = (hot + cold) / 2
-    rayleigh = rayleigh_number(hot - cold, height, mean, air)
-    side = HtcEstimate("vertical plate, laminar (Churchill and Chu; Eq. 7)", vertical_plate_htc(hot, cold, height, air), rayleigh)
-    out = [side]
-    if rayleigh > LAMINAR_LIMIT:
-        turbulent = vertical_plate_htc_all(hot, cold, height, air)
-        out.append(HtcEstimate("vertical plate, laminar and turbulent (Churchill and Chu)", turbulent, rayleigh))
-    if box is None:
-        return tuple(out)
-    length, width = box
-    across = length * width / (2 * (length + width))
-    flat = rayleigh_number(hot - cold, across, mean, air)
-    # the upper face of a hot box faces up; of a cold one, it is its lower face that behaves so
-    one = HtcEstimate("horizontal plate, free side (McAdams)", horizontal_plate_up_htc(hot, cold, across, air), flat)
-    other = HtcEstimate("horizontal plate, capped side (McAdams)", horizontal_plate_down_htc(hot, cold, across, air), flat)
-    walls, lid = 2 * (length + width) * height, length * width
-    whole = (walls * out[-1].htc + lid * (one.htc + other.htc)) / (walls + 2 * lid)
-    return (*out, one, other, HtcEstimate("whole box, mean over its six faces", whole))
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always", ThermidWarning)
+        rayleigh = rayleigh_number(hot - cold, height, mean, air)
+        side = HtcEstimate("vertical plate, laminar (Churchill and Chu; Eq. 7)", vertical_plate_htc(hot, cold, height, air), rayleigh)
+        out = [side]
+        if rayleigh > LAMINAR_LIMIT:
+            turbulent = vertical_plate_htc_all(hot, cold, height, air)
+            out.append(HtcEstimate("vertical plate, laminar and turbulent (Churchill and Chu)", turbulent, rayleigh))
+        if box is not None:
+            length, width = box
+            across = length * width / (2 * (length + width))
+            flat = rayleigh_number(hot - cold, across, mean, air)
+            # the upper face of a hot box faces up; of a cold one, it is its lower face that behaves so
+            one = HtcEstimate("horizontal plate, free side (McAdams)", horizontal_plate_up_htc(hot, cold, across, air), flat)
+            other = HtcEstimate("horizontal plate, capped side (McAdams)", horizontal_plate_down_htc(hot, cold, across, air), flat)
+            walls, lid = 2 * (length + width) * height, length * width
+            whole = (walls * out[-1].htc + lid * (one.htc + other.htc)) / (walls + 2 * lid)
+            out += [one, other, HtcEstimate("whole box, mean over its six faces", whole)]
+    return tuple(out), [CodedText(str(w.message), w.message.code) for w in caught if isinstance(w.message, ThermidWarning)]
 
 
 def _box_remark(area: float, height: float, length: float, width: float) -> list[str]:

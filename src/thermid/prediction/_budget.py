@@ -12,25 +12,46 @@ from typing import Any, Literal, get_args
 import numpy as np
 
 from thermid.base.arguments import guard_methods, takes_objects
-from thermid.base.codes import CodedText
-from thermid.base.errors import IdentificationError, NameNotFoundError, ScenarioError, SolverError, quoted, refuse_unknown
-from thermid.base.expression import plain_numbers
+from thermid.base.errors import CodedText, IdentificationError, NameNotFoundError, ScenarioError, SolverError, quoted, refuse_unknown
 from thermid.base.linear_algebra import Array, Indices, quadratic_forms, symmetric_inverse, value_of
 from thermid.base.results import Shown
-from thermid.base.units import from_si, short
+from thermid.base.units import from_si, plain_numbers, short
 from thermid.fit.calibration import Calibration
-from thermid.fit.discrepancy import MAX_GAS_CONDUCTANCE, Discrepancy, contacts_in_other_gas, told_first
-from thermid.fit.error_model import BandCause, ErrorModel, KeptWay, SeenValue
+from thermid.fit.error_model import (
+    MAX_GAS_CONDUCTANCE,
+    BandCause,
+    Discrepancy,
+    ErrorModel,
+    KeptWay,
+    SeenValue,
+    contacts_in_other_gas,
+    told_first,
+)
 from thermid.inference.criticism import asks
 from thermid.model.tree import UNJUDGED, Model, Standing
 from thermid.prediction._known import Knowledge, Rows, known_of, normal_sources, rows_of
 from thermid.prediction._split import split_values
-from thermid.simulation.runs import Network, Scenario, Simulator, compile_network, network_for, prepare
-from thermid.simulation.solver import read_schedule
-from thermid.values.fitted import FittedValues
-from thermid.values.ranges import RANGE_OF, RangedValue, bracketed, narrowed, ranged_values, without_spread
-from thermid.values.spreads import cut
-from thermid.values.store import Distribution, Kind, LeftOut, Logarithm, LogNormal, Normal, Shifted, Source, Uniform, uniforms
+from thermid.simulation.runs import Network, Scenario, Simulator, compile_network, network_for, prepare, read_schedule
+from thermid.values.store import (
+    RANGE_OF,
+    Distribution,
+    FittedValues,
+    Kind,
+    LeftOut,
+    Logarithm,
+    LogNormal,
+    Normal,
+    RangedValue,
+    Shifted,
+    Source,
+    Uniform,
+    bracketed,
+    cut,
+    narrowed,
+    ranged_values,
+    uniforms,
+    without_spread,
+)
 
 Groups = Sequence[tuple[Sequence[str], Any]]
 """Names that share one value, and how it is spread."""

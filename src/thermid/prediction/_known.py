@@ -14,12 +14,12 @@ from thermid.base.errors import DeckError, IdentificationError
 from thermid.base.linear_algebra import Array, square_root
 from thermid.base.results import Result, Row
 from thermid.fit.calibration import Calibration, fitted_values
-from thermid.fit.discrepancy import KEY, Discrepancy, kept_in
-from thermid.fit.error_model import KEY as ERRORS, BandCause, ErrorModel
+from thermid.fit.error_model import ERRORS_KEY, STRUCTURAL_KEY, BandCause, Discrepancy, ErrorModel, kept_in
 from thermid.model.tree import Model, Standing, flatten, worst
-from thermid.values.fitted import FittedValue, FittedValues
 from thermid.values.store import (
     INPUT,
+    FittedValue,
+    FittedValues,
     Kind,
     Normal,
     Source,
@@ -131,8 +131,8 @@ class Knowledge(Result):
         """
         out: list[ErrorModel] = []
         taken: list[tuple[str, tuple[str, ...]]] = []
-        for of_fit in (of_fit for s in reversed(self.stores) for of_fit in reversed([*s.provenance.values()]) if ERRORS in of_fit):
-            errors = of_fit[ERRORS]
+        for of_fit in (of_fit for s in reversed(self.stores) for of_fit in reversed([*s.provenance.values()]) if ERRORS_KEY in of_fit):
+            errors = of_fit[ERRORS_KEY]
             if not any(errors.at.startswith(at) and not errors.at.startswith(gone) for at, gone in taken):
                 taken.append((errors.at, tuple(f"{errors.at}{place}." for place in errors.without)))
                 out.append(ErrorModel.from_dict(errors.table))
@@ -173,8 +173,8 @@ def values_at(values: FittedValues, at: str) -> FittedValues:
     provenance = values.provenance
     items = {v.path: v for v in map(moved, values.values())}
     places = {n: {ahead + p: x for p, x in provenance[n].items()} for n in ("conditions", "misfit") if n in provenance}
-    structural = {KEY: structural_under(provenance[KEY], ahead)} if KEY in provenance else {}
-    structural |= {ERRORS: provenance[ERRORS].under(ahead)} if ERRORS in provenance else {}
+    structural = {STRUCTURAL_KEY: structural_under(provenance[STRUCTURAL_KEY], ahead)} if STRUCTURAL_KEY in provenance else {}
+    structural |= {ERRORS_KEY: provenance[ERRORS_KEY].under(ahead)} if ERRORS_KEY in provenance else {}
     return replace(values, items_=items, provenance={**provenance, **places, **structural}, store=None)
 
 

@@ -16,11 +16,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thermid.base.errors import NameNotFoundError, SolverError, nearest, quoted
-from thermid.base.expression import seconds
 from thermid.base.files import FileKinds, replacing
 from thermid.base.linear_algebra import Array, Bools
 from thermid.base.results import Named, PlottedTrace, Result, Row
-from thermid.base.units import ICE_POINT, duration_text, short
+from thermid.base.units import ICE_POINT, duration_text, seconds, short
 from thermid.fit.calibration import Calibration
 from thermid.fit.error_model import LACK_ODDS, BandCause, NormalMixture
 from thermid.inference.criticism import ExplainedFit, explained, summary
@@ -40,8 +39,7 @@ from thermid.prediction._budget import (
 )
 from thermid.prediction._known import Knowledge
 from thermid.prediction._setting import PROBE_MEMBERS, Drawn, Linear, Setting
-from thermid.simulation.runs import DutyCycle, KeptTasks, Scenario, Solution, Workers, simulate
-from thermid.simulation.solver import Options
+from thermid.simulation.runs import DutyCycle, KeptTasks, Options, Scenario, Solution, Workers, simulate
 from thermid.values.store import LeftOut
 
 ROUNDING = 1e-9

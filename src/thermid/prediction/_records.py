@@ -29,8 +29,20 @@ from thermid.fit.calibration import (
     stretch_means,
     wired,
 )
-from thermid.fit.discrepancy import BALANCE, OwnValue, own_value, own_values_kept
-from thermid.fit.error_model import BandCause, BesideRow, ErrorModel, RecordRun, errors_of_values, problem_of_record, shared_with, split
+from thermid.fit.error_model import (
+    BALANCE,
+    BandCause,
+    BesideRow,
+    ErrorModel,
+    OwnValue,
+    RecordRun,
+    errors_of_values,
+    own_value,
+    own_values_kept,
+    problem_of_record,
+    shared_with,
+    split,
+)
 from thermid.measure.records import Record
 from thermid.model.tree import UNJUDGED, Constant, Standing, TableSignal, literal
 from thermid.prediction._budget import AVERAGED, Budget, budget_of, first_line, in_order

@@ -21,8 +21,7 @@ from thermid.fit.error_model import DepartureHeat, course_of, deviation, with_he
 from thermid.model.tree import Model
 from thermid.prediction._budget import Assumed, Budget, Target, assumed_values, combined, open_ranges
 from thermid.prediction._known import Rows
-from thermid.simulation.runs import Ensemble, Scenario, Simulator, Solution, Workers, in_tasks, prepare
-from thermid.simulation.solver import Engine, MemberTurnings, Wiring
+from thermid.simulation.runs import Engine, Ensemble, MemberTurnings, Scenario, Simulator, Solution, Wiring, Workers, in_tasks, prepare
 from thermid.values.store import Normal, Shifted, Source, deviated
 
 MAX_EFFECT_LEFT = 0.3

@@ -18,15 +18,13 @@ from thermid.base.errors import IdentificationError, nearest, quoted
 from thermid.base.linear_algebra import Array, value_of
 from thermid.base.results import Named
 from thermid.fit.calibration import Calibration
-from thermid.fit.discrepancy import discrepancy_kept
+from thermid.fit.error_model import discrepancy_kept
 from thermid.model.tree import FINISH_CORRELATION, FlatConductor, Model, Standing, StatedRange, exposed_area, worst
 from thermid.physics.air import dry_air
 from thermid.physics.plates import body_htc, conduction_floor
 from thermid.physics.radiation import linearised_htc
 from thermid.simulation.runs import Network, Scenario, compile_network, steady
-from thermid.values.fitted import FittedValue, FittedValues
-from thermid.values.spreads import read_spread
-from thermid.values.store import model_standing
+from thermid.values.store import FittedValue, FittedValues, model_standing, read_spread
 
 MIN_RISE = 0.2
 """Difference below which a test says nothing of a coefficient. [K]"""

@@ -13,14 +13,11 @@ from typing import Any
 import numpy as np
 
 from thermid.base.errors import DeckError
-from thermid.base.files import FileKinds, folder_replacing, read_bytes, write_bytes, write_text
-from thermid.base.toml_files import read_json
-from thermid.model.deck import load_model, save_model
-from thermid.model.tree import Model
+from thermid.base.files import FileKinds, folder_replacing, read_bytes, read_json, write_bytes, write_text
+from thermid.model.tree import Model, load_model, save_model
 from thermid.prediction.reduction import Reduction, assumed, reduce
-from thermid.simulation.runs import Solution, digest, network_for, simulate
-from thermid.simulation.scenario_files import Scenario, load_scenario
-from thermid.values.fitted import FittedValues
+from thermid.simulation.runs import Scenario, Solution, digest, load_scenario, network_for, simulate
+from thermid.values.store import FittedValues
 
 MAX_DIFFERENCE = 1e-6
 """Difference up to which a repeated run is the same. [K]"""

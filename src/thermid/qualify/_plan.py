@@ -14,16 +14,24 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from thermid.base.errors import DeckError, NameNotFoundError, ThermidError, errors_at, look_up, quoted, refuse_unknown
-from thermid.base.extensions import by_grammar, refuse_another_kind
-from thermid.base.files import FileKinds, read_bytes, write_text
+from thermid.base.files import (
+    FileKinds,
+    Places,
+    by_grammar,
+    project_root,
+    read_bytes,
+    read_json,
+    read_toml,
+    refuse_another_kind,
+    resolve_inside,
+    write_text,
+)
 from thermid.base.results import Result
-from thermid.base.toml_files import Places, project_root, read_json, read_toml, resolve_inside
 from thermid.base.units import TEMPERATURE, counted
 from thermid.campaign.stages import run_stages
 from thermid.campaign.verdicts import CRITERIA, POLICIES, Criteria, Limits, load_limits, read_limits
-from thermid.measure.steadiness import rule_of
-from thermid.model.deck import load_model
-from thermid.model.tree import literal
+from thermid.measure.records import rule_of
+from thermid.model.tree import literal, load_model
 from thermid.prediction.bands import Knowledge
 from thermid.prediction.reduction import macro_model
 from thermid.values.value_files import filed
@@ -97,8 +105,8 @@ class Plan(Result):
                 campaign = run_stages(file, data=data, cache=file.parent / "results")
                 refuse_unknown([source.stage], campaign.stages, "model.stage", "the campaign has no stage '{}'.", NameNotFoundError)
                 return Knowledge.of_source(campaign[source.stage])
-            with errors_at("model.deck"):
-                model = load_model(resolve_inside(folder, source.deck, "model.deck"))
+            with errors_at("model.tree"):
+                model = load_model(resolve_inside(folder, source.deck, "model.tree"))
             if not source.values:
                 return Knowledge(model)
             return Knowledge.of_file(filed(resolve_inside(folder, source.values, "model.values"), model))

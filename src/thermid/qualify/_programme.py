@@ -12,8 +12,7 @@ import numpy as np
 
 from thermid.base.errors import errors_at
 from thermid.base.linear_algebra import HALF_WIDTH_95
-from thermid.base.results import Named
-from thermid.base.sourced import VERDICTS, weigh
+from thermid.base.results import VERDICTS, Named, weigh
 from thermid.base.units import counted
 from thermid.campaign.verdicts import Limits, Margin, margins
 from thermid.model.tree import Standing

@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from thermid.base.errors import NameNotFoundError, RecordError, ScenarioError, errors_at, refuse_unknown
+from thermid.base.files import resolve_inside
 from thermid.base.linear_algebra import Array
-from thermid.base.sourced import VERDICTS, weigh
-from thermid.base.toml_files import resolve_inside
+from thermid.base.results import VERDICTS, weigh
 from thermid.base.units import ICE_POINT, TEMPERATURE, duration_text
 from thermid.campaign.verdicts import (
     Correlation,
@@ -32,8 +32,7 @@ from thermid.campaign.verdicts import (
 from thermid.fit.calibration import Calibration
 from thermid.inference.diagnosis import Diagnosis, diagnose
 from thermid.measure.readers import read_record
-from thermid.measure.records import Record
-from thermid.measure.steadiness import rule_of
+from thermid.measure.records import Record, rule_of
 from thermid.model.tree import flatten, literal
 from thermid.physics.constants import ATMOSPHERE
 from thermid.prediction.bands import Foresight, Knowledge, foresee
@@ -42,8 +41,7 @@ from thermid.qualify._profile_runs.conduct import run_profile
 from thermid.qualify._profile_runs.profile_run import ProfileRun, verdict_remarks
 from thermid.qualify._profiles.profile import ThermalProfile, profile_from
 from thermid.qualify._steadiness.stabilisation import Stability, stability
-from thermid.simulation.runs import Solution
-from thermid.simulation.scenario_files import Scenario, load_scenario
+from thermid.simulation.runs import Scenario, Solution, load_scenario
 
 if TYPE_CHECKING:
     from thermid.qualify._plan_schema import TestTable, ValidityTable

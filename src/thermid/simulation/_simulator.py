@@ -10,12 +10,10 @@ from typing import Any, Final
 
 import numpy as np
 
-from thermid.base.codes import CodedText
-from thermid.base.errors import NameNotFoundError, ScenarioError, cap, errors_at, quoted, raising, refuse_unknown
-from thermid.base.expression import amount, quantity, seconds, si_values
+from thermid.base.errors import CodedText, NameNotFoundError, ScenarioError, cap, errors_at, quoted, raising, refuse_unknown
 from thermid.base.linear_algebra import Array, value_of
 from thermid.base.results import Shown
-from thermid.base.units import TEMPERATURE, unit
+from thermid.base.units import TEMPERATURE, amount, quantity, seconds, si_values, unit
 from thermid.model.tree import Constant, Model, streams_of, worst
 from thermid.simulation._ensemble import Ensemble, run_members
 from thermid.simulation._many.tasks import Workers
@@ -26,9 +24,7 @@ from thermid.simulation._solution import Run, Solution
 from thermid.simulation._solver.engine import Engine, settle
 from thermid.simulation._solver.problem import Options, Traces
 from thermid.simulation._solver.wiring import Wiring, held_inputs
-from thermid.values.fitted import Draws
-from thermid.values.spreads import read_spread
-from thermid.values.store import Distribution, domain, model_standing, uniforms
+from thermid.values.store import Distribution, Draws, domain, model_standing, read_spread, uniforms
 
 DEFAULT_SAMPLES = 301
 NUMBER = unit("1").dimension
@@ -429,7 +425,7 @@ def _warnings(wiring: Wiring, scenario: Scenario, empty: tuple[str, ...]) -> tup
 def draw(model: Model, scenario: Scenario, spreads: Mapping[str, Any], members: int, *, seed: int) -> dict[str, Any]:
     """Draw random values of every member of an ensemble: name -> values (members,), independent of each other, as `ensemble` takes them.
 
-    Numbers are SI; temperatures are a `thermid.base.expression.Quantity`, an array of kelvin by ``np.asarray``.
+    Numbers are SI; temperatures are a `thermid.base.units.Quantity`, an array of kelvin by ``np.asarray``.
 
     Parameters
     ----------

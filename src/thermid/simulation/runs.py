@@ -26,6 +26,11 @@ from thermid.simulation._network.rows import (
 )
 from thermid.simulation._network.streams import signal_of as signal_of
 from thermid.simulation._scenarios.scenario import STEADY as STEADY, Scenario as Scenario, Start as Start
+from thermid.simulation._scenarios.scenario_file import (
+    LogColumns as LogColumns,
+    environments_of as environments_of,
+    load_scenario as load_scenario,
+)
 from thermid.simulation._simulator import (
     Simulator as Simulator,
     draw as draw,
@@ -35,5 +40,15 @@ from thermid.simulation._simulator import (
     prepare as prepare,
 )
 from thermid.simulation._solution import Solution as Solution, Trace as Trace
+from thermid.simulation._solver.engine import Engine as Engine, Squares as Squares, Weighing as Weighing, settle as settle
+from thermid.simulation._solver.extremes import Dense as Dense, MemberTurnings as MemberTurnings, resolved as resolved
+from thermid.simulation._solver.problem import (
+    Answer as Answer,
+    Options as Options,
+    Traces as Traces,
+    kept_for as kept_for,
+    refuse_unseen as refuse_unseen,
+)
+from thermid.simulation._solver.wiring import Assembled as Assembled, Wiring as Wiring, read_schedule as read_schedule
 from thermid.simulation._steady import Steady as Steady, steady as steady, steady_levels as steady_levels
 from thermid.simulation._transient import simulate as simulate

@@ -15,10 +15,9 @@ import numpy as np
 
 from thermid.base.arguments import guard_methods
 from thermid.base.errors import ScenarioError
-from thermid.base.expression import amount
 from thermid.base.linear_algebra import Array
 from thermid.base.results import Shown
-from thermid.base.units import TEMPERATURE
+from thermid.base.units import TEMPERATURE, amount
 from thermid.model.tree import Constant, Facing, MeanOf, Mixed, Signal, TableSignal, degrees, literal, signal
 from thermid.physics.air import dew_point, dry_air, vapour_pressure
 from thermid.physics.constants import STEFAN_BOLTZMANN
@@ -274,8 +273,7 @@ def pad_scenario(
     wind : dict             A coefficient from a correlation feels the weather's wind; a fixed one follows it if it stands here, with
                             ``length`` of its surface along the wind [m], ``calm`` value [W/(m^2 K)], and ``rain``: roof or wall, as
                             `wind_htc` says.
-    others                  Fields of `Scenario`: title (pad by default), start (the air by default), loads, boundaries, schedule,
-                            environment, irradiation.
+    others                  Fields of `Scenario`: title (pad), start (the air), loads, boundaries, schedule, environment, irradiation.
 
     Raises
     ------
@@ -289,18 +287,14 @@ def pad_scenario(
     downward = _downward(weather, temperature) if sky else None
     boundaries = {air: temperature, **others.pop("boundaries", {})}
     if isinstance(sky, Mapping) and downward is not None:
-        for name, tilt in sky.items():
-            view = SkyAndAir(float(sky_share(Facing(degrees(tilt, f"{title}, sky")).tilt)))
-            boundaries[name] = Mixed(view, (downward, temperature))
+        views = {name: SkyAndAir(float(sky_share(Facing(degrees(tilt, f"{title}, sky")).tilt))) for name, tilt in sky.items()}
+        boundaries |= {name: Mixed(view, (downward, temperature)) for name, view in views.items()}
         downward = None
     falling: dict[str, Any] = {}
     if sun or downward is not None:
         if instant is None:
-            raise ScenarioError(
-                "the sun needs a date and time. Give begin = '2026-03-21 06:00', or read the weather with its beginning.",
-                title,
-                code="value.incomplete",
-            )
+            text = "the sun needs a date and time. Give begin = '2026-03-21 06:00', or read the weather with its beginning."
+            raise ScenarioError(text, title, code="value.incomplete")
         falling["*"] = open_sky(place, instant, seconds, weather, downward, air, albedo, turbidity, sun)
     coefficients = {p: _coefficient(weather, temperature, t, place.pressure, f"{title}, wind.{p}") for p, t in (wind or {}).items()}
     return Scenario(

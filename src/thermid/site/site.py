@@ -20,12 +20,11 @@ from typing import TYPE_CHECKING, Any, Final, NamedTuple
 import numpy as np
 
 from thermid.base.errors import MissingDataError, NameNotFoundError, RecordError, ScenarioError, ThermidError, refuse_unknown
-from thermid.base.expression import amount, seconds
 from thermid.base.extensions import optional
 from thermid.base.files import was_read
 from thermid.base.linear_algebra import Array
 from thermid.base.results import Named
-from thermid.base.units import TEMPERATURE, from_si, unit
+from thermid.base.units import TEMPERATURE, amount, from_si, seconds, unit
 from thermid.measure.readers import read_plain
 from thermid.measure.records import FloatArray
 from thermid.model.tree import degrees

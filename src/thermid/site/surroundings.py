@@ -6,11 +6,10 @@ from collections.abc import Mapping
 from typing import Any
 
 from thermid.base.errors import ScenarioError, errors_at
-from thermid.base.toml_files import resolve_inside
+from thermid.base.files import resolve_inside
 from thermid.base.units import TEMPERATURE
 from thermid.model.tree import Constant, literal
-from thermid.simulation.runs import Environment
-from thermid.simulation.scenario_files import LogColumns, Scenario
+from thermid.simulation.runs import Environment, LogColumns, Scenario
 from thermid.site.ascent import ascent_scenario, read_trajectory
 from thermid.site.orbit import Planet, orbit_fluxes
 from thermid.site.pad import pad_scenario

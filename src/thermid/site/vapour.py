@@ -16,8 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thermid.base.errors import ScenarioError
-from thermid.base.expression import amount
 from thermid.base.linear_algebra import Array, Bools, value_of
+from thermid.base.units import amount
 from thermid.model.tree import FlatConductor, Signal, exposed_area
 from thermid.physics.air import (
     VAPOUR_CONSTANT,

@@ -11,19 +11,14 @@ from thermid.base.errors import DeckError
 from thermid.base.grammar import Finite, Flag, Real, StrictTable, Whole, reads
 from thermid.base.units import unit
 from thermid.model.tree import State as StandingState
-from thermid.values.store import DISTRIBUTIONS, Distribution, Kind
+from thermid.values._store import DISTRIBUTIONS, Distribution, Kind
 
 LEAD = "this is not a values file of thermid, or it was changed by hand. Run the calibration again, or take the file from version control."
 Pair = Annotated[list[Real], Field(min_length=2, max_length=2)]
 
 
-def _known_unit(text: str) -> str:
-    """Return the text of a unit as it is written; one that nobody knows raises `UnitError`."""
-    unit(text)
-    return text
-
-
-UnitText = Annotated[str, reads(str, _known_unit)]
+UnitText = Annotated[str, reads(str, lambda text: unit(text) and text)]
+"""The text of a unit as it is written; one that nobody knows raises `UnitError`."""
 
 
 def _law(table: Any) -> Distribution:

@@ -13,13 +13,12 @@ from typing import Any
 import numpy as np
 
 from thermid.base.errors import DeckError, errors_at
-from thermid.base.extensions import refuse_another_kind
-from thermid.base.toml_files import Places
+from thermid.base.files import Places, refuse_another_kind
 from thermid.base.units import TEMPERATURE
 from thermid.model.tree import Model, ParameterSet, literal
-from thermid.values.fitted import FittedValues, load_store, read_values, values_of
-from thermid.values.spreads import read_spread
-from thermid.values.store import LeftOut, LogNormal, Normal, Source, State, Store, Uniform, ValueOrigin, graft
+from thermid.values._fitted import FittedValues, load_store, read_values, values_of
+from thermid.values._spreads import read_spread
+from thermid.values._store import LeftOut, LogNormal, Normal, Source, State, Store, Uniform, ValueOrigin, graft
 
 UNIT = Uniform(-math.sqrt(3.0), math.sqrt(3.0))
 """As likely anywhere between its ends, of variance one."""

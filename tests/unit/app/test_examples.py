@@ -29,7 +29,7 @@ from thermid.app.examples import (
     thermocouples,
 )
 from thermid.base.errors import MissingDataError, NameNotFoundError, OutputError, RecordError
-from thermid.base.extensions import json_schema
+from thermid.base.files import json_schema
 from thermid.campaign._file import read_campaign
 from thermid.campaign._start.project import kind_of
 

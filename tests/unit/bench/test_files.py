@@ -12,7 +12,7 @@ from thermid.base.errors import MissingDataError, RecordError, ThermidError, Uni
 from thermid.bench.bench_files import MappedSensor, load_programme, load_sensors, save_sensor
 from thermid.bench.board import made_up_rom
 from thermid.bench.guide import certificate_of
-from thermid.measure.sensors import SensorCertificate
+from thermid.measure.records import SensorCertificate
 
 A, B = made_up_rom(0), made_up_rom(1)
 GOOD = f'[sensors.T1]\nrom = "{A}"\n'

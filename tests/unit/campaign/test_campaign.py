@@ -23,8 +23,7 @@ from thermid.fit._problem.request import in_full
 from thermid.fit.error_model import ErrorModel
 from thermid.model.tree import TableSignal
 from thermid.reporting.pages import report
-from thermid.values.fitted import load_values
-from thermid.values.store import error_table_of
+from thermid.values.store import error_table_of, load_values
 from unit.fit.bench import HTC, MASS
 from unit.fit.project import CAMPAIGN, make_project
 from unit.interrupted import Still

@@ -8,11 +8,11 @@ import pytest
 
 from thermid.campaign._stages import Campaign, run_stages
 from thermid.fit.power import PowerCourse
-from thermid.model.deck import load_model
+from thermid.model.tree import load_model
 from thermid.prediction._known import known_of
 from thermid.prediction.bands import predict
 from thermid.simulation.runs import Scenario
-from thermid.values.fitted import load_store, load_values
+from thermid.values.store import load_store, load_values
 from thermid.values.value_files import filed
 from unit.fit.project import write_log
 from unit.fit.trees import joined, leaf, record_of, record_table, stage_table, write_decks

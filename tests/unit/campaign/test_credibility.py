@@ -19,7 +19,7 @@ from thermid.campaign._judge.verdict import FILE, _read, look
 from thermid.campaign._stages import Campaign, _looked
 from thermid.fit.error_model import SIZES
 from thermid.model.tree import Standing
-from unit.fit.bench import HTC, MASS, box, pair
+from unit.fit.bench import HTC, MASS
 from unit.fit.project import CAMPAIGN, make_project
 
 pytestmark = pytest.mark.usefixtures("values_alone")
@@ -101,39 +101,11 @@ class TestRecord:
         assert plain.exit_code == 0, plain.output
         assert plain.stdout.startswith("Two levels: ")
         assert str(SIZES) in plain.stdout
-        done = CliRunner().invoke(app, [*call, "--to", str(tmp_path / "c.toml"), "--json"])
+        done = CliRunner().invoke(app, [*call, "--to", str(tmp_path / "c.json"), "--json"])
         told = json.loads(done.stdout)
         assert told["values"][JOINT]["state"] == "calibrated"
         assert told["sizes_of_error"]["run"]["sets"] == 9
-        assert (tmp_path / "c.toml").is_file()
-
-
-class TestDifference:
-    SCENARIO = td.Scenario("bench", boundaries={"room": "24 [degC]"}, start="24 [degC]", duration="5 [h]")
-
-    def test_in_kelvin_at_the_nodes(self) -> None:
-        old, new = pair(), pair(first=box({"parameters/power/value": "5 [W]"}))
-        found = td.inference.difference(old, new, self.SCENARIO)
-        a, b = found.nodes["a.case"], found.nodes["b.case"]
-        assert a.largest == pytest.approx(a.final)
-        assert a.final > b.final > 0
-        assert a.rms < a.largest == found.largest
-        assert f"model {old.identity()} -> {new.identity()}" in str(found)
-
-    def test_none(self) -> None:
-        assert td.inference.difference(pair(), pair(), self.SCENARIO, nodes=["a.case"]).largest == 0.0
-
-    def test_nodes_of_one_version(self) -> None:
-        lidded = pair(
-            {
-                "nodes": {"lid": {"capacitance": "10 [J/K]"}},
-                "conductors": {"lid_foot": {"kind": "conduction", "between": ["lid", "a.case"], "conductance": "1 [W/K]"}},
-            }
-        )
-        found = td.inference.difference(pair(), lidded, self.SCENARIO)
-        assert (found.gone, found.added) == ((), ("lid",))
-        with raises_code("name.unknown", NameNotFoundError, match="'lid'"):
-            td.inference.difference(pair(), lidded, self.SCENARIO, nodes=["lid"])
+        assert (tmp_path / "c.json").is_file()
 
 
 class TestLooks:

@@ -16,7 +16,7 @@ from thermid.base.errors import DeckError, RecordError
 from thermid.campaign.stages import check_campaign, running_test
 from thermid.inference.criticism import find_mistakes
 from thermid.measure.records import Channel, Record
-from thermid.model.deck import save_model
+from thermid.model.tree import save_model
 
 pytestmark = pytest.mark.usefixtures("values_alone")
 

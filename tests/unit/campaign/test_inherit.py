@@ -14,8 +14,7 @@ from thermid.fit._error_model.sizes import SIZES
 from thermid.fit._problem.request import counted_twice, known_before
 from thermid.fit.calibration import Calibration, Request, fit
 from thermid.measure.records import Record
-from thermid.model.deck import model_from_dict
-from thermid.model.tree import Model
+from thermid.model.tree import Model, model_from_dict
 from thermid.values.store import graft
 from unit.fit.bench import HTC, MASS, box, log, pair
 

@@ -12,7 +12,7 @@ import thermid as td
 from by_code import raises_code
 from thermid.base.errors import DeckError, IdentificationError
 from thermid.campaign._stages import Campaign
-from thermid.model.deck import save_model
+from thermid.model.tree import save_model
 from unit.fit.bench import HTC, MASS, box
 from unit.fit.project import CAMPAIGN, make_project
 

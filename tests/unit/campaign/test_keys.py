@@ -13,8 +13,7 @@ from thermid.campaign._file import read_campaign
 from thermid.campaign._stages import keyed, request_of, run_stages
 from thermid.fit._problem import request as room
 from thermid.fit.calibration import KeptFit, LocalSpec, Reading, Request
-from thermid.simulation.runs import Scenario
-from thermid.simulation.solver import Options
+from thermid.simulation.runs import Options, Scenario
 from thermid.values.store import State, Store, ValueOrigin
 from unit.fit.bench import HTC, MASS, box, log, pair
 from unit.fit.trees import joined, leaf, record_table, stage_table, write_decks, write_logs

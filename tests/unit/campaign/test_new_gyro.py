@@ -11,8 +11,7 @@ import pytest
 import thermid as td
 from thermid.campaign._retune import MIN_EFFECT
 from thermid.campaign._stages import Campaign
-from thermid.model.deck import load_model
-from thermid.model.tree import Model, identities
+from thermid.model.tree import Model, identities, load_model
 from unit.fit.bench import log
 from unit.fit.project import write_log
 

@@ -11,8 +11,7 @@ import pytest
 
 import thermid as td
 from thermid.base.errors import IdentificationError
-from thermid.model.deck import load_model
-from thermid.model.tree import ParameterSet, identities
+from thermid.model.tree import ParameterSet, identities, load_model
 from unit.fit.project import write_log
 from unit.fit.trees import Part, joined, leaf, record_of, record_table, stage_table, write_decks, write_logs
 

@@ -19,10 +19,8 @@ from thermid.base.errors import DeckError
 from thermid.campaign._file import read_campaign
 from thermid.campaign._stages import Campaign, request_of, run_stages
 from thermid.fit._calibrate import rests_on
-from thermid.model.deck import load_model
-from thermid.model.tree import CREDIBLE, UNJUDGED, Standing, State, worst
-from thermid.values.fitted import FittedValue, FittedValues
-from thermid.values.store import model_standing
+from thermid.model.tree import CREDIBLE, UNJUDGED, Standing, State, load_model, worst
+from thermid.values.store import FittedValue, FittedValues, model_standing
 from unit.fit.planted import BOX_VALUES, CAMPAIGN, planted
 
 pytestmark = pytest.mark.usefixtures("values_alone")

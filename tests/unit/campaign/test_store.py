@@ -13,10 +13,8 @@ import pytest
 from by_code import raises_code
 from thermid.base.errors import DeckError, ThermidError
 from thermid.campaign._stages import Campaign, run_stages
-from thermid.model.deck import load_model
-from thermid.model.tree import Dropped
-from thermid.values.fitted import load_store, load_values, save_store
-from thermid.values.store import Cut, Normal, Source, State, Store, Uniform, ValueOrigin, graft
+from thermid.model.tree import Dropped, load_model
+from thermid.values.store import Cut, Normal, Source, State, Store, Uniform, ValueOrigin, graft, load_store, load_values, save_store
 from unit.fit.trees import joined, leaf, record_table, stage_table, write_decks, write_logs
 
 COMPONENT = leaf("component", 0.20)

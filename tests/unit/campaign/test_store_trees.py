@@ -11,8 +11,7 @@ import pytest
 
 from thermid.base.errors import IdentificationError
 from thermid.campaign._stages import run_stages
-from thermid.values.fitted import load_store
-from thermid.values.store import Store
+from thermid.values.store import Store, load_store
 from unit.fit.trees import Part, joined, leaf, record_table, stage_table, write_decks, write_logs
 
 

@@ -18,8 +18,7 @@ from thermid.base.errors import DeckError, NameNotFoundError
 from thermid.campaign._retune import MIN_EFFECT, RetunePlan, _told_by, check_replacement
 from thermid.campaign._stages import Campaign
 from thermid.fit.calibration import fit
-from thermid.model.deck import save_model
-from thermid.model.tree import ParameterSet, touching
+from thermid.model.tree import ParameterSet, save_model, touching
 from thermid.values.store import Store
 from unit.fit.bench import HTC, MASS, box, log, pair
 from unit.fit.project import CAMPAIGN, COOL, make_project, write_log

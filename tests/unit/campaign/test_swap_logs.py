@@ -17,7 +17,7 @@ from thermid.base.errors import DeckError, MissingDataError
 from thermid.campaign.studies import check_replacement, new_logs
 from thermid.inference.criticism import Mistakes
 from thermid.measure.records import Record
-from thermid.model.deck import load_model
+from thermid.model.tree import load_model
 from thermid.prediction.bands import Knowledge
 from thermid.values.value_files import filed
 from unit.fit.bench import log

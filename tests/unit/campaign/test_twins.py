@@ -9,9 +9,8 @@ import pytest
 
 from thermid.campaign._stages import Campaign, run_stages
 from thermid.fit.calibration import Calibration
-from thermid.model.deck import load_model
-from thermid.model.tree import local_identities
-from thermid.values.fitted import load_store
+from thermid.model.tree import load_model, local_identities
+from thermid.values.store import load_store
 from unit.fit.trees import Part, joined, leaf, record_table, stage_table, write_decks, write_logs
 
 pytestmark = pytest.mark.usefixtures("values_alone")

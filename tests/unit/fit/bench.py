@@ -8,10 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from thermid.base.expression import quantity
+from thermid.base.units import quantity
 from thermid.measure.records import Channel, Record
-from thermid.model.deck import model_from_dict
-from thermid.model.tree import Model, Signal
+from thermid.model.tree import Model, Signal, model_from_dict
 from thermid.simulation.runs import Scenario, simulate
 
 ICE = 273.15

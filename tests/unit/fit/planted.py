@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from thermid.model.deck import load_model, save_model
+from thermid.model.tree import load_model, save_model
 from unit.fit.bench import HTC, MASS, box, log
 from unit.fit.project import COOL, PAIR_DECK, TRUTH, write_log
 

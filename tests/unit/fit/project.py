@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from thermid.measure.records import Record
-from thermid.model.deck import save_model
+from thermid.model.tree import save_model
 from unit.fit.bench import HTC, MASS, box, log, pair
 
 PAIR_DECK = """

@@ -14,7 +14,7 @@ from thermid.fit._problem.request import LocalSpec, Reading, Request
 from thermid.fit._problem.residuals import Predictions, Problem, Sums, compressed_in_full, pooled
 from thermid.fit._uncertainty.information import EXACT
 from thermid.measure.records import Record
-from thermid.model.deck import model_from_dict
+from thermid.model.tree import model_from_dict
 from thermid.simulation.runs import Scenario
 from unit.fit.bench import HTC, MASS, box, deck, log, metered, pair
 

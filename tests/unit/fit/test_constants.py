@@ -21,7 +21,7 @@ from thermid.fit._uncertainty.groups import _few_terms, percent, practical_group
 from thermid.fit._uncertainty.information import Information, elsewhere
 from thermid.fit._uncertainty.moved import Move, Test as Asked, normal_shifts, shifts
 from thermid.fit._uncertainty.noise import _likeliest
-from thermid.values.fitted import FittedValue, FittedValues
+from thermid.values.store import FittedValue, FittedValues
 from unit.fit.bench import HTC, MASS, box, log, room
 
 TIMES = np.linspace(0.0, 18000.0, 301)

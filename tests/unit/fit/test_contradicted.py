@@ -17,7 +17,7 @@ from thermid.app.cli.app import app
 from thermid.fit._calibrate import ASIDE, _beyond_accuracy
 from thermid.fit._calibration import CONTRADICTION_DEVIATIONS, contradicted
 from thermid.fit._problem.residuals import Prior, Unknown
-from thermid.values.fitted import FittedValue, FittedValues
+from thermid.values.store import FittedValue, FittedValues
 from unit.fit.bench import HTC, box, log
 from unit.fit.project import make_project, write_log
 

@@ -9,17 +9,16 @@ import pytest
 
 from by_code import raises_code
 from thermid.base.errors import IdentificationError
-from thermid.base.expression import quantity
+from thermid.base.units import quantity
 from thermid.fit._calibrate import calibrate
 from thermid.fit._calibration import Calibration
 from thermid.fit._error_model.discrepancy import Discrepancy, discrepancy, operating_points
 from thermid.measure.records import Channel, Record
-from thermid.model.deck import model_from_dict
-from thermid.model.tree import Model
+from thermid.model.tree import Model, model_from_dict
 from thermid.prediction._known import values_at
 from thermid.prediction.bands import predict
 from thermid.simulation.runs import Scenario, simulate
-from thermid.values.fitted import load_values
+from thermid.values.store import load_values
 from unit.fit.bench import HTC, MASS, box, deck, log, metered, room
 
 TIMES = np.linspace(0.0, 18000.0, 301)

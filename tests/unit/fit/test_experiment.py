@@ -18,8 +18,7 @@ from thermid.fit._problem.gather import build_problem
 from thermid.fit._problem.request import Request
 from thermid.measure.readers import read_record
 from thermid.measure.records import Channel, Record
-from thermid.model.deck import model_from_dict
-from thermid.model.tree import Constant, Model, TableSignal
+from thermid.model.tree import Constant, Model, TableSignal, model_from_dict
 from thermid.simulation.runs import Scenario, simulate
 from unit.fit.bench import HTC, ICE, MASS, box, log, metered, pair, room
 

@@ -20,8 +20,7 @@ from thermid.fit._problem.request import Request
 from thermid.fit._uncertainty.information import responses
 from thermid.fit._uncertainty.noise import autocorrelation
 from thermid.measure.records import Record
-from thermid.simulation.runs import Scenario
-from thermid.simulation.solver import Options
+from thermid.simulation.runs import Options, Scenario
 from unit.fit.bench import AREA, HTC, MASS, box, log, metered, pair
 
 BARE = {"surfaces/skin/effective_htc": "6 [W/(m^2 K)]", "nodes/case/mass": "1.5 [kg]"}

@@ -16,8 +16,7 @@ from thermid.fit._problem.request import Request
 from thermid.fit._uncertainty.moved import UNDECIDED, Move, MovedGroup, Moves, moves_from
 from thermid.measure.records import Record
 from thermid.model.tree import Model
-from thermid.values.fitted import FittedValue, FittedValues
-from thermid.values.store import Store
+from thermid.values.store import FittedValue, FittedValues, Store
 from unit.fit.bench import HTC, MASS, box, log, pair
 from unit.fit.project import make_project, write_log
 

@@ -13,10 +13,8 @@ from thermid.fit._problem.request import LocalSpec, Reading, Request
 from thermid.fit._problem.residuals import FAILED, Problem, Unknown, loss_of
 from thermid.fit._uncertainty.information import Information
 from thermid.measure.records import Channel
-from thermid.model.deck import model_from_dict
-from thermid.model.tree import Constant
-from thermid.simulation.runs import Scenario, compile_network
-from thermid.simulation.solver import Engine, Options, Wiring
+from thermid.model.tree import Constant, model_from_dict
+from thermid.simulation.runs import Engine, Options, Scenario, Wiring, compile_network
 from unit.fit.bench import HTC, MASS, box, deck, log, metered, pair
 
 STEP = 3e-5

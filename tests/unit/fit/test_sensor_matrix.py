@@ -20,7 +20,7 @@ from thermid.app.studio.room import as_json, desk_object, picture, project_objec
 from thermid.app.studio.work import Work
 from thermid.inference.intervals import identifiability
 from thermid.measure.records import Record
-from thermid.model.deck import save_model
+from thermid.model.tree import save_model
 from thermid.prediction.advice import next_test
 from thermid.reporting.objects import fit_object, swap_object
 from thermid.values.store import error_table_of

@@ -16,7 +16,7 @@ from thermid.fit._problem.gather import build_problem
 from thermid.fit._problem.request import Request
 from thermid.fit._uncertainty.noise import shifts_by_lags
 from thermid.measure.records import Record
-from thermid.model.deck import model_from_dict
+from thermid.model.tree import model_from_dict
 from two_masses import DECK
 from unit.fit.bench import HTC, box, log
 

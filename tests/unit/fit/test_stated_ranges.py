@@ -19,7 +19,7 @@ from thermid.model._tree.identity import written
 from thermid.model.tree import ParameterSet
 from thermid.prediction._budget import STATED_RANGES, budget_of
 from thermid.simulation.runs import compile_network
-from thermid.values.ranges import RANGE_OF, ranged_values
+from thermid.values.store import RANGE_OF, ranged_values
 
 STEEL, PLAIN = "stainless steel 304", "0 [s]"
 HTC = {"value": "6 [W/(m^2 K)]", "min": 4.5, "max": 8.0, "source": "datasheet"}

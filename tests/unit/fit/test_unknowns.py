@@ -18,12 +18,10 @@ from thermid.fit._problem.gather import build_problem
 from thermid.fit._problem.request import LocalSpec, Reading, Request
 from thermid.fit._problem.residuals import Prior, Unknown
 from thermid.measure.records import Record
-from thermid.model.deck import model_from_dict
-from thermid.model.tree import parameter
+from thermid.model.tree import model_from_dict, parameter
 from thermid.prediction.bands import predict
 from thermid.simulation.runs import Scenario
-from thermid.values.fitted import FittedValue, FittedValues
-from thermid.values.store import Normal, Source, State, Store, ValueOrigin
+from thermid.values.store import FittedValue, FittedValues, Normal, Source, State, Store, ValueOrigin
 from unit.fit.bench import AREA, HTC, MASS, PAIR, box, log, metered, pair
 
 

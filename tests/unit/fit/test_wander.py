@@ -18,7 +18,7 @@ from thermid.fit._problem.request import Request, known_before
 from thermid.fit._problem.residuals import Sums, Unknown
 from thermid.fit._uncertainty.noise import _beside, _Calm, _leaning, _parts, _trace_noise, binned, binned_trace, correlation
 from thermid.measure.records import Channel, Record
-from thermid.model.deck import load_model
+from thermid.model.tree import load_model
 from thermid.simulation.runs import Scenario, simulate
 from unit.fit.bench import HTC, MASS, box, log, room
 

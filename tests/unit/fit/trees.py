@@ -8,10 +8,9 @@ from pathlib import Path
 
 import numpy as np
 
-from thermid.base.expression import quantity
+from thermid.base.units import quantity
 from thermid.measure.records import Channel, Record
-from thermid.model.deck import load_model
-from thermid.model.tree import Model
+from thermid.model.tree import Model, load_model
 from thermid.simulation.runs import Scenario, simulate
 from unit.fit.project import write_log
 

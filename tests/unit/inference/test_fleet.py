@@ -26,8 +26,7 @@ from thermid.inference._fleet.population import (
     odd_units,
 )
 from thermid.inference._fleet.units import UnitJudgement, checks_of, standing_of
-from thermid.model.deck import model_from_dict
-from thermid.model.tree import Standing
+from thermid.model.tree import Standing, model_from_dict
 from two_masses import DECK
 
 ORTHODONT = """

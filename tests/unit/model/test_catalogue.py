@@ -10,7 +10,7 @@ import pytest
 import thermid as td
 from by_code import raises_code
 from thermid.base.errors import DeckError
-from thermid.model.deck import save_model, standard_parts
+from thermid.model.tree import save_model, standard_parts
 from thermid.physics.materials import material
 
 NODE = {"mass": "0.5 [kg]", "material": "aluminium 6061-T6"}

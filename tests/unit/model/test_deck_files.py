@@ -10,7 +10,7 @@ import pytest
 
 from by_code import raises_code
 from thermid.base.errors import DeckError, ExpressionError, ThermidError, UnitError
-from thermid.base.toml_files import line_numbers, project_root, resolve_inside
+from thermid.base.files import line_numbers, project_root, resolve_inside
 from thermid.model._deck.modelfile import load_model, model_from_dict
 from thermid.model._tree.flat import flatten
 from thermid.model._tree.model import Model

@@ -10,7 +10,7 @@ import pytest
 from by_code import raises_code
 from thermid.base.errors import DeckError, ThermidError
 from thermid.base.files import command as as_command, was_read
-from thermid.model.deck import DeckDocument, Edit, load_model
+from thermid.model.tree import DeckDocument, Edit, load_model
 
 BOX = Path(__file__).parents[3] / "examples" / "box" / "box.toml"
 

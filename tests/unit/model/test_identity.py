@@ -15,7 +15,7 @@ from thermid.model._deck.modelfile import load_model, model_from_dict, save_mode
 from thermid.model._tree.identity import definition_of
 from thermid.model._tree.model import Model, identities
 from thermid.model._tree.tree import ParameterSet
-from thermid.values.fitted import FittedValue
+from thermid.values.store import FittedValue
 
 Build = Callable[..., Model]
 MASS, HTC = "case.mass", "skin.htc"

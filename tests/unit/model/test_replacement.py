@@ -9,7 +9,7 @@ from by_code import raises_code
 from thermid.base.errors import DeckError, NameNotFoundError
 from thermid.model._deck.modelfile import model_from_dict
 from thermid.model._tree.model import Model, identities
-from thermid.values.fitted import FittedValue
+from thermid.values.store import FittedValue
 
 Build = Callable[..., Model]
 HTC = "skin.htc"

@@ -8,11 +8,10 @@ import numpy as np
 import pytest
 
 import thermid as td
-from thermid.base.toml_files import Places
+from thermid.base.files import Places
 from thermid.model._deck.schema import Deck
 from thermid.model._tree.flat import flatten
-from thermid.simulation.runs import compile_network
-from thermid.simulation.solver import Engine, Wiring
+from thermid.simulation.runs import Engine, Wiring, compile_network
 
 DECK = {
     "title": "plate",

@@ -12,7 +12,7 @@ from thermid.fit.calibration import Calibration
 from thermid.measure.records import Channel, Record
 from thermid.prediction._budget import followed_by
 from thermid.prediction._known import Knowledge, known_of
-from thermid.values.fitted import load_values
+from thermid.values.store import load_values
 
 AREA = {"value": "0.05 [m^2]", "min": 0.03, "max": 0.07, "source": "assumed"}
 SKIN = {"of": "case", "to": "air", "area": AREA, "effective_htc": {"value": "6 [W/(m^2 K)]", "min": 0.5, "max": 40}}

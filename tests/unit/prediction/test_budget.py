@@ -14,7 +14,7 @@ from thermid.prediction import _budget as budget, _predict as predict
 from thermid.prediction._budget import Budget, budget_of, first_line
 from thermid.prediction._predict import foresee
 from thermid.prediction._setting import Setting
-from thermid.values import spreads
+from thermid.values import _spreads as spreads
 from thermid.values.store import LeftOut
 from unit.prediction.things import BENCH, CASES, HTC, plate
 

@@ -11,7 +11,7 @@ import pytest
 import thermid as td
 from thermid.fit.error_model import BandCause
 from thermid.prediction._predict import IN_TESTS
-from thermid.values.fitted import load_values
+from thermid.values.store import load_values
 from unit.qualify.things import UNIT, soak, unit
 
 

@@ -10,13 +10,11 @@ import numpy as np
 import pytest
 
 import thermid as td
-from thermid.base.codes import code_of
-from thermid.base.errors import IdentificationError
+from thermid.base.errors import IdentificationError, code_of
 from thermid.fit.error_model import ErrorModel, course_of
 from thermid.model.tree import TableSignal
 from thermid.prediction.bands import predict_record
-from thermid.simulation.runs import network_for
-from thermid.simulation.solver import Engine, Options, Wiring
+from thermid.simulation.runs import Engine, Options, Wiring, network_for
 from unit.fit.bench import BOX, HTC, MASS, box, deck, log, metered
 
 TIMES = np.linspace(0.0, 18000.0, 121)

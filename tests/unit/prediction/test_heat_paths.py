@@ -15,7 +15,7 @@ from thermid.base.units import ICE_POINT
 from thermid.fit._error_model.sizes import LENGTHS
 from thermid.fit.error_model import SIZES
 from thermid.measure.records import Channel, Record
-from thermid.model.deck import save_model
+from thermid.model.tree import save_model
 from thermid.prediction._predict import Prediction, predict
 
 TIMES = np.linspace(0.0, 18000.0, 151)

@@ -14,7 +14,7 @@ from by_code import raises_code
 from thermid.base.errors import ThermidError
 from thermid.fit.calibration import Unknown, prior_of
 from thermid.prediction._predict import foresee
-from thermid.values.spreads import read_spread
+from thermid.values.store import read_spread
 
 DECK = """
 title = "part"

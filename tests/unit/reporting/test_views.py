@@ -12,7 +12,7 @@ from thermid.fit.calibration import Calibration
 from thermid.reporting._blocks.content import Table
 from thermid.reporting._pages import tables
 from thermid.reporting._pages.views import bias_of, calibration_object, fit_object
-from thermid.values.fitted import FittedValue
+from thermid.values.store import FittedValue
 
 STAGES = ["component", "submodel"]
 NUMBER = re.compile(r"[-+]?\d+(?:\.\d+)?(?:e[-+]?\d+)?")

@@ -18,7 +18,7 @@ from thermid import _kernel
 from thermid.base.errors import NameNotFoundError, ScenarioError, UnitError
 from thermid.model.tree import TableSignal
 from thermid.simulation._ensemble import assemble_members
-from thermid.values.fitted import FittedValue, FittedValues
+from thermid.values.store import FittedValue, FittedValues
 
 TIGHT = td.Options(error=8e-9)
 DECK: dict[str, Any] = {

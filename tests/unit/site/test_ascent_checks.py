@@ -9,7 +9,7 @@ import pytest
 import thermid as td
 from by_code import raises_code
 from thermid.base.errors import ScenarioError
-from thermid.base.sourced import Figure
+from thermid.base.results import Figure
 from thermid.site.ascent import ASCENT_LIMITS
 
 

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 from pydantic import BaseModel
 
-from thermid.base.extensions import grammar_of
+from thermid.base.files import grammar_of
 from thermid.bench.bench_files import MappedSensor, load_sensors, save_sensor
 from thermid.campaign._judge.verdict import _read, look
 from thermid.campaign.stages import recall, remember
@@ -23,14 +23,11 @@ from thermid.fit._error_model.kept import ErrorModel, KeptWay, SeenValue
 from thermid.fit._error_model.own_values import Beside
 from thermid.fit._error_model.runs import Departures, Smooth, UnknownColumn
 from thermid.fit.calibration import KeptFit, calibrate
-from thermid.fit.discrepancy import Discrepancy, OperatingPoint, OwnValue
-from thermid.measure.records import Channel, Record
-from thermid.measure.sensors import SensorCertificate
-from thermid.model.deck import load_model, model_from_dict, save_model
-from thermid.model.tree import KINDS, Dropped, Model, Standing
+from thermid.fit.error_model import Discrepancy, OperatingPoint, OwnValue
+from thermid.measure.records import Channel, Record, SensorCertificate
+from thermid.model.tree import KINDS, Dropped, Model, Standing, load_model, model_from_dict, save_model
 from thermid.prediction._known import known_of
 from thermid.simulation.runs import Scenario, simulate
-from thermid.values.fitted import load_store, load_values, save_store
 from thermid.values.store import (
     DISTRIBUTIONS,
     Cut,
@@ -44,6 +41,9 @@ from thermid.values.store import (
     State,
     Store,
     ValueOrigin,
+    load_store,
+    load_values,
+    save_store,
 )
 from thermid.values.value_files import filed, hand_values
 from unit.model.every_kind import firsts

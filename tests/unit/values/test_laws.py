@@ -11,8 +11,7 @@ from by_code import raises_code
 from thermid.base.errors import DeckError, ScenarioError, UnitError
 from thermid.base.units import TEMPERATURE
 from thermid.values._schema import _law
-from thermid.values.spreads import read_spread
-from thermid.values.store import Choice, Cut, Distribution, LogNormal, Normal, Shifted, Uniform
+from thermid.values.store import Choice, Cut, Distribution, LogNormal, Normal, Shifted, Uniform, read_spread
 
 SHARES = (np.arange(200_000) + 0.5) / 200_000
 LAWS: list[Distribution] = [

@@ -12,8 +12,8 @@ from by_code import raises_code
 from thermid.base.errors import DeckError, NameNotFoundError
 from thermid.campaign.studies import CredibilityRecord
 from thermid.fit.calibration import Calibration, calibrate
-from thermid.model.deck import load_model, save_model
-from thermid.values.fitted import FittedValue, FittedValues, load_values
+from thermid.model.tree import load_model, save_model
+from thermid.values.store import FittedValue, FittedValues, load_values
 from unit.fit.bench import HTC, MASS, box, log, metered, pair
 
 

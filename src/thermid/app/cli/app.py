@@ -117,12 +117,6 @@ COMMANDS = {
         ("thermid moisture box.toml --scenario pad.toml --humidity air='60 [%]'",),
         "site",
     ),
-    "htc": Place(
-        "design.htc",
-        "Build",
-        "Compare a measured coefficient with that of correlations.",
-        ("thermid htc --power 2 --area 0.1 --surface 36 --ambient 24 --height 0.025",),
-    ),
     "schema": Place(
         "build.schema", "Build", "Print the JSON Schema of a file, for editors.", ("thermid schema deck", "thermid schema campaign")
     ),

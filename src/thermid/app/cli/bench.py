@@ -18,17 +18,14 @@ from rich.live import Live
 from rich.table import Table
 
 from thermid.base.errors import RecordError, spoken
-from thermid.base.expression import amount, positive_seconds
 from thermid.base.extensions import require
-from thermid.base.units import ICE_POINT, TEMPERATURE, duration_text
+from thermid.base.units import ICE_POINT, TEMPERATURE, amount, duration_text, positive_seconds
 from thermid.bench.bench_files import load_programme, load_sensors
 from thermid.bench.board import BoardPort, simulated
 from thermid.bench.guide import ice_point as guided_ice_point, name_sensors
 from thermid.bench.logger import Logger, Settings
 from thermid.bench.port import check_port, find_port
-from thermid.measure.records import Channel, Record
-from thermid.measure.sensors import ICE
-from thermid.measure.steadiness import MIN_JUDGED_WINDOW, StabilityRule, channel_stability, rule_of
+from thermid.measure.records import ICE, MIN_JUDGED_WINDOW, Channel, Record, StabilityRule, channel_stability, rule_of
 from thermid.qualify.steadiness import MIN_FORECAST_READINGS, Forecast, forecast
 
 _SHARE = 0.1
@@ -44,9 +41,7 @@ def log(
     sensors: Annotated[Path | None, typer.Option("--sensors", help="Sensor map (TOML): ROM to channel.")] = None,
     programme: Annotated[Path | None, typer.Option("--programme", help="Heater programme (TOML).")] = None,
     interval: Annotated[str, typer.Option("--interval", help="Time between samples.")] = "1 [s]",
-    bits: Annotated[int, typer.Option("--bits", help="Resolution of the sensors, 9 to 12.")] = 12,
     limit: Annotated[str, typer.Option("--limit", help="Temperature of any sensor at which heaters go off.")] = "100 [degC]",
-    silence: Annotated[str, typer.Option("--silence", help="Time without this program after which the board turns heaters off.")] = "2 [s]",
     rule: Annotated[str, typer.Option("--rule", help="Rule of stability, as of `thermid settle`: '3 C/h', '0.5 K/h over 1 h'.")] = "3 C/h",
     duration: Annotated[str | None, typer.Option("--for", help="End after this time of the board, such as '5 [h]'.")] = None,
     identify: Annotated[bool, typer.Option("--identify", help="Find out which sensor is which by warming them; writes --sensors.")] = False,
@@ -64,12 +59,7 @@ def log(
     """
     if not simulate:
         require("log", "a serial port")
-    settings = Settings(
-        positive_seconds(interval, "--interval"),
-        bits,
-        amount(limit, TEMPERATURE, "--limit") - ICE_POINT,
-        positive_seconds(silence, "--silence"),
-    )
+    settings = Settings(positive_seconds(interval, "--interval"), limit=amount(limit, TEMPERATURE, "--limit") - ICE_POINT)
     if (identify or ice_point) and sensors is None:
         raise RecordError(
             "the map that is to be written must be named: --sensors sensors.toml.", "--identify, --ice-point", code="value.incomplete"

@@ -40,15 +40,12 @@ from thermid.app.cli.options import (
     writable,
 )
 from thermid.base.errors import DeckError, SolverError, refuse_unknown
-from thermid.base.extensions import extension, file_kinds, json_schema
-from thermid.base.files import FileKinds
-from thermid.base.toml_files import read_toml
+from thermid.base.extensions import extension
+from thermid.base.files import FileKinds, file_kinds, json_schema, read_toml
 from thermid.base.units import ICE_POINT
-from thermid.model.deck import load_model
-from thermid.model.tree import literal, worst
+from thermid.model.tree import literal, load_model, worst
 from thermid.simulation import runs as transient
-from thermid.simulation.runs import margin_lines, margins, output_times, steady
-from thermid.simulation.solver import Options
+from thermid.simulation.runs import Options, margin_lines, margins, output_times, steady
 from thermid.values.store import model_standing
 
 SHOWN_FINDINGS = 4

@@ -1,8 +1,7 @@
-"""Commands of design: size, worst, compare, diagram, htc."""
+"""Commands of design: size, worst, compare, diagram."""
 
 from __future__ import annotations
 
-import warnings
 from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
@@ -22,17 +21,13 @@ from thermid.app.cli.options import (
     limit_ends,
     pairs,
     say,
-    with_unit,
 )
-from thermid.base.errors import ThermidError, ThermidWarning
-from thermid.base.expression import Kelvin
 from thermid.base.files import FileKinds, check_ending, write_text
+from thermid.base.units import Kelvin
 from thermid.campaign.verdicts import Limits, compare_models, size, worst_case
-from thermid.model.deck import load_model
-from thermid.model.tree import UNJUDGED
-from thermid.physics.htc import compare_htc
+from thermid.model.tree import UNJUDGED, load_model
 from thermid.reporting.diagrams import network_map
-from thermid.simulation.scenario_files import load_scenario
+from thermid.simulation.runs import load_scenario
 
 
 def compare_versions(
@@ -125,55 +120,3 @@ def diagram(
     check_ending(to, FileKinds.DRAWING)
     write_text(to, network_map(load_model(deck), folded=fold) + "\n", FileKinds.DRAWING)
     typer.echo(f"diagram: {to}")
-
-
-def htc(
-    power: Annotated[str, typer.Option("--power", help="Heat through the surface, W.")],
-    area: Annotated[str, typer.Option("--area", help="Area of the surface, m^2.")],
-    surface: Annotated[str, typer.Option("--surface", help="Settled temperature of the surface, degC.")],
-    ambient: Annotated[str, typer.Option("--ambient", help="Temperature of the ambient, degC.")],
-    height: Annotated[str, typer.Option("--height", help="Height of the vertical faces, m.")],
-    box: Annotated[tuple[str, str] | None, typer.Option("--box", help="Length and width of a box of that height, m.")] = None,
-    air: Annotated[
-        tuple[float, float, float] | None, typer.Option("--air", help="Conductivity, kinematic viscosity and Prandtl number, SI.")
-    ] = None,
-    sensor: Annotated[str, typer.Option("--sensor", help="Standard error of each temperature, K.")] = "0.5",
-    drift: Annotated[str, typer.Option("--drift", help="Variation of the room, K.")] = "0",
-    emissivity: Annotated[float | None, typer.Option("--emissivity", help="Of the surface.")] = None,
-    part: Annotated[list[str], typer.Option("--part", help="NAME=LENGTH,CONDUCTIVITY for a Biot number, m and W/(m K).")] = [],  # noqa: B006
-    capacitance: Annotated[str | None, typer.Option("--capacitance", help="Mass times specific heat, J/K.")] = None,
-    settled_after: Annotated[str | None, typer.Option("--settled-after", help="When the test looked settled, s or '4 [h]'.")] = None,
-    as_json: Json = False,
-) -> None:
-    """Compare a measured coefficient with that of correlations.
-
-    The test must have settled. The answer says what a difference between the two can mean.
-    """
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", ThermidWarning)  # they stand among the remarks
-        comparison = compare_htc(
-            with_unit(power, "W"),
-            with_unit(area, "m^2"),
-            with_unit(surface, "degC"),
-            with_unit(ambient, "degC"),
-            with_unit(height, "m"),
-            box=(with_unit(box[0], "m"), with_unit(box[1], "m")) if box else None,
-            air=air,
-            errors={"sensor": with_unit(sensor, "K"), "drift": with_unit(drift, "K")},
-            emissivity=emissivity,
-            parts=_parts(part),
-            capacitance=with_unit(capacitance, "J/K") if capacitance else None,
-            settled_after=with_unit(settled_after, "s") if settled_after else None,
-        )
-    say(as_json, comparison.to_dict(), comparison)
-
-
-def _parts(texts: list[str]) -> dict[str, tuple[str | float, str | float]]:
-    """Return ``NAME=LENGTH,CONDUCTIVITY`` options as a dictionary."""
-    out: dict[str, tuple[str | float, str | float]] = {}
-    for name, text in pairs(texts, "--part").items():
-        length, comma, conductivity = text.partition(",")
-        if not comma:
-            raise ThermidError(f"'{text}' must be LENGTH,CONDUCTIVITY, such as '20 [mm], 0.25'.", f"--part {name}", code="value.wrong-kind")
-        out[name] = (with_unit(length.strip(), "m"), with_unit(conductivity.strip(), "W/(m K)"))
-    return out

@@ -43,8 +43,7 @@ from thermid.interop.initfcn import read_initfcn
 from thermid.interop.modelica import to_modelica
 from thermid.interop.octave import to_octave
 from thermid.interop.spice import to_spice
-from thermid.model.deck import load_model, model_from_dict, save_model, toml_text
-from thermid.model.tree import literal
+from thermid.model.tree import literal, load_model, model_from_dict, save_model, toml_text
 from thermid.values.store import model_standing
 
 COMMENTS = {"octave": "%", "c": "//", "modelica": "//", "spice": "*", "sinda": "C", "esatan": "#"}

@@ -42,8 +42,7 @@ from thermid.app.cli.options import (
 from thermid.app.cli.screen import Progress, show, working
 from thermid.app.cli.summary import campaign_progress, check_target, named_page, show_campaign, staged
 from thermid.base.errors import ScenarioError, SolverError, ThermidError
-from thermid.base.files import FileKinds, may_write, read_bytes
-from thermid.base.toml_files import kind_of_text
+from thermid.base.files import FileKinds, kind_of_text, may_write, read_bytes
 from thermid.campaign import studies as origins
 from thermid.campaign.stages import (
     Campaign,
@@ -61,8 +60,7 @@ from thermid.campaign.verdicts import CampaignPrediction
 from thermid.fit.calibration import Calibration
 from thermid.fit.error_model import SIZES
 from thermid.fit.estimation import estimated
-from thermid.model.deck import load_model, save_model
-from thermid.model.tree import UNJUDGED, literal, worst
+from thermid.model.tree import UNJUDGED, literal, load_model, save_model, worst
 from thermid.prediction import bands as prediction
 from thermid.prediction.bands import Knowledge, predict_record
 from thermid.prediction.members import load_hold
@@ -70,8 +68,7 @@ from thermid.reporting import pages as page
 from thermid.reporting.objects import calibration_object, campaign_object, campaign_standing, retune_object
 from thermid.reporting.pages import check_audience, tables_folder
 from thermid.reporting.pictures import picture
-from thermid.simulation.runs import KeptTasks, Workers
-from thermid.simulation.scenario_files import load_scenario
+from thermid.simulation.runs import KeptTasks, Workers, load_scenario
 
 Kept = Annotated[Path | None, typer.Option("--to", help="Folder for the values files; 'results' beside the campaign by default.")]
 Fresh = Annotated[bool, typer.Option("--fresh", help="Run every stage, also those whose model, logs and request are unchanged.")]
@@ -244,7 +241,6 @@ def estimate(
 def fleet(
     campaign: CampaignPath,
     scenario: ScenarioPath = None,
-    members: Annotated[int, typer.Option("--members", help="Units that are drawn for the bands of --scenario.", min=2)] = 1000,
     data: Data = None,
     results: Results = None,
     executor: Workers = None,
@@ -262,10 +258,10 @@ def fleet(
         population = fleet_in(campaign, data=data, cache=results or campaign.parent / "results", notice=progress, executor=executor)
     answer, lines = population.to_dict(), [str(population)]
     if conditions is not None:
-        runs = population.predict(conditions, members, executor=KeptTasks.of_workers(executor).workers)  # traces, which no folder keeps
+        runs = population.predict(conditions, executor=KeptTasks.of_workers(executor).workers)  # traces, which no folder keeps
         bands = {n: np.quantile(runs.highest(n), (0.5, 0.025, 0.975)).tolist() for n in runs.nodes}
         answer |= {"highest_degC": {n: dict(zip(("median", "low", "high"), b, strict=True)) for n, b in bands.items()}}
-        lines.append(f"Highest temperatures of a unit not built yet, {conditions.title}, 95 % of {members} drawn units:")
+        lines.append(f"Highest temperatures of a unit not built yet, {conditions.title}, 95 % of 1,000 drawn units:")
         lines += [f"  {n}  {b[0]:.1f} ({b[1]:.1f} .. {b[2]:.1f}) degC" for n, b in bands.items()]
     say(as_json, answer, "\n".join(lines), verbose)
     raise SystemExit(1 if population.odd else population.standing.exit_code)
@@ -276,7 +272,7 @@ def credibility(
     campaign: CampaignPath,
     data: Data = None,
     results: Results = None,
-    to: Annotated[Path | None, typer.Option("--to", help="The file to write, JSON or TOML; standard output without it.")] = None,
+    to: Annotated[Path | None, typer.Option("--to", help="The JSON file to write; standard output without it.")] = None,
     executor: Workers = None,
     force: Force = False,
     verbose: Whole = False,
@@ -284,7 +280,7 @@ def credibility(
 ) -> None:
     """List source, state, tests, date and range of every value.
 
-    Level and origin of every value are listed too, and the sizes of model error; --to writes the values as JSON or TOML.
+    Level and origin of every value are listed too, and the sizes of model error; --to writes the values as JSON.
     """
     writable((to, FileKinds.CREDIBILITY))
     record = origins.credibility(staged(campaign, data, results, executor=executor))

@@ -14,16 +14,13 @@ from typing import Annotated, Any, NoReturn
 import typer
 
 from thermid.app.cli.screen import show
-from thermid.base.codes import add_codes, mark_codes
-from thermid.base.errors import NameNotFoundError, ScenarioError
-from thermid.base.expression import pairs as pairs, with_unit as with_unit
+from thermid.base.errors import NameNotFoundError, ScenarioError, add_codes, mark_codes
 from thermid.base.extensions import require
 from thermid.base.files import FileKinds, command, may_write
 from thermid.base.results import clean
-from thermid.model.deck import load_model
-from thermid.model.tree import Model, Standing, literal
-from thermid.simulation.runs import KeptTasks, Workers as Workers
-from thermid.simulation.scenario_files import Scenario, load_scenario
+from thermid.base.units import pairs as pairs, with_unit as with_unit
+from thermid.model.tree import Model, Standing, literal, load_model
+from thermid.simulation.runs import KeptTasks, Scenario, Workers as Workers, load_scenario
 from thermid.values.store import model_standing
 from thermid.values.value_files import Filed, filed
 

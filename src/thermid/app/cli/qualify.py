@@ -30,18 +30,17 @@ from thermid.app.cli.summary import check_target, named_page
 from thermid.base.errors import DeckError, RecordError, ScenarioError
 from thermid.base.files import FileKinds
 from thermid.base.linear_algebra import HALF_WIDTH_95
-from thermid.base.results import clean
-from thermid.base.sourced import weigh
+from thermid.base.results import clean, weigh
 from thermid.base.units import counted
 from thermid.campaign import verdicts as correlation
 from thermid.measure.readers import log_cells, name_and_unit, read_record
 from thermid.measure.records import Record
-from thermid.model.deck import load_model
+from thermid.model.tree import load_model
 from thermid.qualify.plans import check_delivery, deliver as write_delivery, load_plan, lock_plan, lock_status, pre_test, run_plan
 from thermid.qualify.profiles import ThermalProfile, load_profile, profile_names, profile_of, run_profile, typed
 from thermid.reporting import pictures as trust
 from thermid.reporting.pages import correlation_report, qualification_report
-from thermid.simulation.scenario_files import load_scenario
+from thermid.simulation.runs import load_scenario
 from thermid.values.store import model_standing
 
 _METER = re.compile(r"[PQIU](_|\d|\Z)")

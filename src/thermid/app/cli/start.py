@@ -12,9 +12,9 @@ import typer
 from thermid.app.cli.options import CampaignPath, Data, Json, Results, Whole, Workers, add_worker_options, leave, pairs, say
 from thermid.app.cli.screen import searching, show, working
 from thermid.app.cli.summary import show_campaign, staged
-from thermid.app.examples import EXAMPLES, PUBLIC, copies, copy_example, example_named
+from thermid.app.examples import EXAMPLES, copies, copy_example, example_named
 from thermid.base.errors import IdentificationError, NameNotFoundError, ScenarioError, nearest, refuse_unknown
-from thermid.base.expression import amount
+from thermid.base.units import amount
 from thermid.campaign import start as improved
 from thermid.campaign.start import (
     ACCURACY,
@@ -34,8 +34,7 @@ from thermid.campaign.start import (
 from thermid.fit.calibration import Calibration
 from thermid.inference.criticism import EVALUATIONS, criticise as criticised
 from thermid.inference.diagnosis import plausibility as ranges_of
-from thermid.model.deck import STANDARD, load_model, standard_parts
-from thermid.model.tree import worst
+from thermid.model.tree import STANDARD, load_model, standard_parts, worst
 from thermid.physics.finishes import FINISHES
 from thermid.physics.materials import NOT_CHECKED, materials
 from thermid.reporting import pages as page
@@ -61,7 +60,7 @@ def init(
     ] = None,
     name: Annotated[str, typer.Option("--name", help="Name of the model.")] = "",
     time: Annotated[str | None, typer.Option("--time", help="The time column, where it cannot be told.")] = None,
-    template: Annotated[str, typer.Option("--template", help="Without a log: part, box, chamber or tclab.")] = "",
+    template: Annotated[str, typer.Option("--template", help="Without a log: part, box or chamber.")] = "",
     evaluations: Annotated[int, typer.Option("--evaluations", help="Budget of the search of a structure, in runs.")] = EVALUATIONS,
     same: Annotated[list[str] | None, typer.Option("--same", help="COLUMN=NAME in further logs, such as BOX=Kasten.")] = None,
     accuracy: Annotated[str, typer.Option("--accuracy", help="Constant error of the thermometers, one standard deviation.")] = "",
@@ -121,12 +120,8 @@ def _from_template(name: str, to: Path, as_json: bool) -> None:
     """Write a project of a template."""
     if not name:
         templates = ", ".join(f"{template} ({words})" for template, (words, _) in TEMPLATES.items())
-        text = f"give a log, or --template with one of {templates}, tclab (two heaters)."
+        text = f"give a log, or --template with one of {templates}."
         raise ScenarioError(text, "init", code="value.incomplete")
-    if name == "tclab":
-        copied = copy_example(name, to if to != Path() else None, copies(None))
-        say(as_json, {"files": [str(copied.folder)], "next": copied.example.first}, str(copied))
-        return
     command, files = write_template(name, to)
     lines = [*(f"wrote {file}" for file in files), f"next: {command}"]
     say(as_json, {"files": [str(f) for f in files], "next": command}, "\n".join(lines))
@@ -191,10 +186,6 @@ def improve(
 def example(
     name: Annotated[str, typer.Argument(help="Name of an example; without it, the list.")] = "",
     to: Annotated[Path | None, typer.Option("--to", help="A new folder; the example's name by default.")] = None,
-    originals: Annotated[
-        Path | None,
-        typer.Option("--from", help=f"Folder with copies of published repositories, OWNER/REPOSITORY/path; {PUBLIC} does the same."),
-    ] = None,
     run: Annotated[bool, typer.Option("--run", help="Run its campaign too and write report.html.")] = False,
     parts: Annotated[bool, typer.Option("--parts", help='List standard parts, for use = "std:NAME" in a deck.')] = False,
     made_of: Annotated[bool, typer.Option("--materials", help="List materials and finishes with their sources.")] = False,
@@ -223,7 +214,7 @@ def example(
         copied = copy_example(
             name,
             to,
-            copies(originals),
+            copies(),
             (lambda n, whole: typer.echo(f"\r\x1b[2K{n} of {whole} logs", nl=n == whole, err=True))
             if chosen.data is not None and sys.stderr.isatty()
             else None,
@@ -325,9 +316,6 @@ def plausibility(
     weight: Annotated[
         list[str], typer.Option("--weight", help="NODE=MASS of a part that was weighed, such as case='0.41 [kg]'; may be repeated.")
     ] = [],  # noqa: B006
-    delivered: Annotated[
-        list[str], typer.Option("--delivered", help="LOAD=POWER that a converter hands on, such as loss='20 [W]'; may be repeated.")
-    ] = [],  # noqa: B006
     data: Data = None,
     results: Results = None,
     executor: Workers = None,
@@ -338,8 +326,8 @@ def plausibility(
 
     Exit code 1 if a value is not physical.
     """
-    weights, powers = pairs(weight, "--weight"), pairs(delivered, "--delivered")
+    weights = pairs(weight, "--weight")
     fits = _fits(campaign, stage, data, results, executor)
-    checks = {name: ranges_of(fit, weights=weights, delivered=powers) for name, fit in fits.items()}
+    checks = {name: ranges_of(fit, weights=weights) for name, fit in fits.items()}
     say(as_json, {"stages": {n: p.to_dict() for n, p in checks.items()}}, "\n\n".join(map(str, checks.values())), verbose)
     leave(worst(f.standing for f in fits.values()), 0 if all(p.physical for p in checks.values()) else 1)

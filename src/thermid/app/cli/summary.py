@@ -12,7 +12,7 @@ from typing import Final
 from thermid.app.cli.screen import SCREEN, Progress, console, folded, severity, show_lines, width
 from thermid.base.errors import NameNotFoundError, refuse_unknown, spoken
 from thermid.base.extensions import require
-from thermid.base.sourced import VERDICTS
+from thermid.base.results import VERDICTS
 from thermid.base.units import counted, digits, short
 from thermid.campaign.stages import Campaign, read_campaign, run_stages
 from thermid.campaign.verdicts import Check, Verdict
@@ -20,7 +20,7 @@ from thermid.fit.calibration import FIRST, LOUD, Calibration
 from thermid.measure.records import open_questions
 from thermid.reporting.pages import check_page
 from thermid.simulation.runs import Workers
-from thermid.values.fitted import FittedValue
+from thermid.values.store import FittedValue
 
 Row = tuple[str, ...]
 WORTH_SAYING: Final = 10.0

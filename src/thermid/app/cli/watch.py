@@ -7,7 +7,7 @@ import math
 import time as clock
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Annotated, Any, Final
+from typing import Annotated, Final
 
 import numpy as np
 import typer
@@ -28,21 +28,16 @@ from thermid.app.cli.options import (
     with_unit,
 )
 from thermid.app.cli.summary import staged
-from thermid.base.codes import add_codes
-from thermid.base.errors import RecordError, refuse_unknown
-from thermid.base.expression import amount
+from thermid.base.errors import RecordError, add_codes, refuse_unknown
 from thermid.base.results import clean
-from thermid.base.units import ICE_POINT, TEMPERATURE, duration_text
+from thermid.base.units import TEMPERATURE, amount, duration_text
 from thermid.campaign.stages import RunningTest, running_test
 from thermid.measure.readers import read_record, temperature_columns
-from thermid.measure.records import Record
-from thermid.measure.steadiness import rule_of
-from thermid.model.deck import load_model
-from thermid.model.tree import UNJUDGED, Standing, literal
+from thermid.measure.records import Record, rule_of
+from thermid.model.tree import UNJUDGED, Standing, literal, load_model
 from thermid.qualify.steadiness import Forecast, forecast, stability
 from thermid.qualify.watch import BoundColumns, GrowingLog, TemperatureLimit, Watcher, WatchLook, WatchRequest, replayed
-from thermid.simulation.runs import Scenario, simulate
-from thermid.simulation.scenario_files import load_scenario
+from thermid.simulation.runs import Scenario, load_scenario, simulate
 from thermid.values.store import model_standing
 
 READ_KEYS: Final = ("time", "separator", "decimal", "clock")
@@ -194,14 +189,11 @@ def settle(
         list[str],
         typer.Option("--channel", help="Temperature column, or COLUMN=NODE; by default every column whose name or unit is a temperature."),
     ] = [],  # noqa: B006
-    reference: Annotated[str, typer.Option("--reference", help="Column that the temperatures follow, such as the air.")] = "",
     time: Annotated[str | None, typer.Option("--time", help="The time column, where its name does not say.")] = None,
     rule: Annotated[str, typer.Option("--rule", help="Rule of stability: '3 C/h', '0.2 C/h over 5 h', '0.5 K/h over 1 h'.")] = "3 C/h",
     since: Annotated[str, typer.Option("--since", help="When conditions last changed.")] = "start",
-    at: Annotated[str, typer.Option("--at", help="Time of the question; the end of the log by default.")] = "end",
     slowest: Annotated[str | None, typer.Option("--slowest", help="Longest time constant that the unit can have, if known.")] = None,
     within: Annotated[str, typer.Option("--within", help="Half of the forecast's interval, at most.")] = "1 [K]",
-    later: Annotated[list[str], typer.Option("--reading", help="A later time whose reading is forecast; may be repeated.")] = [],  # noqa: B006
     model: Annotated[Path | None, typer.Option("--model", help="Deck whose time constants are used; with --scenario.")] = None,
     scenario: Annotated[Path | None, typer.Option("--scenario", help="Conditions of the stretch (TOML).")] = None,
     verbose: Whole = False,
@@ -213,13 +205,13 @@ def settle(
     """
     if not amount(with_unit(within, "K"), "K", "--within") > 0.0:
         raise RecordError(f"half of an interval is above zero, not '{within}'.", "--within", code="value.outside-range")
-    record = _read(log, channel, reference, time)
-    names = [n for n in record.channels if n != reference]
-    begin, end = with_unit(since, "s"), with_unit(at, "s")
+    record = _read(log, channel, time)
+    names = list(record.channels)
+    begin = with_unit(since, "s")
     deck = None if model is None else load_model(model)
     conditions = None if scenario is None else load_scenario(scenario)
     run = simulate(deck, conditions) if deck is not None and conditions is not None and rule_of(rule).stored else None
-    stable = stability(record, rule, names, since=begin, at=end, reference=reference, run=run)
+    stable = stability(record, rule, names, since=begin, run=run)
     ends: dict[str, Forecast | str] = {}
     for name in names:
         try:
@@ -227,10 +219,8 @@ def settle(
                 record,
                 name,
                 since=begin,
-                until=end,
                 rule=rule,
                 within=with_unit(within, "K"),
-                reference=reference,
                 slowest=None if slowest is None else with_unit(slowest, "s"),
                 model=deck,
                 scenario=conditions,
@@ -239,38 +229,16 @@ def settle(
             if model is not None or slowest is not None:
                 raise
             ends[name] = error.message
-    times = [with_unit(t, "s") for t in later]
-    lines = [str(stable)]
-    for name, f in ends.items():
-        lines.append(f"{name}: no forecast. {f}" if isinstance(f, str) else str(f))
-        lines += [] if isinstance(f, str) else [f"  at {t}: {f.reading(t)}" for t in times]
-    say(as_json, {**stable.as_object(), "forecasts": _forecasts(ends, times)}, "\n".join(lines), verbose)
+    lines = [str(stable), *(f"{name}: no forecast. {f}" if isinstance(f, str) else str(f) for name, f in ends.items())]
+    forecasts = {name: {"declined": f} if isinstance(f, str) else f.as_object() for name, f in ends.items()}
+    say(as_json, {**stable.as_object(), "forecasts": forecasts}, "\n".join(lines), verbose)
     raise SystemExit({"stable": 0, "not stable": 1, "cannot tell": 4}[stable.verdict])
 
 
-def _forecasts(ends: dict[str, Forecast | str], times: list[str]) -> dict[str, Any]:
-    """Return forecasts by channel as JSON holds them; one that was declined says why."""
-    forecasts: dict[str, Any] = {}
-    for name, f in ends.items():
-        if isinstance(f, str):
-            forecasts[name] = {"declined": f}
-            continue
-        readings = [(t, f.reading(t)) for t in times]
-        forecasts[name] = f.as_object() | {
-            "readings": [
-                {"at": t, "value_C": e.value - ICE_POINT, "low_C": e.low - ICE_POINT, "high_C": e.high - ICE_POINT} for t, e in readings
-            ]
-        }
-    return forecasts
-
-
-def _read(log: Path, channel: list[str], reference: str, time: str | None) -> Record:
+def _read(log: Path, channel: list[str], time: str | None) -> Record:
     """Return the temperatures of a log."""
     sits = {n: node or n for n, _, node in (text.partition("=") for text in channel)}
-    names = list(sits) or [n for n in temperature_columns(log, time) if n != reference]
+    names = list(sits) or temperature_columns(log, time)
     if not names:
         raise RecordError("no column looks like a temperature. Name them with --channel.", log.name, code="record.nothing-there")
-    bindings: dict[str, str | dict[str, object]] = {n: {"node": sits.get(n, n)} for n in names}
-    if reference:
-        bindings[reference] = {"boundary": reference}
-    return read_record(log, bindings, time=time)
+    return read_record(log, {n: {"node": sits.get(n, n)} for n in names}, time=time)

@@ -29,10 +29,8 @@ from thermid.app.studio.shapes import (
 )
 from thermid.app.studio.work import Jobs, JobState
 from thermid.base.errors import DeckError, MissingDataError, NameNotFoundError, ThermidError, quoted, refuse_unknown
-from thermid.base.expression import with_unit
-from thermid.base.files import FileKinds, read_bytes, write_bytes
-from thermid.base.toml_files import read_toml, resolve_inside
-from thermid.base.units import from_si, short
+from thermid.base.files import FileKinds, read_bytes, read_toml, resolve_inside, write_bytes
+from thermid.base.units import from_si, short, with_unit
 from thermid.campaign.stages import request_of
 from thermid.campaign.start import ACCURACY, VERDICT_NOISES, VERDICT_SHARE_OF_RANGE, word
 from thermid.campaign.verdicts import Criteria
@@ -40,8 +38,7 @@ from thermid.fit.calibration import Calibration, Request, build_problem, fit
 from thermid.measure.looks import clocks_of, look, offset_range, stated_offset
 from thermid.measure.readers import name_and_unit, read_record
 from thermid.measure.records import Record
-from thermid.model.deck import Edit
-from thermid.model.tree import Model, literal
+from thermid.model.tree import Edit, Model, literal
 from thermid.reporting.diagrams import card_places
 from thermid.reporting.objects import fit_object
 from thermid.simulation.runs import Scenario, compile_network

@@ -11,8 +11,8 @@ import numpy as np
 
 from thermid.app.studio.desk import Desk, Window, texts_of, thinned_curve
 from thermid.base.errors import ScenarioError, ThermidError, look_up, refuse_unknown
-from thermid.base.sourced import weigh
-from thermid.base.toml_files import project_root, read_toml
+from thermid.base.files import project_root, read_toml
+from thermid.base.results import weigh
 from thermid.base.units import ICE_POINT, duration_text
 from thermid.campaign.verdicts import LimitCheck, Limits, Margin, check_limits, margins, read_limits, spans
 from thermid.model.tree import UNJUDGED, Standing

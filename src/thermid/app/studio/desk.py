@@ -18,8 +18,7 @@ from thermid.base.errors import DeckError, NameNotFoundError, ThermidError, refu
 from thermid.base.linear_algebra import Array
 from thermid.base.units import ICE_POINT, from_si, in_si, unit
 from thermid.fit.calibration import Bench, Calibration, Problem, Sums, Unknown, in_place
-from thermid.model.deck import Edit
-from thermid.model.tree import Entry, Model, literal
+from thermid.model.tree import Edit, Entry, Model, literal
 from thermid.physics.finishes import FINISHES
 from thermid.prediction.bands import split
 from thermid.reporting.diagrams import network_map, parts_of

@@ -11,11 +11,9 @@ from pathlib import Path
 from typing import Any, Final
 
 from thermid.base.errors import DeckError, ThermidError
-from thermid.base.files import FileKinds, command, read_bytes, read_text, write_bytes
-from thermid.base.toml_files import line_numbers, read_toml
+from thermid.base.files import FileKinds, command, line_numbers, read_bytes, read_text, read_toml, write_bytes
 from thermid.campaign.stages import CampaignSource, campaign_of
-from thermid.model.deck import DeckDocument, Edit, model_beside
-from thermid.model.tree import Model
+from thermid.model.tree import DeckDocument, Edit, Model, model_beside
 
 DECK, CAMPAIGN, VIEW = "deck", "campaign", "view"
 PLACES: Final = "places"

@@ -11,18 +11,15 @@ from typing import Any, Final
 import numpy as np
 
 from thermid.app.studio.desk import Window, number_of, thinned_curve, window_of
-from thermid.base.codes import add_codes
-from thermid.base.errors import DeckError, MissingDataError, RecordError, ThermidError, refuse_unknown
-from thermid.base.expression import pairs, with_unit
+from thermid.base.errors import DeckError, MissingDataError, RecordError, ThermidError, add_codes, refuse_unknown
+from thermid.base.files import project_root, resolve_inside
 from thermid.base.linear_algebra import Array, Bools
 from thermid.base.results import clean
-from thermid.base.toml_files import project_root, resolve_inside
-from thermid.base.units import ICE_POINT, TEMPERATURE, unit
+from thermid.base.units import ICE_POINT, TEMPERATURE, pairs, unit, with_unit
 from thermid.campaign.stages import Campaign, running_test
 from thermid.measure.looks import look
 from thermid.measure.readers import log_cells, name_and_unit, read_record
-from thermid.measure.records import Channel, Record
-from thermid.measure.steadiness import RULES, ChannelStability, StabilityRule, channel_stability, rule_of, since_when
+from thermid.measure.records import RULES, Channel, ChannelStability, Record, StabilityRule, channel_stability, rule_of, since_when
 from thermid.model.tree import UNJUDGED, Model, literal
 from thermid.qualify.steadiness import Forecast, Stability, forecast
 from thermid.qualify.watch import BoundColumns, TemperatureLimit, Watcher, WatchRequest, read_whole_lines, roles_of_paths

@@ -11,7 +11,7 @@ from typing import Any
 
 from thermid.app.studio.desk import Desk, in_force
 from thermid.base.errors import DeckError, IdentificationError, NameNotFoundError, ThermidError, refuse_unknown
-from thermid.base.toml_files import project_root, read_toml, resolve_inside
+from thermid.base.files import project_root, read_toml, resolve_inside
 from thermid.base.units import from_si
 from thermid.campaign.stages import (
     Campaign,
@@ -30,13 +30,10 @@ from thermid.campaign.stages import (
 from thermid.campaign.studies import RetunePlan, plan_retune
 from thermid.campaign.verdicts import Verdict
 from thermid.fit.calibration import Calibration, Request, build_problem, fit, fit_problem
-from thermid.model.deck import DeckDocument, load_model
-from thermid.model.tree import Model, ParameterSet
+from thermid.model.tree import DeckDocument, Model, ParameterSet, load_model
 from thermid.reporting.pages import Table, levels
-from thermid.simulation.runs import compile_network
-from thermid.simulation.scenario_files import Scenario, load_scenario
-from thermid.values.fitted import load_store, save_store
-from thermid.values.store import Store
+from thermid.simulation.runs import Scenario, compile_network, load_scenario
+from thermid.values.store import Store, load_store, save_store
 
 Told = Callable[[int, float], None]
 

@@ -359,7 +359,7 @@ class Room:
     def example(self, name: str) -> dict[str, Any]:
         """Copy an example into a new folder and open it."""
         refuse_unknown([name], EXAMPLES, "examples", "no example '{}'.")
-        copied = copy_example(name, self.inside(name), copies(None))
+        copied = copy_example(name, self.inside(name), copies())
         file = copied.folder / copied.example.campaign if copied.example.campaign else next(iter(sorted(copied.folder.glob("*.toml"))))
         return self.open(file.relative_to(self.folder).as_posix())
 

@@ -9,8 +9,7 @@ from typing import Any, Final
 
 from thermid.base.errors import DeckError, NameNotFoundError, refuse_unknown
 from thermid.campaign.start import word
-from thermid.model.deck import DeckDocument, Edit, Renamed
-from thermid.model.tree import KINDS, LOAD_SLOTS
+from thermid.model.tree import KINDS, LOAD_SLOTS, DeckDocument, Edit, Renamed
 
 PLACEHOLDER: Final = "a number of the palette; replace it"
 """Basis of a value that nobody gave yet."""

@@ -18,17 +18,13 @@ import numpy as np
 
 from thermid.base.arguments import check_two, guard_methods
 from thermid.base.errors import NameNotFoundError, ScenarioError, errors_at, look_up, refuse_unknown
-from thermid.base.expression import amount, end_of_range
-from thermid.base.extensions import by_grammar
+from thermid.base.files import Places, by_grammar, read_toml
 from thermid.base.linear_algebra import HALF_WIDTH_95, Array, Bools
-from thermid.base.results import Result
-from thermid.base.sourced import MARKS, Figure, check_mark, weakest
-from thermid.base.toml_files import Places, read_toml
-from thermid.base.units import ICE_POINT
+from thermid.base.results import MARKS, Figure, Result, check_mark, weakest
+from thermid.base.units import ICE_POINT, amount, end_of_range
 from thermid.model.tree import UNJUDGED, Standing
 from thermid.prediction.bands import Foresight
-from thermid.simulation.runs import Solution, Trace
-from thermid.simulation.solver import Dense, resolved
+from thermid.simulation.runs import Dense, Solution, Trace, resolved
 
 Ends = tuple[float, float]
 STATES = {"operating": "operating", "non-operating": "non_operating", "start-up": "start_up"}

@@ -8,8 +8,8 @@ import numpy as np
 from pydantic import ConfigDict
 
 from thermid.base.errors import ScenarioError, ThermidError
-from thermid.base.expression import kelvin
 from thermid.base.grammar import Amount, Finite, Flag, Grammar, GrammarOf, StrictTable, reads
+from thermid.base.units import kelvin
 
 
 def _ends(pair: list[str | float]) -> tuple[float, float]:

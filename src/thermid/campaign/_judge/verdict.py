@@ -19,14 +19,10 @@ import numpy as np
 
 from thermid.base.arguments import takes_objects
 from thermid.base.errors import IdentificationError, ScenarioError, nearest, refuse_unknown
-from thermid.base.expression import amount
-from thermid.base.extensions import by_grammar
-from thermid.base.files import FileKinds, write_text
+from thermid.base.files import FileKinds, Places, by_grammar, read_json, write_text
 from thermid.base.linear_algebra import Array
-from thermid.base.results import PlottedTrace, Result, Row
-from thermid.base.sourced import VERDICTS, check_mark, weigh
-from thermid.base.toml_files import Places, read_json
-from thermid.base.units import ICE_POINT, counted, short
+from thermid.base.results import VERDICTS, PlottedTrace, Result, Row, check_mark, weigh
+from thermid.base.units import ICE_POINT, amount, counted, short
 from thermid.fit.calibration import FIRST, Calibration, Request, SensorStatistics, SensorTrace, fit
 from thermid.measure.records import Record
 from thermid.model.tree import UNJUDGED, Model, Standing, literal

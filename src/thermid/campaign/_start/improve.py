@@ -19,9 +19,8 @@ from thermid.campaign._start.project import TEMPLATE
 from thermid.fit.calibration import Calibration, Request, fit
 from thermid.inference.criticism import EVALUATIONS, MissingElement, StructureSearch, search_structure
 from thermid.measure.records import Record
-from thermid.model.deck import save_model
-from thermid.simulation.runs import Workers
-from thermid.simulation.solver import refuse_unseen
+from thermid.model.tree import save_model
+from thermid.simulation.runs import Workers, refuse_unseen
 
 if TYPE_CHECKING:
     from thermid.campaign._schema import RecordTable

@@ -14,14 +14,23 @@ import numpy as np
 import tomlkit
 
 from thermid.base.errors import NameNotFoundError, RecordError, ThermidError, nearest
-from thermid.base.extensions import by_grammar, file_kinds, json_schema
-from thermid.base.files import FileKind, FileKinds, may_write, parse_toml, read_text, write_bytes, write_text
+from thermid.base.files import (
+    FileKind,
+    FileKinds,
+    by_grammar,
+    file_kinds,
+    json_schema,
+    may_write,
+    parse_toml,
+    read_text,
+    write_bytes,
+    write_text,
+)
 from thermid.campaign._start.proposal import Proposal
 from thermid.campaign._start.switching import instants_text, with_instants
 from thermid.fit.calibration import LocalSpec, Request
 from thermid.measure.records import Record, thinned_step
-from thermid.model.deck import model_text
-from thermid.model.tree import parameter
+from thermid.model.tree import model_text, parameter
 
 SCHEMA: Final = FileKind("JSON Schema", endings=(".json",))
 FOLDER: Final = "schema"

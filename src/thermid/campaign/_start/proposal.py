@@ -14,9 +14,8 @@ from typing import Any
 import numpy as np
 
 from thermid.base.errors import DeckError, IdentificationError, ThermidError, refuse_unknown
-from thermid.base.expression import amount
 from thermid.base.linear_algebra import value_of
-from thermid.base.units import duration_text
+from thermid.base.units import amount, duration_text
 from thermid.campaign._start.roles import ACCURACY, JOIN, SURROUNDINGS, Power, Roles, noise_of, part_name, with_noise
 from thermid.campaign._start.switching import Instants, found_instants, instants_text, with_instants
 from thermid.fit.calibration import MOST_EVALUATIONS, Calibration, LocalSpec, Request, first_reading, fit
@@ -32,8 +31,7 @@ from thermid.inference.criticism import (
 )
 from thermid.inference.diagnosis import SPECIFIC_HEAT, RangeCheck
 from thermid.measure.records import Record
-from thermid.model.deck import model_from_dict
-from thermid.model.tree import Model, ParameterSet, literal, parameter
+from thermid.model.tree import Model, ParameterSet, literal, model_from_dict, parameter
 from thermid.physics.materials import materials as all_materials
 from thermid.simulation.runs import Scenario
 

@@ -11,8 +11,7 @@ import numpy as np
 from thermid.base.linear_algebra import Array, value_of
 from thermid.fit._error_model.sizes import DEPARTURE_SAMPLES
 from thermid.model.tree import Drawn, FlatConductor, Law, in_run
-from thermid.simulation.runs import Network
-from thermid.simulation.solver import Engine, Options, Traces, Wiring
+from thermid.simulation.runs import Engine, Network, Options, Traces, Wiring
 
 FREE_AIR, STREAM = "free air", "fan"
 """What may carry the heat of a surface."""

@@ -35,9 +35,7 @@ from thermid.fit._uncertainty.noise import Autocorrelation, Binned, binned, scor
 from thermid.model.tree import FlatConductor, identity_of
 from thermid.physics.gas import GASES, REFERENCE
 from thermid.simulation.runs import Media, Network
-from thermid.values.fitted import FittedValues
-from thermid.values.ranges import RangedValue, ranged_values
-from thermid.values.store import Source
+from thermid.values.store import FittedValues, RangedValue, Source, ranged_values
 
 MIN_CONTACT_GAP: Final = 10e-6
 """Effective distance of machined surfaces that touch, from which the most that gas can carry follows. Yovanovich has 1.53 s (P/H)^-0.097,
@@ -67,7 +65,7 @@ def _gases(network: Network, joint: FlatConductor) -> list[str]:
     return list(dict.fromkeys(near or [c.gas for c in skins] or network.boundaries))
 
 
-KEY = "structural"
+STRUCTURAL_KEY = "structural"
 """Where the provenance of fitted values keeps it."""
 
 
@@ -177,7 +175,7 @@ def discrepancy_kept(values: FittedValues) -> Discrepancy | None:
 
 def kept_in(provenance: Mapping[str, Any]) -> Discrepancy | None:
     """Return the model discrepancy stored in the provenance of a stage; None where an older file has none."""
-    table = provenance.get(KEY)
+    table = provenance.get(STRUCTURAL_KEY)
     return Discrepancy.from_dict(table) if table is not None else None
 
 
@@ -205,7 +203,7 @@ def with_discrepancy(fit: Calibration, assumed: AssumedMoves) -> Calibration:
     result = Discrepancy(conditions, names, _surfaces(histories, surfaces), joints, moved, assumed.said, _scheduled(problem.benches()))
     alone = [o.to_dict() for o in own_values_of(fit)]
     points = {p: [c.difference, c.level] for p, c in conditions.items() if p in decided}
-    provenance = {**fit.values.provenance, **({"conditions": points} if points else {}), "misfit": misfit, KEY: result.to_dict()}
+    provenance = {**fit.values.provenance, **({"conditions": points} if points else {}), "misfit": misfit, STRUCTURAL_KEY: result.to_dict()}
     provenance |= {OWN_VALUES: alone} if alone else {}
     store = replace(fit.store, provenance={**fit.store.provenance, fit.values.stage: provenance})
     warnings = (*fit.warnings, *assumed.remarks)

@@ -55,7 +55,7 @@ from thermid.physics.htc import BIOT_LIMIT
 from thermid.simulation.runs import Network
 from thermid.values.store import AS_FITTED, EXPECTED, INPUT, LaterTable, Normal, Source
 
-KEY = "errors"
+ERRORS_KEY = "errors"
 """Where the provenance of fitted values keeps it."""
 FOLLOWED = "prediction.error-not-followed"
 """Code of what is said of a fit whose elements cannot be followed."""

@@ -22,7 +22,7 @@ from thermid.fit._estimation.process import ProcessNoise
 from thermid.fit._problem.experiment import UNKNOWN_START_SD, UNSAID_NOISE, Experiment
 from thermid.fit._problem.residuals import Bench
 from thermid.model.tree import Sine, TableSignal
-from thermid.simulation.solver import Assembled, Traces
+from thermid.simulation.runs import Assembled, Traces
 
 MAX_CURVATURE_ERROR: Final = 1e-4
 """What a step may miss because rates bend within it. [K]"""

@@ -11,9 +11,8 @@ from typing import Any, Final
 import numpy as np
 
 from thermid.base.errors import IdentificationError
-from thermid.base.expression import amount
 from thermid.base.linear_algebra import Array, one_thread, symmetric_inverse
-from thermid.base.units import duration_text, short
+from thermid.base.units import amount, duration_text, short
 from thermid.fit._calibrate import differing
 from thermid.fit._estimation.estimation import OUTPUT, PROCESS, EstimatedNumber, Estimation, Estimator, whiteness_of
 from thermid.fit._estimation.likelihood import Likelihood, Maximum, likelihood_of
@@ -25,9 +24,8 @@ from thermid.fit._problem.request import LocalSpec, Request, freed, priors_of
 from thermid.fit._problem.residuals import Problem
 from thermid.measure.records import Record
 from thermid.model.tree import Model
-from thermid.simulation.runs import Scenario
-from thermid.simulation.solver import refuse_unseen
-from thermid.values.fitted import FittedValue, FittedValues
+from thermid.simulation.runs import Scenario, refuse_unseen
+from thermid.values.store import FittedValue, FittedValues
 
 FITTED_SHARE: Final = 0.6
 """Part of every record that is fitted where the rest is left out to be foreseen."""

@@ -17,7 +17,7 @@ import numpy as np
 from thermid.base.linear_algebra import Array
 from thermid.fit._estimation.steps import lower
 from thermid.fit._problem.residuals import SensorStatistics, Sums
-from thermid.measure.steadiness import effective_samples
+from thermid.measure.records import effective_samples
 
 
 class ReadingRow(NamedTuple):

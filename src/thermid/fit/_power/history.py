@@ -11,10 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thermid.base.errors import IdentificationError, NameNotFoundError, SolverError, ThermidError, refuse_unknown
-from thermid.base.expression import Kelvin, amount
 from thermid.base.linear_algebra import HALF_WIDTH_95, NOTHING, Array, Bools, covariance as information_inverse, quadratic_forms
 from thermid.base.results import PlottedTrace, Result, Shown
-from thermid.base.units import ICE_POINT, duration_text, short, unit
+from thermid.base.units import ICE_POINT, Kelvin, amount, duration_text, short, unit
 from thermid.fit._minimisation import LocalCost, descend
 from thermid.fit._problem.experiment import on_the_clock_of
 from thermid.fit._problem.gather import build_problem
@@ -22,10 +21,9 @@ from thermid.fit._problem.request import Request, priors_of
 from thermid.fit._problem.residuals import Influence, Problem, SensorTrace, Unknown
 from thermid.fit._uncertainty.noise import MIN_LIKELIHOOD_GAIN, Binned, TraceNoise, answers_to_inputs, binned, covariance_of_means
 from thermid.measure.records import Record
-from thermid.model.deck import model_from_dict
-from thermid.model.tree import Constant, HeatLoad, Model, TableSignal, literal
+from thermid.model.tree import Constant, HeatLoad, Model, TableSignal, literal, model_from_dict
 from thermid.simulation.runs import Scenario, compile_network, simulate
-from thermid.values.spreads import deviation
+from thermid.values.store import deviation
 
 LAW_STARTS, LAW_STEP = 12, 1e-6
 """Starts of a law with a bend, and half the step of its differences, beside a coefficient."""

@@ -13,16 +13,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thermid.base.errors import NameNotFoundError, RecordError, ThermidError, refuse_unknown
-from thermid.base.expression import Kelvin, Stamp
 from thermid.base.linear_algebra import Array
 from thermid.base.memo import Memo
-from thermid.measure.records import Channel, Record, SecondClock
-from thermid.measure.sensors import SensorPart
-from thermid.model.deck import model_from_dict
-from thermid.model.tree import Constant, Model, Names, Signal, Submodel, TableSignal
-from thermid.simulation.runs import Network, Scenario, compile_network
-from thermid.simulation.solver import Engine, Wiring
-from thermid.values.fitted import FittedValue
+from thermid.base.units import Kelvin, Stamp
+from thermid.measure.records import Channel, Record, SecondClock, SensorPart
+from thermid.model.tree import Constant, Model, Names, Signal, Submodel, TableSignal, model_from_dict
+from thermid.simulation.runs import Engine, Network, Scenario, Wiring, compile_network
+from thermid.values.store import FittedValue
 
 DRIVEN = ("loads", "commands", "gains", "schedule")
 """Tables of a scenario that channels lie over, beside its boundaries."""
@@ -51,8 +48,9 @@ class Inputs:
         if role in ("command", "schedule"):
             self.tables["commands" if role == "command" else role][path] = signal
             return
-        # a power that is always off has no error
-        free, power = (path, 1.0) if role == "boundary" else (SCALE + path, power_while_on(signal))
+        # mean power weighted by itself, so that pauses do not count; one that is always off has no error
+        watts = np.abs(signal.levels)
+        free, power = (path, 1.0) if role == "boundary" else (SCALE + path, float(watts @ watts) / (float(watts.sum()) or 1.0))
         if (noise := _input_noise(channel)).any:
             self.noisy[free] = noise
         if channel.common and errors is None and power > 0.0:
@@ -126,13 +124,6 @@ def on_the_clock_of(record: Record, scenario: Scenario) -> Scenario:
             )
         scenario = scenario.begun(began.seconds + first - scenario.begins.seconds, columns)
     return scenario.mapped(moved)
-
-
-def power_while_on(signal: Signal) -> float:
-    """Return the mean power weighted by itself, so that pauses do not count; zero for a load that is always off. [W]"""
-    values = np.abs(signal.levels)
-    total = float(values.sum())
-    return float(values @ values) / total if total > 0 else 0.0
 
 
 def corrected(scenario: Scenario, fitted_values: Mapping[str, float]) -> Scenario:

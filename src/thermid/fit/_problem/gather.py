@@ -9,8 +9,7 @@ from numbers import Real
 from typing import Any
 
 from thermid.base.errors import IdentificationError, RecordError, nearest, refuse_unknown
-from thermid.base.expression import Kelvin
-from thermid.base.units import TEMPERATURE, require
+from thermid.base.units import TEMPERATURE, Kelvin, require
 from thermid.fit._problem.experiment import (
     ALL_INSTANTS,
     CLOCK,
@@ -32,11 +31,9 @@ from thermid.fit._problem.experiment import (
 )
 from thermid.fit._problem.request import Request, known_before, mean_of
 from thermid.fit._problem.residuals import Influence, Prior, Problem, Unknown
-from thermid.measure.records import Record, SecondClock
-from thermid.measure.sensors import SensorPart
+from thermid.measure.records import Record, SecondClock, SensorPart
 from thermid.model.tree import Constant, StatedRange, TableSignal
-from thermid.values.spreads import read_spread
-from thermid.values.store import INPUT
+from thermid.values.store import INPUT, read_spread
 
 MAX_SEPARATE_STARTS = 10
 """Nodes without a sensor in a record up to which each has a start of its own; of more, those with the same neighbours move together."""

@@ -16,9 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thermid.base.errors import IdentificationError, NameNotFoundError, ThermidError, errors_at, nearest, refuse_unknown
-from thermid.base.expression import kelvin
 from thermid.base.linear_algebra import RANK_TOLERANCE, Array, inverse_square_root
-from thermid.base.units import TEMPERATURE
+from thermid.base.units import TEMPERATURE, kelvin
 from thermid.fit._problem.experiment import first_reading
 from thermid.fit._problem.residuals import Unknown
 from thermid.measure.records import Channel, Record
@@ -34,10 +33,8 @@ from thermid.model.tree import (
     literal,
     local_identities,
 )
-from thermid.simulation.runs import Scenario
-from thermid.simulation.solver import Options
-from thermid.values.ranges import ranged_values
-from thermid.values.store import AS_FITTED, EXPECTED, Source, State, Store
+from thermid.simulation.runs import Options, Scenario
+from thermid.values.store import AS_FITTED, EXPECTED, Source, State, Store, ranged_values
 
 FITTING = Options(error=1e-3)
 """A fit needs no more than a fraction of the noise of a sensor: ten times the error of a run."""

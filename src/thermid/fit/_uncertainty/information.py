@@ -15,9 +15,8 @@ from thermid.fit._problem.gather import build_problem, problem_of
 from thermid.fit._problem.request import Request, form, known_before
 from thermid.fit._problem.residuals import Problem, Unknown
 from thermid.model.tree import ParameterSet
-from thermid.simulation.solver import Options
-from thermid.values.fitted import rooted
-from thermid.values.store import Normal, Source, State
+from thermid.simulation.runs import Options
+from thermid.values.store import Normal, Source, State, rooted
 
 EXACT = Options(error=2e-8, inputs=1e-3)
 """Tight enough that a direction without information shows as such and not as the integrator's error.

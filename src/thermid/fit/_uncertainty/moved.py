@@ -18,8 +18,7 @@ from thermid.fit._problem.residuals import Problem, Unknown
 from thermid.fit._uncertainty.information import Opened, covering, opened_at
 from thermid.fit._uncertainty.noise import Weighed, binned, weighed
 from thermid.model.tree import Model
-from thermid.values.fitted import FittedValue, FittedValues
-from thermid.values.store import State, Store
+from thermid.values.store import FittedValue, FittedValues, State, Store
 
 ALPHA, POWER = 0.05, 0.9
 """Chance of calling a value moved that did not, and of finding the shift that is stated as detectable."""

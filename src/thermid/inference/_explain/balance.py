@@ -8,17 +8,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from thermid.base.errors import DeckError, RecordError
-from thermid.base.expression import Kelvin
 from thermid.base.linear_algebra import Array, value_of
 from thermid.base.results import Result
-from thermid.base.units import ICE_POINT, short
+from thermid.base.units import ICE_POINT, Kelvin, short
 from thermid.fit.calibration import Calibration, at_their_seats, attached, bind, role_and_target
 from thermid.inference._explain.thresholds import BALANCE_STEP
-from thermid.measure.records import Record
-from thermid.measure.steadiness import SteadyPoint, SteadyValue
+from thermid.measure.records import Record, SteadyPoint, SteadyValue
 from thermid.model.tree import Constant, FlatControl, Model
-from thermid.simulation.runs import Scenario, steady
-from thermid.simulation.solver import Engine, Wiring
+from thermid.simulation.runs import Engine, Scenario, Wiring, steady
 
 
 @dataclass(frozen=True, eq=False)

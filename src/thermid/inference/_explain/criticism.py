@@ -24,8 +24,7 @@ from thermid.inference._explain.thresholds import (
     VERY_STRONG,
 )
 from thermid.inference._explain.weighing import noise_of
-from thermid.simulation.runs import Workers, simulate
-from thermid.simulation.solver import refuse_unseen
+from thermid.simulation.runs import Workers, refuse_unseen, simulate
 
 _Item = TypeVar("_Item")
 

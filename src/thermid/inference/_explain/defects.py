@@ -19,7 +19,7 @@ from thermid.base.errors import IdentificationError, ThermidError
 from thermid.base.linear_algebra import Indices, one_thread
 from thermid.base.units import short
 from thermid.fit.calibration import MEASURED, Calibration, Experiment, Request, Unknown, build_problem, fit_problem
-from thermid.fit.discrepancy import FREE_AIR, constant_coefficients
+from thermid.fit.error_model import FREE_AIR, constant_coefficients
 from thermid.inference._explain.candidates import Fitted, MissingElement, hidden_defects
 from thermid.inference._explain.structures import linearised, starting_values
 from thermid.inference._explain.thresholds import (

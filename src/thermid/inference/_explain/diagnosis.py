@@ -12,9 +12,9 @@ from typing import Any
 import numpy as np
 
 from thermid.base.errors import IdentificationError, ThermidError
-from thermid.base.expression import amount
 from thermid.base.linear_algebra import Array
 from thermid.base.results import Result
+from thermid.base.units import amount
 from thermid.fit.calibration import Calibration
 from thermid.inference._explain.candidates import Fault, faults_of
 from thermid.inference._explain.thresholds import (

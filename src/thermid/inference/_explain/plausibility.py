@@ -9,15 +9,14 @@ from typing import Any
 
 import numpy as np
 
-from thermid.base.errors import IdentificationError, NameNotFoundError, nearest
+from thermid.base.errors import IdentificationError
 from thermid.base.linear_algebra import value_of
 from thermid.base.results import Named
 from thermid.base.units import short
-from thermid.fit.calibration import Calibration, power_while_on
+from thermid.fit.calibration import Calibration
 from thermid.inference._explain.thresholds import (
     BARE_CONTACT,
     CORRELATION,
-    EFFICIENCY,
     EMISSIVITY,
     MAX_SLOW_FAN_HTC,
     SPECIFIC_HEAT,
@@ -29,7 +28,7 @@ from thermid.physics.materials import materials
 from thermid.physics.plates import body_htc, conduction_floor
 from thermid.physics.radiation import linearised_htc
 from thermid.simulation.runs import Network, simulate
-from thermid.values.fitted import FittedValue
+from thermid.values.store import FittedValue
 
 CONTACTS = "Incropera, 6th ed., Tables 3.1 and 3.2; Yovanovich, IEEE Trans. CPT 28 (2005) 182"
 
@@ -120,19 +119,17 @@ class Plausibility(Named[RangeCheck]):
         return "\n".join(lines)
 
 
-def plausibility(fit: Calibration, *, weights: Mapping[str, str] | None = None, delivered: Mapping[str, str] | None = None) -> Plausibility:
-    """Physical plausibility of fitted values: correlations for coefficients, ranges for contacts, capacitances and losses.
+def plausibility(fit: Calibration, *, weights: Mapping[str, str] | None = None) -> Plausibility:
+    """Physical plausibility of fitted values: correlations for coefficients, ranges for contacts and capacitances.
 
     Parameters
     ----------
     fit : Calibration   The fit.
     weights : dict      Node -> weight of its part, as text: its capacitance must be that of some material.
-    delivered : dict    Load -> power that the part hands on, as text: its own power must be a converter's loss, whether it was fitted,
-                        logged or given by the deck.
 
     Raises
     ------
-    IdentificationError   When the fit has no records any more, or a load of `delivered` has no power.
+    IdentificationError   When the fit has no records any more.
     """
     if not fit.experiments:
         raise IdentificationError(
@@ -144,7 +141,6 @@ def plausibility(fit: Calibration, *, weights: Mapping[str, str] | None = None, 
     findings = {f.path: f for f in _conductors(fit, network, owners)}
     findings |= {f.path: f for f in _ranged(network, owners)}
     findings |= {f.path: f for f in _weights(fit, network, owners, weights or {})}
-    findings |= {f.path: f for f in _losses(fit, network, owners, delivered or {})}
     ordered = tuple(findings[p] for p in (*fitted, *(p for p in findings if p not in fitted)) if p in findings)
     open_ = []
     for v in (v for v in fitted.values() if v.error > UNDETERMINED * abs(v.value)):
@@ -277,42 +273,6 @@ def _weights(fit: Calibration, network: Network, owners: Mapping[str, FittedValu
             )
             low, high = SPECIFIC_HEAT[0] * weight * scale, SPECIFIC_HEAT[1] * weight * scale
             yield RangeCheck(v.path, v.value, v.error, low, high, f"{weight:.3g} kg of metal to plastics", "table of materials", meaning)
-
-
-def _losses(fit: Calibration, network: Network, owners: Mapping[str, FittedValue], delivered: Mapping[str, str]) -> Iterator[RangeCheck]:
-    """Yield checks of losses P of converters that deliver P_out: P_out (1 / efficiency - 1); `delivered` is load -> P_out as text."""
-    for raw, text in delivered.items():
-        path = fit.given_model.canonical(raw)
-        load = next((x for x in network.flat.loads if x.path == path), None)
-        if load is None:
-            raise NameNotFoundError(f"no load '{raw}'.{nearest(path, [x.path for x in network.flat.loads])}", "delivered")
-        out = literal(text, "W", f"delivered.{raw}")
-        v = _fitted_behind(network, load.fields["power"], owners) if "power" in load.fields else None
-        name, watts, error = (v.path, v.value, v.error) if v is not None else _power_given(fit, network, path)
-        if watts > 0.0:
-            low, high = (out * (1.0 / e - 1.0) for e in reversed(EFFICIENCY))
-            meaning = "A larger loss than converters have, or heat of another part" if watts > high else "Less than any converter loses"
-            what = f"the loss of a converter that delivers {out:.3g} W at {100 * EFFICIENCY[0]:.0f} to {100 * EFFICIENCY[1]:.0f} %"
-            yield RangeCheck(name, watts, error, low, high, what, "P_out (1/efficiency - 1)", meaning)
-        else:
-            raise IdentificationError(
-                f"'{raw}' has no power in this fit, so its loss cannot be judged. Name a load with a power.",
-                "delivered",
-                code="fit.not-possible",
-            )
-
-
-def _power_given(fit: Calibration, network: Network, load: str) -> tuple[str, float, float]:
-    """Return name, value and error [W] of a power that was not fitted: the largest logged one, corrected for its meter, or the deck's."""
-    logged = [e.scenario.loads[load] for e in fit.experiments if load in e.scenario.loads]
-    fitted_values = fit.values.items_
-    if logged:
-        watts = max(power_while_on(s) for s in logged)
-        channel = next((n for e in fit.experiments for n, (target, _) in e.shared.items() if target == f"scale.{load}"), "")
-        error = fitted_values.get(f"{channel} error")
-        return f"{load} as logged", watts * (1.0 - error.value if error else 1.0), watts * error.error if error else 0.0
-    numbers = network.numbers({p: v.value for p, v in fit.values.assignments.items()})
-    return f"{load} by the deck", sum(float(value_of(r.coefficients[0])) for r in numbers.loads if r.name == load), 0.0
 
 
 def _from_records(of: Calibration, surfaces: Sequence[FlatConductor]) -> dict[str, tuple[float, float]]:

@@ -130,8 +130,6 @@ BARE_CONTACT: Final = (100.0, 5e4)
 """Contact of metal on metal: dry and hand-tight 100 to 1000, machined under 0.1 to 10 MPa 2000 to 50 000. [W/(m^2 K)]"""
 SPECIFIC_HEAT: Final = (385.0, 1500.0)
 """Specific heats of what equipment is made of, copper to plastics. [J/(kg K)]"""
-EFFICIENCY: Final = (0.6, 0.97)
-"""Efficiencies of converters in equipment. [-]"""
 UNDETERMINED: Final = 0.5
 """Relative error from which a 95 % interval reaches zero: no range can reject the value, and a defect with it is not shown. [-]"""
 

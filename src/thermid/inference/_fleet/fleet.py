@@ -16,7 +16,7 @@ from thermid.fit.calibration import Unknown
 from thermid.inference._fleet.population import PopulationFit, distances
 from thermid.model.tree import Model, Standing
 from thermid.simulation.runs import Ensemble, Scenario, Workers, ensemble
-from thermid.values.fitted import Draws, FittedValue, FittedValues
+from thermid.values.store import Draws, FittedValue, FittedValues
 
 Covariates = Mapping[str, Mapping[str, float | str]]
 """Unit -> name -> number, such as its mass, or text, such as its batch."""

@@ -45,7 +45,7 @@ from thermid.inference._fleet.population import (
 from thermid.measure.records import Record
 from thermid.model.tree import Model, Standing, worst
 from thermid.simulation.runs import Scenario, Workers, in_tasks
-from thermid.values.ranges import RANGE_OF
+from thermid.values.store import RANGE_OF
 
 LINEARISATIONS = 12
 """Linearisations at most."""

@@ -17,12 +17,10 @@ from typing import Any, Final, TypeVar
 import numpy as np
 
 from thermid.base.errors import DeckError, ThermidError, cap, raising
-from thermid.base.expression import parse
 from thermid.base.files import read_bytes
-from thermid.base.units import ICE_POINT, counted
+from thermid.base.units import ICE_POINT, counted, parse
 from thermid.interop._decks.emissivities import FileEmissivity
-from thermid.model.deck import model_from_dict
-from thermid.model.tree import Model, ParameterSet
+from thermid.model.tree import Model, ParameterSet, model_from_dict
 from thermid.simulation.runs import Scenario
 
 GROUP: Final[Mapping[str, float]] = {"value": 1.0, "min": 0.05, "max": 20.0}

@@ -23,8 +23,7 @@ from thermid.base.files import read_bytes
 from thermid.base.units import ICE_POINT, counted
 from thermid.interop._decks.cards import SUBMODEL
 from thermid.interop._decks.network_file import DeckReading, NetworkFile
-from thermid.simulation.runs import Scenario, network_for, simulate, steady
-from thermid.simulation.solver import Engine, Wiring
+from thermid.simulation.runs import Engine, Scenario, Wiring, network_for, simulate, steady
 
 _SUBMODEL = re.compile(r"\s*SUBMODEL NAME = (\w+)")
 _TIME = re.compile(r"^\s*(?:PROBLEM TIME\s+TIMEN|TIME)\s*=\s*([-+.\dE]+)")

@@ -32,9 +32,8 @@ from thermid.base.units import DIMENSIONLESS, ICE_POINT, Dimension, si_unit, uni
 from thermid.interop._fmu.archive import DESCRIPTION, check_archive, check_trust, digest_of
 from thermid.interop._fmu.description import BASES
 from thermid.interop._fmu.process import ConfinedProgram
-from thermid.model.deck import model_from_dict
-from thermid.model.tree import Constant, Drawn, Model, TableSignal
-from thermid.simulation.solver import Answer, Assembled, Engine, Wiring
+from thermid.model.tree import Constant, Drawn, Model, TableSignal, model_from_dict
+from thermid.simulation.runs import Answer, Assembled, Engine, Wiring
 
 DIFFERENCE_SHARE: Final = 4e-3
 """Part of a value by which it is moved for a difference. [-]"""

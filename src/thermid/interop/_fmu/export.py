@@ -26,8 +26,7 @@ from thermid.interop._fmu.description import Described, FmuVariable, build_descr
 from thermid.interop._fmu.image import MARK, OPERATIONS, image, still
 from thermid.interop._wired import Formula, identifiers, named, one_line
 from thermid.model.tree import Constant, Model
-from thermid.simulation.runs import Numbers, Scenario, network_for
-from thermid.simulation.solver import Assembled, Engine, Wiring
+from thermid.simulation.runs import Assembled, Engine, Numbers, Scenario, Wiring, network_for
 
 VERSIONS: Final = ("2.0", "3.0")
 MAX_KERNEL_NODES: Final = 5000

@@ -8,8 +8,7 @@ from dataclasses import dataclass, replace
 from typing import Any, Final
 
 from thermid.base.errors import NameNotFoundError, RecordError, ThermidError, errors_at, refuse_unknown
-from thermid.base.expression import amount
-from thermid.base.units import DIMENSIONLESS, TEMPERATURE, require, unit
+from thermid.base.units import DIMENSIONLESS, TEMPERATURE, amount, require, unit
 from thermid.measure._readers.headers import LETTERED
 from thermid.measure._readers.power_of_columns import POWER_KEYS
 from thermid.measure._record.channel import INTERPOLATIONS, ROLES, SAMPLES, Role, quantity_of

@@ -23,7 +23,7 @@ import numpy as np
 
 from thermid.base.errors import RecordError, ThermidError, cap, raising
 from thermid.base.extensions import extension
-from thermid.base.toml_files import kind_of_text
+from thermid.base.files import kind_of_text
 from thermid.base.units import unit
 from thermid.measure._readers import binary
 from thermid.measure._readers.columns import table_of_text

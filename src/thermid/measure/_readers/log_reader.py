@@ -11,8 +11,7 @@ from typing import Any, Final
 import numpy as np
 
 from thermid.base.errors import NameNotFoundError, RecordError, errors_at, refuse_unknown
-from thermid.base.expression import amount
-from thermid.base.units import from_si, in_si, require, unit
+from thermid.base.units import amount, from_si, in_si, require, unit
 from thermid.measure._readers.bindings import Binding, bindings, full_scale, unit_and_quantity
 from thermid.measure._readers.columns import NumberColumn, decimal_sign, find_column, kelvin_sized, numbers
 from thermid.measure._readers.formats import log_cells

@@ -13,8 +13,7 @@ from typing import Any, Final
 import numpy as np
 
 from thermid.base.errors import ExpressionError, RecordError, errors_at, refuse_unknown
-from thermid.base.expression import parse
-from thermid.base.units import Unit, describe, in_si, require, unit
+from thermid.base.units import Unit, describe, in_si, parse, require, unit
 from thermid.measure._readers.headers import LETTERED
 from thermid.measure._record.channel import BoolArray, FloatArray
 

@@ -13,20 +13,25 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from thermid.base.arguments import guard_methods
-from thermid.base.codes import CodedText
-from thermid.base.errors import ExpressionError, NameNotFoundError, RecordError, UnitError, errors_at, nearest, refuse_unknown
-from thermid.base.expression import Stamp, amount, instant, positive_seconds, quantity, si_values, stated
+from thermid.base.errors import CodedText, ExpressionError, NameNotFoundError, RecordError, UnitError, errors_at, nearest, refuse_unknown
 from thermid.base.results import Row, Shown
 from thermid.base.units import (
     DEVIATION_OF_MEDIAN,
     TEMPERATURE,
+    Stamp,
     Unit,
+    amount,
     describe,
     duration_text,
     format_value,
     from_si,
     in_si,
+    instant,
+    positive_seconds,
+    quantity,
     require_unit,
+    si_values,
+    stated,
     unit as read_unit,
 )
 from thermid.measure._record.sensor import KEYS, SensorCertificate, SensorPart

@@ -16,11 +16,24 @@ from typing import TYPE_CHECKING, Any, Final, NamedTuple
 import numpy as np
 
 from thermid.base.errors import RecordError, ThermidError, errors_at, quoted, refuse_unknown
-from thermid.base.expression import amount, clocked, counts_rows, positive_seconds, seconds
 from thermid.base.extensions import optional
 from thermid.base.files import FileKinds, replacing
 from thermid.base.results import PlottedTrace, Result, Row
-from thermid.base.units import DEVIATION_OF_MEDIAN, TEMPERATURE, counted, duration_text, format_value, from_si, in_si, unit
+from thermid.base.units import (
+    DEVIATION_OF_MEDIAN,
+    TEMPERATURE,
+    amount,
+    clocked,
+    counted,
+    counts_rows,
+    duration_text,
+    format_value,
+    from_si,
+    in_si,
+    positive_seconds,
+    seconds,
+    unit,
+)
 from thermid.measure._record import windows
 from thermid.measure._record.channel import (
     ROLES,

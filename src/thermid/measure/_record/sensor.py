@@ -9,8 +9,7 @@ from typing import Any, Final
 
 from thermid.base.arguments import takes_objects
 from thermid.base.errors import RecordError, errors_at, refuse_unknown
-from thermid.base.expression import Kelvin, amount, end_of_range, kelvin
-from thermid.base.units import TEMPERATURE
+from thermid.base.units import TEMPERATURE, Kelvin, amount, end_of_range, kelvin
 
 ICE: Final = Kelvin(273.15)
 """The ice point, about which a scale is held to turn where nothing else is said. [K]"""

@@ -14,8 +14,7 @@ from typing import Final, Generic, NamedTuple, TypeVar
 import numpy as np
 
 from thermid.base.errors import RecordError, look_up, nearest
-from thermid.base.expression import amount, positive_seconds
-from thermid.base.units import HOUR, MINUTE, duration_text, format_value
+from thermid.base.units import HOUR, MINUTE, amount, duration_text, format_value, positive_seconds
 from thermid.measure._record.channel import Channel, FloatArray, Samples
 from thermid.measure._record.rounding import rounding_of_line
 

@@ -16,9 +16,8 @@ from typing import Annotated, Any, Final
 from pydantic import Field
 
 from thermid.base.errors import DeckError, errors_at
-from thermid.base.expression import parse
 from thermid.base.grammar import StrictTable
-from thermid.base.units import unit
+from thermid.base.units import parse, unit
 from thermid.model._deck.fields import Raw, plain, value_table
 from thermid.model._deck.rows import Reader, rows_of_file
 from thermid.model._laws.signal import literal

@@ -14,10 +14,22 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from thermid.base.errors import DeckError, ThermidError, cap, errors_at, nearest, raising
-from thermid.base.expression import NAME, RESERVED, parse
-from thermid.base.extensions import by_grammar, grammar_of, refuse_another_kind
-from thermid.base.files import FileKinds, may_write, read_text, toml_key, toml_value, unsealed, write_text
-from thermid.base.toml_files import Places, read_toml, resolve_inside
+from thermid.base.files import (
+    FileKinds,
+    Places,
+    by_grammar,
+    grammar_of,
+    may_write,
+    read_text,
+    read_toml,
+    refuse_another_kind,
+    resolve_inside,
+    toml_key,
+    toml_value,
+    unsealed,
+    write_text,
+)
+from thermid.base.units import NAME, RESERVED, parse
 from thermid.model._deck.rows import written_out
 from thermid.model._laws.stores import refuse_first
 from thermid.model._parts.parameter import Parameter, parameter

@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterator, Mapping
 from typing import Any
 
 from thermid.base.errors import DeckError, refuse_unknown
-from thermid.base.toml_files import Places
+from thermid.base.files import Places
 
 NAME = "name"
 ONCE = ("values", "bind")

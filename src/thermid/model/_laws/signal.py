@@ -15,7 +15,9 @@ from typing import Any, Self
 import numpy as np
 
 from thermid.base.errors import ScenarioError, cap, errors_at, raising
-from thermid.base.expression import (
+from thermid.base.linear_algebra import Array
+from thermid.base.units import (
+    TEMPERATURE,
     THREE_WAYS,
     Quantity,
     Stamp,
@@ -23,13 +25,13 @@ from thermid.base.expression import (
     parse,
     plain_numbers,
     quantity,
+    require,
     si_value,
     si_values,
     stated,
     text_value,
+    unit as read_unit,
 )
-from thermid.base.linear_algebra import Array
-from thermid.base.units import TEMPERATURE, require, unit as read_unit
 
 Span = tuple[float, float]
 
@@ -811,7 +813,7 @@ def averages(times: Array, values: Array, **more: Any) -> TableSignal:
 
 
 def literal(text: Any, slot: str, where: str = "") -> float:
-    """Return the SI value of a number with a unit, in one of the ways of `thermid.base.expression`, checked against a slot.
+    """Return the SI value of a number with a unit, in one of the ways of `thermid.base.units`, checked against a slot.
 
     Raises
     ------

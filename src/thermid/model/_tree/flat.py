@@ -9,8 +9,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from thermid.base.codes import CodedText
-from thermid.base.errors import DeckError, NameNotFoundError, errors_at, quoted, refuse_unknown
+from thermid.base.errors import CodedText, DeckError, NameNotFoundError, errors_at, quoted, refuse_unknown
 from thermid.base.linear_algebra import Number, value_of
 from thermid.base.units import require, require_unit
 from thermid.model._laws.signal import Signal

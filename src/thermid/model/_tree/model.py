@@ -7,9 +7,8 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from thermid.base.errors import NameNotFoundError, refuse_unknown
-from thermid.base.expression import Quantity
 from thermid.base.results import Row, Shown
-from thermid.base.units import si_unit, unit
+from thermid.base.units import Quantity, si_unit, unit
 from thermid.model._tree.identity import Identity, Replacement, cut, definition_of, identity_of, lay_values, local_identities, replaced
 from thermid.model._tree.rules import Finding, findings
 from thermid.model._tree.tree import ParameterSet, Tree

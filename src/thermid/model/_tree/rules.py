@@ -12,8 +12,7 @@ from typing import Any, Final, Literal
 
 import numpy as np
 
-from thermid.base.codes import CodedText, code_of
-from thermid.base.errors import ThermidError, quoted
+from thermid.base.errors import CodedText, ThermidError, code_of, quoted
 from thermid.base.linear_algebra import value_of
 from thermid.model._parts.controls import named_control
 from thermid.model._parts.elements import CARRIED_BY, exposed_area
@@ -43,7 +42,7 @@ class Finding:
     severity : str      error: the model cannot be simulated; warning: it probably is not what was meant; note: good to know.
     where : str         File, line and key path.
     message : str       What was found and what to do.
-    code : str          Code of the cause, see `thermid.base.codes`.
+    code : str          Code of the cause, see `thermid.base.errors`.
     """
 
     severity: Severity

@@ -8,8 +8,8 @@ from functools import cached_property
 from typing import Any, Generic, Self, TypeVar
 
 from thermid.base.errors import DeckError, ExpressionError, NameNotFoundError, errors_at, nearest, quoted, refuse_unknown
+from thermid.base.files import Places
 from thermid.base.memo import Memo
-from thermid.base.toml_files import Places
 from thermid.base.units import Dimension
 from thermid.model._laws.stores import Curve
 from thermid.model._parts.controls import Control, named_control

@@ -16,8 +16,7 @@ from thermid.base.linear_algebra import Array, Indices
 from thermid.model.tree import Model
 from thermid.prediction._budget import Budget
 from thermid.prediction._setting import Setting
-from thermid.simulation.runs import PILOT, Counted, JobFolder, Scenario, Workers, digest, in_tasks
-from thermid.simulation.solver import MemberTurnings, Options
+from thermid.simulation.runs import PILOT, Counted, JobFolder, MemberTurnings, Options, Scenario, Workers, digest, in_tasks
 
 TURNING_FIELDS = ("members", "times", "kelvin")
 SAMPLE = 32_000_000

@@ -12,23 +12,19 @@ from typing import Any
 import numpy as np
 
 from thermid.base.errors import ScenarioError
-from thermid.base.extensions import by_grammar
+from thermid.base.files import Places, by_grammar, read_toml, resolve_inside
 from thermid.base.linear_algebra import Array
 from thermid.base.results import PlottedTrace, Result, Shown
-from thermid.base.toml_files import Places, read_toml, resolve_inside
 from thermid.base.units import ICE_POINT
 from thermid.fit.error_model import BandCause
-from thermid.model.deck import load_model
-from thermid.model.tree import UNJUDGED, Model, Standing
+from thermid.model.tree import UNJUDGED, Model, Standing, load_model
 from thermid.prediction._budget import OFF, SILENT, UNFITTED
 from thermid.prediction._known import known_of
 from thermid.prediction._monte_carlo.chunks import Job, Limit, MemberRuns, Progress, RunCost
 from thermid.prediction._monte_carlo.uncertain import SIDES, UncertainRuns, limits_of, members_of_plan, plan_runs
 from thermid.prediction._reduction.macro import macro_model
-from thermid.simulation.runs import JobFolder, Workers
-from thermid.simulation.scenario_files import Scenario, load_scenario
-from thermid.values.fitted import FittedValues
-from thermid.values.store import LeftOut
+from thermid.simulation.runs import JobFolder, Scenario, Workers, load_scenario
+from thermid.values.store import FittedValues, LeftOut
 from thermid.values.value_files import filed
 
 SAMPLING_PROBABILITY = 0.95

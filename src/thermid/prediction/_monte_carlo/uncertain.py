@@ -25,10 +25,20 @@ from thermid.prediction._monte_carlo.chunks import Chunk, CountTable, Job, Limit
 from thermid.prediction._predict import BENT, SWITCHING, WayAnswer, centre_words, mixed_answer
 from thermid.prediction._reduction.macro import assumed
 from thermid.prediction._setting import Setting
-from thermid.simulation.runs import Counted, JobFolder, KeptTasks, Scenario, Workers, compile_network, output_times, shares_of, simulate
-from thermid.simulation.solver import MemberTurnings, Options
-from thermid.values.fitted import FittedValues
-from thermid.values.store import Choice, LeftOut, Source, model_standing
+from thermid.simulation.runs import (
+    Counted,
+    JobFolder,
+    KeptTasks,
+    MemberTurnings,
+    Options,
+    Scenario,
+    Workers,
+    compile_network,
+    output_times,
+    shares_of,
+    simulate,
+)
+from thermid.values.store import Choice, FittedValues, LeftOut, Source, model_standing
 
 if TYPE_CHECKING:
     import xarray

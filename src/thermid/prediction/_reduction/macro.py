@@ -6,8 +6,7 @@ import os
 from dataclasses import dataclass
 
 from thermid.base.errors import DeckError, NameNotFoundError, quoted, refuse_unknown
-from thermid.model.deck import load_model
-from thermid.model.tree import Entry, Model
+from thermid.model.tree import Entry, Model, load_model
 
 UNIT = "unit"
 """Name of the submodel that a macro model calls its unit."""

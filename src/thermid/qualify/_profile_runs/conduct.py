@@ -15,17 +15,27 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thermid.base.errors import ScenarioError, SolverError, refuse_unknown
-from thermid.base.expression import Kelvin, amount
 from thermid.base.extensions import extension
 from thermid.base.linear_algebra import Array
 from thermid.base.memo import Memo
-from thermid.base.units import ICE_POINT, duration_text
-from thermid.measure.steadiness import StabilityRule, rule_of
+from thermid.base.units import ICE_POINT, Kelvin, amount, duration_text
+from thermid.measure.records import StabilityRule, rule_of
 from thermid.model.tree import Constant, Model, Signal, TableSignal, multiplied
 from thermid.qualify._profile_runs.profile_run import Phase, ProfileRun, SettledWater
 from thermid.qualify._profiles.profile import ProfileStep, ThermalProfile, check_level_order
-from thermid.simulation.runs import Environment, Scenario, compile_network, network_for, simulate
-from thermid.simulation.solver import Assembled, Engine, Options, Traces, Wiring, settle
+from thermid.simulation.runs import (
+    Assembled,
+    Engine,
+    Environment,
+    Options,
+    Scenario,
+    Traces,
+    Wiring,
+    compile_network,
+    network_for,
+    settle,
+    simulate,
+)
 
 HELD_AFTER_END = 1e6
 """Time for which the conditions at the end of a course can be held. [s]"""

@@ -17,13 +17,11 @@ from typing import Any, Final
 import numpy as np
 
 from thermid.base.errors import RecordError, ScenarioError
-from thermid.base.expression import amount, positive_seconds
 from thermid.base.linear_algebra import Array, Bools
 from thermid.base.memo import Memo
 from thermid.base.results import Result, Row
-from thermid.base.units import ICE_POINT, duration_text, short
-from thermid.measure.records import FloatArray, Record
-from thermid.measure.steadiness import StabilityRule, effective_samples, rule_of
+from thermid.base.units import ICE_POINT, amount, duration_text, positive_seconds, short
+from thermid.measure.records import FloatArray, Record, StabilityRule, effective_samples, rule_of
 from thermid.model.tree import Model
 from thermid.simulation.runs import Scenario, simulate
 

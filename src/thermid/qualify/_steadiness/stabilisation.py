@@ -13,15 +13,15 @@ from typing import Any
 import numpy as np
 
 from thermid.base.errors import RecordError, quoted
-from thermid.base.expression import positive_seconds
 from thermid.base.linear_algebra import value_of
 from thermid.base.results import Result
-from thermid.base.units import duration_text
-from thermid.measure.records import FloatArray, Record
-from thermid.measure.steadiness import (
+from thermid.base.units import duration_text, positive_seconds
+from thermid.measure.records import (
     DOUBT_IN_ERRORS,
     TAU_ERROR,
     ChannelStability,
+    FloatArray,
+    Record,
     StabilityRule,
     channel_drift,
     channel_stability,

@@ -12,8 +12,7 @@ from typing import Any
 
 from thermid.base.errors import RecordError, refuse_unknown
 from thermid.measure.readers import log_cells, name_and_unit, read_record, temperature_columns
-from thermid.measure.records import Record
-from thermid.measure.steadiness import StabilityRule
+from thermid.measure.records import Record, StabilityRule
 from thermid.model.tree import Model
 from thermid.qualify._watch.growing import read_whole_lines
 from thermid.qualify._watch.stopping import Stopping, TemperatureLimit

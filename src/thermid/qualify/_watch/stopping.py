@@ -26,13 +26,11 @@ from thermid.base.linear_algebra import Array, covariance
 from thermid.base.units import ICE_POINT, duration_text, short
 from thermid.fit.calibration import Bench, Compressed, Experiment, Prior, Unknown, bind, minimise
 from thermid.inference.diagnosis import WATCHED
-from thermid.measure.records import Record
-from thermid.measure.steadiness import MIN_INDEPENDENT_SHARE, StabilityRule, channel_stability, effective_samples
+from thermid.measure.records import MIN_INDEPENDENT_SHARE, Record, StabilityRule, channel_stability, effective_samples
 from thermid.model.tree import Model
 from thermid.qualify._steadiness.forecast import MIN_FORECAST_READINGS, EndForecast, Forecast, IntervalEstimate, forecast
 from thermid.qualify._watch.growing import MIN_NOISE
-from thermid.simulation.runs import Network, Scenario
-from thermid.simulation.solver import Options, Traces, kept_for, settle
+from thermid.simulation.runs import Network, Options, Scenario, Traces, kept_for, settle
 
 CONDUCTANCE_SPREAD: Final = 0.3
 """Prior spread of conductances, coefficients and powers about the deck's, of their logarithm: readings decide where they say more."""

@@ -46,8 +46,7 @@ from thermid.qualify._watch.stopping import (
     unknowns_with_priors,
     unlogged_ambients,
 )
-from thermid.simulation.runs import Network, Scenario, compile_network
-from thermid.simulation.solver import Traces, settle
+from thermid.simulation.runs import Network, Scenario, Traces, compile_network, settle
 
 MIN_JUMP_CHANGES: Final = 8.0
 """Usual changes between neighbours by which a reading that jumps exceeds them, all at once, while what it measures cannot."""

@@ -26,7 +26,7 @@ from typing import TYPE_CHECKING, Final
 from thermid.base.errors import MissingExtraError, ScenarioError, ThermidError
 from thermid.base.extensions import missing
 from thermid.base.files import FileKinds, check_ending, may_write, scratch, write_bytes, write_text
-from thermid.base.sourced import MARKS
+from thermid.base.results import MARKS
 
 if TYPE_CHECKING:
     from jinja2 import Template

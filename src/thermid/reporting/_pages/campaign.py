@@ -18,7 +18,7 @@ import numpy as np
 
 from thermid.base.errors import ThermidError
 from thermid.base.linear_algebra import Array
-from thermid.base.sourced import VERDICTS
+from thermid.base.results import VERDICTS
 from thermid.base.units import ICE_POINT, counted, from_si, unit
 from thermid.campaign.stages import Campaign, JointFit, campaign_predictions
 from thermid.campaign.verdicts import CampaignPrediction, Check, Verdict, metric

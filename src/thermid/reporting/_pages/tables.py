@@ -38,8 +38,7 @@ from thermid.reporting._blocks.content import (
     verdict_cell,
 )
 from thermid.reporting._pages.views import bias_of
-from thermid.values.fitted import FittedValue
-from thermid.values.store import INPUT
+from thermid.values.store import INPUT, FittedValue
 
 Names = tuple[tuple[str, str], ...]
 HTC_NAMES = ("effective_htc", "htc", "htc.coefficient")

@@ -9,7 +9,7 @@ from thermid.base.units import ICE_POINT
 from thermid.campaign.stages import Campaign, next_command
 from thermid.campaign.studies import RetunePlan
 from thermid.fit.calibration import Calibration, Moves
-from thermid.values.fitted import FittedValue
+from thermid.values.store import FittedValue
 
 
 def answer(v: FittedValue, ranges: Mapping[str, float], estimate: FittedValue | None = None) -> dict[str, Any]:

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from thermid.base.sourced import VERDICTS, weigh
+from thermid.base.results import VERDICTS, weigh
 from thermid.base.units import ICE_POINT, counted
 from thermid.campaign.verdicts import Correlation, Limits, heading, spans
 from thermid.model.tree import flatten

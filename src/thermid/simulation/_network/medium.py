@@ -13,8 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from thermid.base.codes import CodedText
-from thermid.base.errors import ScenarioError, quoted
+from thermid.base.errors import CodedText, ScenarioError, quoted
 from thermid.base.linear_algebra import Array, Number, value_of
 from thermid.base.memo import Memo
 from thermid.model.tree import (

@@ -16,8 +16,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from thermid.base.codes import CodedText
-from thermid.base.errors import DeckError, errors_at
+from thermid.base.errors import CodedText, DeckError, errors_at
 from thermid.base.linear_algebra import Number, value_of
 from thermid.base.memo import Memo
 from thermid.model.tree import (

@@ -13,8 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from thermid.base.codes import CodedText
-from thermid.base.errors import ScenarioError, quoted
+from thermid.base.errors import CodedText, ScenarioError, quoted
 from thermid.base.linear_algebra import Number
 from thermid.base.memo import Memo
 from thermid.base.units import ICE_POINT

@@ -6,11 +6,9 @@ from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
 
-from thermid.base.codes import CodedText
-from thermid.base.errors import ScenarioError, errors_at, refuse_unknown
-from thermid.base.expression import amount, instant, kelvin
+from thermid.base.errors import CodedText, ScenarioError, errors_at, refuse_unknown
 from thermid.base.results import Shown
-from thermid.base.units import TEMPERATURE
+from thermid.base.units import TEMPERATURE, amount, instant, kelvin
 from thermid.model.tree import Constant, Flat, Signal, TableSignal, check_span, in_run, literal, own_signal, signal
 from thermid.simulation._network.environment import Environment
 from thermid.simulation._network.irradiation import Irradiation, Sky

@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import Any
 
 from thermid.base.errors import ScenarioError, ThermidError, errors_at
-from thermid.base.extensions import by_grammar, extension
-from thermid.base.toml_files import Places, read_toml, resolve_inside
+from thermid.base.extensions import extension
+from thermid.base.files import Places, by_grammar, read_toml, resolve_inside
 from thermid.base.units import TEMPERATURE
 from thermid.model.tree import Signal, TableSignal, literal, signal
 from thermid.simulation._network.environment import Environment

@@ -13,8 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thermid import _kernel
-from thermid.base.codes import CodedText
-from thermid.base.errors import ScenarioError, SolverError, nearest, refuse_unknown
+from thermid.base.errors import CodedText, ScenarioError, SolverError, nearest, refuse_unknown
 from thermid.base.linear_algebra import Array, value_of
 from thermid.base.units import ICE_POINT
 from thermid.model.tree import Constant, Sine, TableSignal

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from thermid.app.cli import summary
-from thermid.values.fitted import load_values
+from thermid.values.store import load_values
 from unit.app.cli.conftest import Call
 
 pytestmark = pytest.mark.usefixtures("values_alone")

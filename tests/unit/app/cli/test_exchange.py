@@ -1,4 +1,4 @@
-"""``thermid import, export, equations, htc``: from a script to a run and to other tools, and what is refused."""
+"""``thermid import, export, equations``: from a script to a run and to other tools, and what is refused."""
 
 from __future__ import annotations
 
@@ -105,7 +105,7 @@ def test_a_model_goes_to_c(call: Call, accelerometer: Path, tmp_path: Path) -> N
 
 
 def test_a_fitted_model_and_a_vacuum_go_out(call: Call, accelerometer: Path, tmp_path: Path) -> None:
-    from thermid.values.fitted import FittedValue, FittedValues
+    from thermid.values.store import FittedValue, FittedValues
 
     value = FittedValue("area", 0.005, 1e-5, 1e-5, True, "m^2", 0.0042, (0.003, 0.006))
     FittedValues("s", {"area": value}, np.array([[1e-6]])).save(tmp_path / "v.toml")
@@ -127,21 +127,6 @@ def test_equations_are_written(call: Call, stack: Path, tmp_path: Path) -> None:
         assert "derivatives(t, T, p)" in call("equations", stack, "--as", form).out
 
 
-def test_coefficients_are_compared(call: Call) -> None:
-    printed = ("--power", "2.168", "--area", "0.082241", "--surface", "35.938", "--ambient", "24", "--height", "24.92 [mm]")
-    said = call("htc", *printed, "--air", "0.026", "1.6e-5", "0.71", "--part", "coil=20 [mm], 0.25", "--drift", "0.7")
-    assert said.err == ""
-    lines = said.out.splitlines()
-    assert lines[0].startswith("effective       2.208 W/(m^2 K)   +- 0.13")
-    assert lines[1].startswith("theoretical     6.798 W/(m^2 K)   vertical plate")
-    assert lines[2] == "Biot number      0.18 at the effective, 0.54 at the theoretical coefficient   coil"
-    found = call(
-        "htc", *printed, "--box", "0.18", "0.18", "--capacitance", "707.5", "--settled-after", "5 [h]", "--emissivity", "0.3", "--json"
-    ).object
-    assert found["correlations"][-1] == {"name": "whole box, mean over its six faces", "htc": found["theoretical"], "rayleigh": None}
-    assert found["settling"]["differs"] is False
-
-
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
@@ -159,14 +144,6 @@ def test_coefficients_are_compared(call: Call) -> None:
             'error: command line: an export of a run needs a duration above zero: duration = "5 [h]"',
         ),
         (("equations", "DECK", "--as", "tex"), "error: --as: equations are not written as 'tex'. Did you mean 'text'?"),
-        (
-            ("htc", "--power", "2", "--area", "0.1", "--surface", "20", "--ambient", "24", "--height", "0.1"),
-            "error: compare_htc: 2 W and a surface -4 K from its ambient are inconsistent: heat",
-        ),
-        (
-            ("htc", "--power", "2", "--area", "0.1", "--surface", "30", "--ambient", "24", "--height", "0.1", "--part", "coil=20"),
-            "error: --part coil: '20' must be LENGTH,CONDUCTIVITY",
-        ),
     ],
 )
 def test_refusals(call: Call, accelerometer: Path, arguments: tuple[str, ...], message: str) -> None:

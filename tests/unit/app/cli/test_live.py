@@ -20,8 +20,7 @@ from thermid.bench._wire import sealed
 from thermid.bench.bench_files import MappedSensor
 from thermid.bench.board import made_up_rom
 from thermid.bench.logger import Logger
-from thermid.measure.sensors import ICE, SensorCertificate
-from thermid.measure.steadiness import channel_stability, rule_of
+from thermid.measure.records import ICE, SensorCertificate, channel_stability, rule_of
 from thermid.qualify.steadiness import forecast
 
 pytestmark = pytest.mark.skipif(os.name != "posix", reason="a log is locked by posix means")

@@ -46,7 +46,6 @@ def test_what_was_too_hot_is_heated_again_only_if_somebody_says_so(call: Call, t
     ("options", "word"),
     [
         (("--interval", "1 [K]"), "--interval"),
-        (("--bits", "13"), "bits = 13 is outside 9 to 12"),
         (("--limit", "400 [degC]"), "limit = 400 is outside -55 to 125"),
         (("--sensors", "none.toml", "--simulate"), "none.toml: there is no such sensor map. Make one with `thermid log --identify`."),
         (("--programme", "none.toml", "--simulate"), "there is no file 'none.toml'"),

@@ -15,7 +15,7 @@ from typer.main import get_command
 from thermid.app.cli.app import COMMANDS, app
 from thermid.base.errors import ScenarioError
 from thermid.interop.decks import read_sinda
-from thermid.model.deck import save_model
+from thermid.model.tree import save_model
 from torture.seeds import SINDA
 from unit.app.cli.conftest import Call
 from unit.fit.project import make_project
@@ -115,7 +115,7 @@ OUTPUTS = {
     "predict --job": ["predict", "campaign.toml", "--scenario", "pair_warm.toml", "--job"],
     "credibility --job": ["credibility", "campaign.toml", "--job"],
     "plausibility --job": ["plausibility", "campaign.toml", "--job"],
-    "fleet --job": ["fleet", "fleet.toml", "--scenario", "warm.toml", "--members", "4", "--job"],
+    "fleet --job": ["fleet", "fleet.toml", "--scenario", "warm.toml", "--job"],
     "report --results": ["report", "campaign.toml", "--to", "new.html", "--results"],
 }
 READ = frozenset(

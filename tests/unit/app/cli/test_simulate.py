@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from thermid.model.deck import load_model
+from thermid.model.tree import load_model
 from thermid.simulation.runs import Scenario, simulate
 from unit.app.cli.conftest import Call
 
@@ -113,7 +113,7 @@ class TestOptions:
         assert case(call, accelerometer, "--param", "area=0.005 [m^2]")["steady_C"] == pytest.approx(24 + 0.225 / 0.03, abs=1e-8)
 
     def test_param_wins_over_values(self, call: Call, accelerometer: Path, tmp_path: Path) -> None:
-        from thermid.values.fitted import FittedValue, FittedValues
+        from thermid.values.store import FittedValue, FittedValues
 
         value = FittedValue("area", 0.004, 1e-5, 1e-5, True, "m^2", 0.0042, (0.003, 0.006))
         FittedValues("s", {"area": value}, np.array([[1e-6]])).save(tmp_path / "v.toml")

@@ -116,7 +116,7 @@ def test_plan_and_qualify(tmp_path: Path, call: Call) -> None:
     import numpy as np
 
     import thermid as td
-    from thermid.values.fitted import FittedValue, FittedValues
+    from thermid.values.store import FittedValue, FittedValues
     from unit.qualify.project import PLAN, project
     from unit.qualify.things import unit
 

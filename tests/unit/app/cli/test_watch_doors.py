@@ -11,7 +11,7 @@ import pytest
 
 from recovery.watch_cases import planted
 from thermid.app.studio.follow import Follower, LiveWatch
-from thermid.model.deck import load_model, save_model
+from thermid.model.tree import load_model, save_model
 from unit.fit.estimation.rig import rig
 
 ICE = 273.15

@@ -65,7 +65,7 @@ READERS = {
     "--sensors": ["log", "logged.csv", "--simulate", "--for", "2 [s]", "--sensors", "@"],
 }
 ENDINGS = {"--netcdf": ".nc", "sinda": ".cc", "esatan": ".d", "c": ".h", "look": ".svg", "diagram": ".svg", "fmu": ".fmu"}
-ENDINGS |= {"--figure": ".png", "--picture": ".pdf", **dict.fromkeys(("import", "--save", "credibility", "--scenario"), ".toml")}
+ENDINGS |= {"--figure": ".png", "--picture": ".pdf", **dict.fromkeys(("import", "--save", "--scenario"), ".toml"), "credibility": ".json"}
 ENDINGS |= dict.fromkeys(("correlate", "report", "qualify"), ".html")
 HOLDS = (*FOLDERS, "deliver", "write-back", "swap")
 """What writes a folder."""

@@ -24,7 +24,7 @@ from thermid.base.errors import DeckError, MissingDataError, NameNotFoundError, 
 from thermid.campaign.stages import check_campaign, run_stages
 from thermid.fit.calibration import calibrate
 from thermid.measure.readers import read_record
-from thermid.model.deck import Edit, load_model, model_from_dict
+from thermid.model.tree import Edit, load_model, model_from_dict
 from thermid.simulation.runs import Scenario, simulate
 from torture.elements import network
 from two_masses import write_log

@@ -66,7 +66,7 @@ def test_saving_keeps_older_files_and_reads_back(project: Project, tmp_path: Pat
     first = project.save(project.title, {"area": 0.005}, "by hand")
     second = project.save(project.title, {"area": 0.0045}, "by hand")
     assert [first.name, second.name] == ["by_hand.values.toml", "by_hand_2.values.toml"]
-    from thermid.values.fitted import load_values
+    from thermid.values.store import load_values
 
     kept = load_values(first)["area"]
     assert kept.value == pytest.approx(0.005)

@@ -16,7 +16,7 @@ from thermid.app.cli.app import app
 from thermid.app.studio.follow import Follower, LiveWatch
 from thermid.app.studio.project import Project
 from thermid.base.errors import RecordError, ThermidError
-from thermid.measure.steadiness import rule_of
+from thermid.measure.records import rule_of
 from thermid.model.tree import Model
 from unit.fit.estimation.rig import Array, logged, rig, run
 

@@ -15,7 +15,7 @@ from by_code import raises_code
 from thermid.app.cli.app import main
 from thermid.app.studio.building import Building
 from thermid.base.errors import NameNotFoundError, ThermidError
-from thermid.model.deck import toml_text
+from thermid.model.tree import toml_text
 from two_masses import DECK, write_log
 
 CHANGES: dict[str, tuple[dict[str, Any], list[str]]] = {

@@ -18,7 +18,7 @@ import thermid as td
 from by_code import raises_code
 from thermid.app.cli.app import app
 from thermid.base.errors import ScenarioError, UnitError
-from thermid.base.expression import Kelvin
+from thermid.base.units import Kelvin
 from thermid.campaign._judge.worst import DRAWS, SHARE_WORSE, searched_worst
 from thermid.model.tree import Model
 

@@ -24,7 +24,7 @@ from thermid.campaign._start.proposal import Proposal, StatedFacts, _begun, base
 from thermid.campaign._start.roles import roles_of, with_noise
 from thermid.campaign.start import Roles
 from thermid.inference.criticism import EvaluationBudget
-from thermid.model.deck import model_from_dict
+from thermid.model.tree import model_from_dict
 
 pytestmark = pytest.mark.usefixtures("values_alone")
 

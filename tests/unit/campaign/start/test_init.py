@@ -297,7 +297,7 @@ def test_a_template_is_a_project(tmp_path: Path, name: str) -> None:
 
 def test_without_a_log_a_template_is_asked_for() -> None:
     found = run("init", code=2)
-    assert all(f"{name} (" in found["message"] for name in ("part", "box", "chamber", "tclab"))
+    assert all(f"{name} (" in found["message"] for name in ("part", "box", "chamber"))
     assert "no template 'brick'" in run("init", "--template", "brick", code=2)["message"]
 
 

@@ -13,8 +13,7 @@ from scipy.linalg import expm
 import thermid as td
 from thermid.fit._estimation.estimation import Estimation
 from thermid.measure.records import Channel, Record
-from thermid.model.deck import model_from_dict
-from thermid.model.tree import Model, TableSignal
+from thermid.model.tree import Model, TableSignal, model_from_dict
 from thermid.simulation.runs import Scenario
 
 Array = NDArray[np.float64]

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 import thermid as td
 from thermid.measure.records import Channel, Record
-from thermid.model.deck import model_from_dict
+from thermid.model.tree import model_from_dict
 
 Array = NDArray[np.float64]
 ICE, NOISE = 273.15, 0.05

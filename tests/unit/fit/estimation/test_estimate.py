@@ -16,7 +16,7 @@ from thermid.fit._estimation.estimation import Estimation
 from thermid.fit._estimation.likelihood import Likelihood
 from thermid.fit._problem.residuals import Prior, Unknown
 from thermid.measure.records import Channel, Record
-from thermid.model.deck import model_from_dict
+from thermid.model.tree import model_from_dict
 from unit.fit.bench import box, log
 
 from .house import TRUTH, VALUES, Case, Truth, drawn, estimate

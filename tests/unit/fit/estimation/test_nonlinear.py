@@ -15,7 +15,7 @@ from thermid.fit._estimation.process import read_process
 from thermid.fit._problem.gather import build_problem
 from thermid.fit._problem.request import Request
 from thermid.measure.records import Channel, Record
-from thermid.model.deck import model_from_dict
+from thermid.model.tree import model_from_dict
 from thermid.simulation.runs import Scenario
 
 from .house import VALUES, Array, Truth, drawn, house, van_loan

@@ -75,11 +75,6 @@ def plausible(free: list[str], changes: dict[str, Any] | None = None, **more: An
 
 
 class TestRanges:
-    def test_a_converter_loses_three_to_forty_per_cent(self) -> None:
-        """Efficiencies 0.6 to 0.97: of 10 W handed on, 0.309 W to 6.67 W are lost."""
-        found = plausible([HTC], delivered={"heat": "10 [W]"})["heat by the deck"]
-        assert (found.low, found.high) == pytest.approx((10.0 * 0.03 / 0.97, 10.0 * 0.4 / 0.6))
-
     def test_solids_hold_what_metals_to_plastics_hold(self) -> None:
         """The lightest of the table of materials, and 1500 J/(kg K) of plastics; 1 kg of them beside 900 J/(kg K)."""
         found = plausible([MASS], weights={"case": "1 [kg]"})[MASS]

@@ -20,8 +20,7 @@ from thermid.prediction._monte_carlo.hold import drivers_of, hold
 from thermid.prediction._monte_carlo.uncertain import begun_at
 from thermid.simulation._many import tasks
 from thermid.simulation.runs import Counted, KeptTasks
-from thermid.values.fitted import FittedValue, FittedValues
-from thermid.values.store import Cut, Shifted, Uniform, uniforms
+from thermid.values.store import Cut, FittedValue, FittedValues, Shifted, Uniform, uniforms
 
 POWER, G, C, ROOM = 10.0, 0.5, 500.0, 293.15
 SPREAD = {"air": "2 [K]", "scale.heater": "5 [%]"}

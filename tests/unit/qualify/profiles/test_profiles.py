@@ -7,7 +7,7 @@ import pytest
 import thermid as td
 from by_code import raises_code
 from thermid.base.errors import ScenarioError, ThermidError
-from thermid.base.sourced import MARKS
+from thermid.base.results import MARKS
 from thermid.qualify._profiles.profile import EQUIVALENCE
 
 PREDICTED = ("-5 [degC]", "45 [degC]")

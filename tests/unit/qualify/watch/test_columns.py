@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from thermid.base.errors import ThermidError
-from thermid.model.deck import load_model
+from thermid.model.tree import load_model
 from thermid.qualify._watch.request import BoundColumns
 from unit.fit.estimation.rig import rig
 

@@ -9,10 +9,8 @@ import numpy as np
 import pytest
 
 import thermid as td
-from thermid.measure.records import Channel, Record
-from thermid.measure.steadiness import rule_of
-from thermid.model.deck import model_from_dict
-from thermid.model.tree import TableSignal
+from thermid.measure.records import Channel, Record, rule_of
+from thermid.model.tree import TableSignal, model_from_dict
 from thermid.qualify._watch import growing
 from thermid.qualify._watch.growing import (
     after_gaps_left_out,

@@ -11,8 +11,7 @@ import numpy as np
 import pytest
 
 from thermid.base.errors import ThermidError
-from thermid.measure.records import Record
-from thermid.measure.steadiness import rule_of
+from thermid.measure.records import Record, rule_of
 from thermid.qualify._watch.stopping import DECISIONS, Stopping, TemperatureLimit
 from thermid.qualify._watch.watcher import Watcher, sensor_alarms, suspect_values
 from unit.fit.estimation.rig import logged, rig, run, scenario

@@ -13,8 +13,7 @@ from numpy.typing import NDArray
 from by_code import raises_code
 from thermid.base.errors import DeckError
 from thermid.base.linear_algebra import Dual, gradient_of, value_of
-from thermid.model.deck import model_from_dict
-from thermid.model.tree import Model
+from thermid.model.tree import Model, model_from_dict
 from thermid.simulation._network.network import Network, Numbers, Reduced, compile_network, eliminable, reduce_network
 
 Array = NDArray[np.float64]

@@ -11,8 +11,7 @@ import pytest
 
 from oracles.two_nodes import TwoNodes
 from thermid.base.errors import SolverError
-from thermid.model.deck import load_model, model_from_dict
-from thermid.model.tree import Constant
+from thermid.model.tree import Constant, load_model, model_from_dict
 from thermid.simulation._network.environment import Environment
 from thermid.simulation._network.linear import modes, state_space
 from thermid.simulation._network.medium import Media

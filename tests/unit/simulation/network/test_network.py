@@ -11,8 +11,7 @@ import thermid as td
 from by_code import raises_code
 from thermid.base.errors import DeckError, NameNotFoundError, ScenarioError, ThermidError
 from thermid.base.linear_algebra import Dual, gradient_of, value_of
-from thermid.model.deck import model_from_dict
-from thermid.model.tree import Constant, Model, Sine, TableSignal
+from thermid.model.tree import Constant, Model, Sine, TableSignal, model_from_dict
 from thermid.physics.constants import ATMOSPHERE
 from thermid.simulation._network.environment import Environment
 from thermid.simulation._network.medium import Media

@@ -8,10 +8,9 @@ from typing import Any
 import numpy as np
 
 from thermid.base.errors import ScenarioError, nearest
-from thermid.base.expression import THREE_WAYS, parse, stated
-from thermid.base.units import TEMPERATURE
+from thermid.base.units import TEMPERATURE, THREE_WAYS, parse, stated
 from thermid.model.tree import literal
-from thermid.values.store import Cut, Distribution, LogNormal, Normal, Uniform
+from thermid.values._store import Cut, Distribution, LogNormal, Normal, Uniform
 
 MIN_SHARE_IN_BOUNDS = 1e-3
 """Probability within a deck's bounds below which a spread does not fit them. [-]"""

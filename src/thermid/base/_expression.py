@@ -26,9 +26,7 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from thermid.base.errors import ExpressionError, RecordError, ScenarioError, ThermidError, UnitError, cap, errors_at, raising
-from thermid.base.linear_algebra import Dual, real_power
-from thermid.base.units import (
+from thermid.base._units import (
     DIMENSIONLESS,
     TEMPERATURE,
     Dimension,
@@ -41,6 +39,8 @@ from thermid.base.units import (
     unit,
     unit as read_unit,
 )
+from thermid.base.errors import ExpressionError, RecordError, ScenarioError, ThermidError, UnitError, cap, errors_at, raising
+from thermid.base.linear_algebra import Dual, real_power
 
 Array = NDArray[np.float64]
 

@@ -13,25 +13,12 @@ from typing import Any
 import numpy as np
 
 from thermid.base.errors import DeckError
-from thermid.base.extensions import by_grammar
-from thermid.base.files import FileKinds, parse_toml, read_text, toml_key, toml_value, write_text
+from thermid.base.files import FileKinds, Places, by_grammar, parse_toml, read_text, toml_key, toml_value, write_text
 from thermid.base.linear_algebra import Array, square_root
 from thermid.base.results import Named, Row
-from thermid.base.toml_files import Places
 from thermid.base.units import counted, from_si, unit
 from thermid.model.tree import UNJUDGED, Dropped, Parameter, Standing, exact, worst
-from thermid.values.store import (
-    LaterTable,
-    LeftOut,
-    Normal,
-    Source,
-    State,
-    Store,
-    ValueOrigin,
-    deviated,
-    domain,
-    error_table_of,
-)
+from thermid.values._store import LaterTable, LeftOut, Normal, Source, State, Store, ValueOrigin, deviated, domain, error_table_of
 
 VALUES_SCHEMA = 2
 AGREES = 1e-6

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from thermid.base.errors import quoted
 from thermid.base.units import counted
 from thermid.model.tree import Entry, Parameter, ParameterSet, StatedRange, Tree, local_identities
-from thermid.values.store import Distribution, LogNormal, Normal, Source, Store
+from thermid.values._store import Distribution, LogNormal, Normal, Source, Store
 
 RANGE_OF = "range of "
 """What the name of a source begins with that is a stated range."""
