@@ -11,8 +11,8 @@ import typer
 
 from thermid.app.cli.options import Force, Json, say
 from thermid.base.errors import RecordError, refuse_unknown
-from thermid.base.expression import amount
 from thermid.base.files import FileKinds, check_ending, write_text
+from thermid.base.units import amount
 from thermid.measure import looks as measured
 from thermid.measure.readers import parts_between_restarts
 from thermid.reporting.looks import log_drawing

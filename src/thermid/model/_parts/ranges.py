@@ -12,7 +12,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Final
 
-from thermid.base.codes import CodedText
+from thermid.base.errors import CodedText
 from thermid.base.linear_algebra import value_of
 from thermid.base.units import TEMPERATURE
 
