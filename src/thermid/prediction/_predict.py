@@ -268,11 +268,9 @@ class DutyBand:
 
     def to_dict(self) -> dict[str, Any]:
         """Return both bands as plain numbers; None where there is no complete cycle."""
-        plain = np.where(np.isnan(self.interval()), None, self.interval())
+        run, last = ([None if np.isnan(x) else float(x) for x in column] for column in self.interval().T)
         names = ("mean", "low", "high")
-        return {"run": dict(zip(names, plain[:, 0], strict=True)), "last_cycle": dict(zip(names, plain[:, 1], strict=True))} | {
-            "best": self.best.to_dict()
-        }
+        return {"run": dict(zip(names, run, strict=True)), "last_cycle": dict(zip(names, last, strict=True)), "best": self.best.to_dict()}
 
 
 @dataclass(frozen=True, eq=False)

@@ -1024,7 +1024,8 @@ def _ticks(record: Record, second: SecondClock, zero: float, inputs: Inputs, obs
         for _, held in tables if channel in second.channels and instants else ():
             if path in held and isinstance(table := held[path], TableSignal) and table.held:
                 change, intervals = _changes(driving_channel, table), np.diff(table.times) / second.at[RATE]
-                sampled += [(-abs(change[k]), SampledChange(path, int(k) + 1, float(intervals[k]))) for k in np.flatnonzero(change)]
+                sizes = [float(f"{-abs(x):.9g}") for x in change]  # equal ones keep their order in whatever way a power was summed
+                sampled += [(sizes[k], SampledChange(path, int(k) + 1, float(intervals[k]))) for k in np.flatnonzero(change)]
                 held[path] = table.changed_within()
     changes = tuple(change for _, change in sorted(sampled))
     at = (*second.at, 0.0, *(0.0 for _ in changes[:MAX_SWITCHES]))
