@@ -25,41 +25,41 @@ ANY: Any = None
 
 
 @pytest.mark.parametrize(
-    ("call", "words"),
+    ("call", "match"),
     [
         (
             lambda: td.calibrate(PART, ANY or "acc.csv", "x"),
-            r"calibrate: `records` takes Record, not the text 'acc.csv'. Make it",
+            r"`records`.*'acc\.csv'",
         ),
-        (lambda: td.calibrate(PART, ANY or ["acc.csv"], ["x"]), "takes Record, not the text 'acc.csv'"),
-        (lambda: td.calibrate(ANY or LOG, LOG, ["x"]), "`model` takes Model, not Record. Make it with td.load_model"),
-        (lambda: td.calibrate(PART, LOG, ["x"], scenario=ANY or {"log": "s.toml"}), "`scenario` takes Scenario, not the text 's.toml'"),
+        (lambda: td.calibrate(PART, ANY or ["acc.csv"], ["x"]), r"'acc\.csv'"),
+        (lambda: td.calibrate(ANY or LOG, LOG, ["x"]), r"`model`.*td\.load_model"),
+        (lambda: td.calibrate(PART, LOG, ["x"], scenario=ANY or {"log": "s.toml"}), r"`scenario`.*'s\.toml'"),
         (
             lambda: PART.replace("acc", ANY or "file.toml"),
-            r"replace: `new` takes Model, not the text 'file.toml'. Make it wi",
+            r"`new`.*'file\.toml'",
         ),
-        (lambda: td.load_model(ANY or PART), "load_model: `path` takes the path of a file or folder, not Model. Give the file's name"),
+        (lambda: td.load_model(ANY or PART), "load_model.*`path`"),
         (
             lambda: td.simulate(PART, ANY or Path("winter.toml")),
-            r"takes Scenario, not the path 'winter.toml'. Make it with td.loa",
+            r"'winter\.toml'.*td\.loa",
         ),
-        (lambda: td.simulate(PART, ANY or {"air": 20}), "`scenario` takes Scenario, not a dictionary"),
-        (lambda: td.simulate(PART, ANY), "`scenario` takes Scenario, not None"),
-        (lambda: td.simulate(ANY or {}, BENCH), r"`model` takes Model or Block, not a dictionary. Make it with td.model_from_dict"),
-        (lambda: td.model_from_dict(ANY or "part.toml"), "`data` takes a dictionary, not 'part.toml'"),
+        (lambda: td.simulate(PART, ANY or {"air": 20}), "`scenario`"),
+        (lambda: td.simulate(PART, ANY), "`scenario`"),
+        (lambda: td.simulate(ANY or {}, BENCH), r"`model`.*td\.model_from_dict"),
+        (lambda: td.model_from_dict(ANY or "part.toml"), r"`data`.*'part\.toml'"),
         (
             lambda: td.validate(ANY or PART, LOG, td.Criteria(rmse="1 [K]")),
-            "`calibration` takes Calibration, not Model. Make it with td.c",
+            r"`calibration`.*td\.c",
         ),
         (
             lambda: td.report(ANY or "c.toml", to="page.html"),
-            r"`campaign` takes Campaign, not the text 'c.toml'. Make it with td.r",
+            r"`campaign`.*'c\.toml'.*td\.r",
         ),
-        (lambda: LOG.joined(ANY or "b.csv"), "joined: `other` takes Record, not the text 'b.csv'"),
+        (lambda: LOG.joined(ANY or "b.csv"), r"`other`.*'b\.csv'"),
     ],
 )
-def test_what_is_mixed_up_is_said(call: Any, words: str) -> None:
-    with pytest.raises(DeckError, match=words):
+def test_what_is_mixed_up_is_said(call: Any, match: str) -> None:
+    with raises_code("value.wrong-kind", DeckError, match=match):
         call()
 
 
@@ -85,36 +85,37 @@ RUN = td.simulate(PART, WARM, every="10 [min]")
 
 
 @pytest.mark.parametrize(
-    ("call", "words"),
+    ("call", "code", "match"),
     [
-        (lambda: RUN.to_csv(ANY or 5), "to_csv: `path` takes the path of a file or folder, not 5"),
-        (lambda: RUN.to_csv("a\0b"), "holds a NUL"),
-        (lambda: RUN.plot(ANY or 5), r"plot: `axes` takes Axes, not 5. Make it with matplotlib.pyplot.subplots"),
-        (lambda: RUN.slopes(ANY or ["case"]), r"slopes: `node` takes a text, not \['case'\]"),
-        (lambda: td.inference.posterior(ANY or PART), "`fit` takes Calibration, not Model"),
-        (lambda: td.qualify.uncertain_runs(PART, BENCH, nodes=ANY or [[]]), r"a name is a text such as 'case.mass', not \[\]"),
-        (lambda: td.qualify.uncertain_runs(PART, BENCH, nodes=ANY or 3.7), "`nodes` takes a list, not 3.7|takes a dictionary"),
-        (lambda: td.Channel.from_array("T", [1.0], unit="K").masked(ANY or "x"), "masked: `where` takes an array of numbers, not 'x'"),
-        (lambda: td.Record("r", ANY or "x", {}, ANY), "`times` takes an array of numbers, not 'x'"),
-        (lambda: td.simulate(PART, BENCH, fields=ANY or 5), "simulate: `fields` takes a list, not 5"),
-        (lambda: td.site.OpenSky(albedo=ANY), "OpenSky: `albedo` takes a number, not None"),
-        (lambda: td.simulation.state_space(ANY or 5), "takes Network"),
-        (lambda: td.simulation.KeptTasks("jobs\0"), "KeptTasks: `folder` is no file's name"),
-        (lambda: td.simulation.KeptTasks(ANY or 5), "KeptTasks: `folder` takes the path of a file or folder, not 5"),
-        (lambda: td.site.pad_scenario(sun=ANY or 5), "pad_scenario: `sun` takes True or False, not 5"),
-        (lambda: td.qualify.hold(ANY, {}, confidence=0.9), "`runs` takes UncertainRuns, not None"),
-        (lambda: td.site.pad_scenario(albedo=float("nan")), "pad_scenario: `albedo` takes a number, not nan"),
-        (lambda: td.inference.fleet(PART, ANY or [], ["x"]), r"fleet: `units` takes a dictionary, not \[\]"),
+        (lambda: RUN.to_csv(ANY or 5), "value.wrong-kind", "to_csv.*`path`.*5"),
+        (lambda: RUN.to_csv("a\0b"), "value.wrong-kind", "to_csv.*`path`.*'s name: '"),
+        (lambda: RUN.plot(ANY or 5), "value.wrong-kind", r"`axes`.*5.*matplotlib\.pyplot\.subplots"),
+        (lambda: RUN.slopes(ANY or ["case"]), "value.wrong-kind", r"`node`.*\['case'\]"),
+        (lambda: td.inference.posterior(ANY or PART), "value.wrong-kind", "`fit`"),
+        (lambda: td.qualify.uncertain_runs(PART, BENCH, nodes=ANY or [[]]), "value.wrong-kind", r"'case\.mass'.*\[\]"),
+        (lambda: td.qualify.uncertain_runs(PART, BENCH, nodes=ANY or 3.7), "value.wrong-kind", r"`nodes`.*3\.7"),
+        (lambda: td.Channel.from_array("T", [1.0], unit="K").masked(ANY or "x"), "value.wrong-kind", "`where`.*'x'"),
+        (lambda: td.Record("r", ANY or "x", {}, ANY), "value.wrong-kind", "`times`.*'x'"),
+        (lambda: td.simulate(PART, BENCH, fields=ANY or 5), "value.wrong-kind", "`fields`.*5"),
+        (lambda: td.site.OpenSky(albedo=ANY), "value.wrong-kind", "`albedo`"),
+        (lambda: td.simulation.state_space(ANY or 5), "value.wrong-kind", r"state_space.*`network`.*td\.simulation\.compile_network"),
+        (lambda: td.simulation.KeptTasks("jobs\0"), "value.wrong-kind", "`folder`"),
+        (lambda: td.simulation.KeptTasks(ANY or 5), "value.wrong-kind", "`folder`.*5"),
+        (lambda: td.site.pad_scenario(sun=ANY or 5), "value.wrong-kind", "pad_scenario.*`sun`.*5"),
+        (lambda: td.qualify.hold(ANY, {}, confidence=0.9), "value.wrong-kind", "`runs`"),
+        (lambda: td.site.pad_scenario(albedo=float("nan")), "value.wrong-kind", "pad_scenario.*`albedo`"),
+        (lambda: td.inference.fleet(PART, ANY or [], ["x"]), "value.wrong-kind", r"`units`.*\[\]"),
         (
             lambda: td.ensemble(PART, BENCH.with_(start="25 [degC]"), {"case.capacitance": [8.0, 9.0]}, quantiles="nonsense"),
-            "give a quantile between 0 and 1",
+            "value.outside-range",
+            "0.*1",
         ),
-        (lambda: td.design.Action(ANY or 5, BENCH), "Action: `name` takes a text, not 5"),
-        (lambda: td.design.Action("a", ANY or "s.toml"), r"Action: `scenario` takes Scenario, not the text 's.toml'"),
+        (lambda: td.design.Action(ANY or 5, BENCH), "value.wrong-kind", "`name`.*5"),
+        (lambda: td.design.Action("a", ANY or "s.toml"), "value.wrong-kind", r"`scenario`.*'s\.toml'"),
     ],
 )
-def test_a_method_and_a_constructor_say_what_they_take(call: Any, words: str) -> None:
-    with pytest.raises(td.ThermidError, match=words):
+def test_a_method_and_a_constructor_say_what_they_take(call: Any, code: str, match: str) -> None:
+    with raises_code(code, match=match):
         call()
 
 
@@ -123,33 +124,37 @@ HERE = td.site.Site(45.0, 5.0, timezone=1.0)
 
 
 @pytest.mark.parametrize(
-    ("call", "words"),
+    ("call", "code", "match"),
     [
-        (lambda: td.prepare(PART, WARM, ["case.capacitance"]).bounds("nonsense"), "no free name 'nonsense'"),
-        (lambda: td.qualify.Limits("p", "case", ANY or 5), r"`operating` takes two values, \(low, high\), not 5"),
-        (lambda: td.qualify.Limits("p", "case", ("0 [degC]", "9 [degC]"), loads=ANY or 5), "`loads` takes a list of names, not 5"),
-        (lambda: td.qualify.equivalent_cycles("0 [degC]", "20 [degC]", ANY or 5), "unknown level '5'"),
-        (lambda: td.site.Site(45.0, 5.0, altitude=None), "None is neither a number nor a text with a unit"),
-        (lambda: td.site.Site(45.0, 5.0, timezone=ANY or [1]), r"\[1\] is neither a number"),
-        (lambda: HERE.instant(ANY or 5), "'5' is not a date and time"),
-        (lambda: HERE.sun("2026-02-01 12:00", "nonsense"), "'nonsense' must be a number with a unit"),
-        (lambda: td.site.Volume("1 [l]", humidity=ANY or [1]), r"\[1\] is neither a number"),
-        (lambda: td.inference.compare_htc(*HTC, box=ANY or 5), "`box` takes two values"),
-        (lambda: td.inference.compare_htc(*HTC, air=ANY or 5), "conductivity, viscosity, Prandtl number"),
-        (lambda: td.inference.compare_htc(*HTC, emissivity=ANY or "grey"), "`emissivity` takes a number"),
-        (lambda: td.Scenario("x", loads={"h": ([0.0, 60.0], [{}, 5.0])}), "is no number"),
-        (lambda: td.Record.from_arrays("r", ANY, {"T": td.celsius([1.0, 2.0])}), "finite|times"),
-        (lambda: td.ensemble(PART, WARM, {"case.capacitance": [8.0, 9.0]}, executor=ANY or object()), "no address of a scheduler"),
-        (lambda: td.qualify.reduce(PART, WARM, within="1 [K]"), "exchanges heat with nothing outside"),
-        (lambda: td.model.law(lambda t: t, between=ANY or 5), "`between` takes two values"),
-        (lambda: td.bench.SensorPart(lag=ANY or "fast"), "sensor, lag: 'fast' must be a number with a unit"),
-        (lambda: td.bench.SensorCertificate(ANY or [1], 0.1), r"certificate, offset: \[1\] is neither a number"),
-        (lambda: td.qualify.margins({}, [], states=ANY or {"hot": "nonsense"}), "no state 'nonsense'"),
-        (lambda: td.qualify.profile_of("SMC-S-016", "unit thermal cycle", cycles=float("nan")), "is not finite"),
+        (lambda: td.prepare(PART, WARM, ["case.capacitance"]).bounds("nonsense"), "name.unknown", "'nonsense'"),
+        (lambda: td.qualify.Limits("p", "case", ANY or 5), "value.wrong-kind", "`operating`.*5"),
+        (lambda: td.qualify.Limits("p", "case", ("0 [degC]", "9 [degC]"), loads=ANY or 5), "value.wrong-kind", "`loads`.*5"),
+        (lambda: td.qualify.equivalent_cycles("0 [degC]", "20 [degC]", ANY or 5), "name.unknown", "'5'"),
+        (lambda: td.site.Site(45.0, 5.0, altitude=None), "value.not-an-amount", r"'4 \[m\]'"),
+        (lambda: td.site.Site(45.0, 5.0, timezone=ANY or [1]), "value.not-an-amount", r"\[1\]"),
+        (lambda: HERE.instant(ANY or 5), "value.wrong-kind", "'5'"),
+        (lambda: HERE.sun("2026-02-01 12:00", "nonsense"), "value.wrong-kind", "'nonsense'"),
+        (lambda: td.site.Volume("1 [l]", humidity=ANY or [1]), "value.not-an-amount", r"\[1\]"),
+        (lambda: td.inference.compare_htc(*HTC, box=ANY or 5), "value.wrong-kind", "`box`"),
+        (lambda: td.inference.compare_htc(*HTC, air=ANY or 5), "value.wrong-kind", ""),
+        (lambda: td.inference.compare_htc(*HTC, emissivity=ANY or "grey"), "value.wrong-kind", "`emissivity`"),
+        (lambda: td.Scenario("x", loads={"h": ([0.0, 60.0], [{}, 5.0])}), "value.wrong-kind", r"loads\.h.*\[\{\}, 5\.0\].*'24 \[degC\]'"),
+        (lambda: td.Record.from_arrays("r", ANY, {"T": td.celsius([1.0, 2.0])}), "value.wrong-kind", "`times`"),
+        (
+            lambda: td.ensemble(PART, WARM, {"case.capacitance": [8.0, 9.0]}, executor=ANY or object()),
+            "run.cluster",
+            "<object object at",
+        ),
+        (lambda: td.qualify.reduce(PART, WARM, within="1 [K]"), "model.element-not-supported", "'Part'"),
+        (lambda: td.model.law(lambda t: t, between=ANY or 5), "value.wrong-kind", "`between`"),
+        (lambda: td.bench.SensorPart(lag=ANY or "fast"), "value.wrong-kind", "'fast'"),
+        (lambda: td.bench.SensorCertificate(ANY or [1], 0.1), "value.not-an-amount", r"\[1\]"),
+        (lambda: td.qualify.margins({}, [], states=ANY or {"hot": "nonsense"}), "name.unknown", "'nonsense'"),
+        (lambda: td.qualify.profile_of("SMC-S-016", "unit thermal cycle", cycles=float("nan")), "value.outside-range", "SMC-S-016"),
     ],
 )
-def test_what_was_a_traceback_is_a_sentence(call: Any, words: str) -> None:
-    with pytest.raises(td.ThermidError, match=words):
+def test_what_was_a_traceback_is_a_sentence(call: Any, code: str, match: str) -> None:
+    with raises_code(code, match=match):
         call()
 
 
@@ -189,7 +194,7 @@ def test_a_dictionary_whose_arrays_are_read_anew_is_taken(tmp_path: Path) -> Non
 
 def test_names_that_are_gone_once_they_were_read_are_refused() -> None:
     """A generator of free names was empty when they were read again: a fit of nothing."""
-    with raises_code("value.wrong-kind", DeckError, match="`free` takes a list of names, not <generator"):
+    with raises_code("value.wrong-kind", DeckError, match="`free`"):
         td.calibrate(PART, LOG, ANY or (name for name in ["case.capacitance"]))
 
 

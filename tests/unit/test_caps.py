@@ -224,7 +224,7 @@ def test_the_caps_stand_on_the_page() -> None:
 
 def test_a_number_that_no_float_holds_is_refused_with_its_place(tmp_path: Path) -> None:
     text = 'title = "x"\nduration = "1 [h]"\n[environment.air]\nhumidity = ' + "1" * 400 + "\n"
-    with raises_code("file.wrong-value", ScenarioError, match=r"x.toml:4.*environment\.air\.humidity.*399"):
+    with raises_code("file.wrong-value", ScenarioError, match=r"x\.toml:4.*environment\.air\.humidity.*399"):
         td.load_scenario(written(tmp_path, "x.toml", text))
     with raises_code("expression.no-finite-value"):
         td.Scenario("x", commands={"q": 10**400})

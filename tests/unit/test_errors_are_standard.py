@@ -7,6 +7,7 @@ import pickle
 import pytest
 
 import thermid as td
+from by_code import raises_code
 from thermid import errors
 
 KINDS = {
@@ -44,7 +45,7 @@ def test_it_is_one_and_keeps_its_words(name: str) -> None:
 
 
 def test_a_user_catches_it_without_thermid() -> None:
-    with pytest.raises(ValueError, match="furlong"):
+    with raises_code("unit.wrong-dimension", ValueError, match=r"boundaries\.air.*'\[furlong\]'.*\[degC\]"):
         td.Scenario("s", boundaries={"air": "20 [furlong]"})
     with pytest.raises(KeyError):
         td.errors.look_up("b", {"a": 1}, "no '{}'.")

@@ -136,7 +136,7 @@ def test_below_0_k_is_still_refused() -> None:
     with raises_code("value.outside-range", match="0"):
         td.Scenario("space", boundaries={"space": "-1 [K]"}, start="300 [K]", duration="1 [h]")
     scenario = td.Scenario("space", boundaries={"space": "0 [K]"}, start="-1 [K]", duration="1 [h]")
-    with raises_code("value.outside-range", match="below 0 K"):
+    with raises_code("value.outside-range", match="0"):
         td.simulate(ball(), scenario)
 
 
@@ -195,21 +195,21 @@ def test_a_correlation_of_a_vertical_plate_is_not_for_horizontal_plates() -> Non
 
 
 @pytest.mark.parametrize(
-    ("written", "cure"),
+    ("written", "code", "match"),
     [
-        ("cfm", r"Write ft\^3/min for cfm"),
-        ("CFM", r"Write ft\^3/min for CFM"),
-        ("lpm", "Write l/min"),
-        ("W/m2K", r"Did you mean 'W/\(m\^2 K\)'\?"),
-        ("W/m^2K", r"Did you mean 'W/\(m\^2 K\)'\?"),
-        ("W/m²K", r"Did you mean 'W/\(m\^2 K\)'\?"),
-        ("kJ/kgK", r"Did you mean 'kJ/\(kg K\)'\?"),
-        ("m3/s", r"Did you mean 'm\^3/s'\?"),
-        ("W/mK", r"mK is the millikelvin\. Write \(m K\)"),
+        ("cfm", "unit.unknown", "3/min"),
+        ("CFM", "unit.unknown", "3/min"),
+        ("lpm", "unit.unknown", "l/min"),
+        ("W/m2K", "unit.unknown", r"'W/\(m\^2 K\)'"),
+        ("W/m^2K", "unit.unknown", r"'W/\(m\^2 K\)'"),
+        ("W/m²K", "unit.unknown", r"'W/\(m\^2 K\)'"),
+        ("kJ/kgK", "unit.unknown", r"'kJ/\(kg K\)'"),
+        ("m3/s", "unit.unknown", r"'m\^3/s'"),
+        ("W/mK", "unit.ambiguous", r"'\[W/mK\]'"),
     ],
 )
-def test_cfm_is_no_length_and_w_m2k_no_heat_flux(written: str, cure: str) -> None:
-    with pytest.raises(UnitError, match=cure):
+def test_cfm_is_no_length_and_w_m2k_no_heat_flux(written: str, code: str, match: str) -> None:
+    with raises_code(code, UnitError, match=match):
         unit(written)
 
 

@@ -184,22 +184,30 @@ def test_readings_are_in_the_unit_that_is_stated() -> None:
 
 
 @pytest.mark.parametrize(
-    ("call", "words"),
+    ("call", "code", "match"),
     [
-        (lambda: BENCH.with_(loads={"heater": td.celsius(24)}), "is a temperature; a power"),
-        (lambda: BENCH.with_(start=UNITS.Quantity(24, "W")), "is a power; a temperature"),
-        (lambda: BENCH.with_(start=UNITS.Quantity(24, "delta_degC")), "temperature difference"),
-        (lambda: BENCH.with_(start=td.celsius([24, 25])), "one number is needed, not 2"),
-        (lambda: BENCH.with_(boundaries={"air": td.celsius([24, 25])}), "have no times"),
-        (lambda: BENCH.with_(boundaries={"air": (["noon"], td.celsius([24]))}), "'noon'"),
-        (lambda: td.quantity(hours("degC"), unit="K"), r"in \[degC\] themselves"),
-        (lambda: td.celsius("24"), "is no number"),
-        (lambda: td.celsius(True), "is no number"),
-        (lambda: td.quantity([1, 2], unit="W")[0] and BENCH.with_(start=td.quantity(1, unit="W")), "is a power"),
+        (lambda: BENCH.with_(loads={"heater": td.celsius(24)}), "unit.wrong-dimension", r"loads\.heater.*'\[degC\]'.*\[W\]"),
+        (lambda: BENCH.with_(start=UNITS.Quantity(24, "W")), "unit.wrong-dimension", r"'\[watt\]'.*\[degC\].*\[K\]"),
+        (
+            lambda: BENCH.with_(start=UNITS.Quantity(24, "delta_degC")),
+            "unit.wrong-dimension",
+            r"'\[delta_degree_Celsius\]'.*\[degC\].*\[K\]",
+        ),
+        (lambda: BENCH.with_(start=td.celsius([24, 25])), "value.wrong-kind", "2"),
+        (lambda: BENCH.with_(boundaries={"air": td.celsius([24, 25])}), "value.wrong-kind", r"boundaries\.air"),
+        (lambda: BENCH.with_(boundaries={"air": (["noon"], td.celsius([24]))}), "value.wrong-kind", "'noon'"),
+        (lambda: td.quantity(hours("degC"), unit="K"), "value.without-effect", r"\[degC\]"),
+        (lambda: td.celsius("24"), "value.wrong-kind", r"'24'.*'24 \[degC\]'.*td\.celsius"),
+        (lambda: td.celsius(True), "value.wrong-kind", r"'24 \[degC\]'.*td\.celsius.*td\.quantity"),
+        (
+            lambda: td.quantity([1, 2], unit="W")[0] and BENCH.with_(start=td.quantity(1, unit="W")),
+            "unit.wrong-dimension",
+            r"'\[W\]'.*\[degC\].*\[K\]",
+        ),
     ],
 )
-def test_what_is_not_what_is_needed_is_refused(call: Callable[[], Any], words: str) -> None:
-    with pytest.raises(td.ThermidError, match=words):
+def test_what_is_not_what_is_needed_is_refused(call: Callable[[], Any], code: str, match: str) -> None:
+    with raises_code(code, match=match):
         call()
 
 

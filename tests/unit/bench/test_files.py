@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from by_code import raises_code
-from thermid.base.errors import MissingDataError, RecordError, ThermidError, UnitError
+from thermid.base.errors import MissingDataError, RecordError, UnitError
 from thermid.bench.bench_files import MappedSensor, load_programme, load_sensors, save_sensor
 from thermid.bench.board import made_up_rom
 from thermid.bench.guide import certificate_of
@@ -31,25 +31,41 @@ def test_a_map_survives_its_file(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("text", "word"),
+    ("text", "code", "match"),
     [
-        ("x = [", "not valid TOML"),
-        ("", "sensors: is missing"),
-        ("[sensors.T1]\n", "sensors.T1.rom: is missing"),
-        ('[sensors.T1]\nrom = "28FF"\n', "16 hexadecimal digits"),
-        (f'[sensors.T1]\nrom = "{A[:-1]}{"0" if A[-1] != "0" else "1"}"\n', "a digit is mistyped"),
-        (GOOD + f'[sensors.T2]\nrom = "{A}"\n', "is also given for 'T1'"),
-        (GOOD + 'nota = "x"\n', "'nota' is not a field here. Did you mean 'note'"),
-        (GOOD + '[sensors.T1.certificate]\noffset = "1 [K]"\n', "certificate.uncertainty: is missing"),
-        (GOOD + '[sensors.T1.certificate]\noffset = "9 [K]"\nuncertainty = "1 [K]"\n', "is defective"),
-        (GOOD + '[sensors.T1.certificate]\noffset = "1 [K]"\nuncertainty = "0 [K]"\n', "above zero"),
-        (GOOD + '[sensors.T1.certificate]\noffset = "1 [K]"\nuncertainty = "1 [K]"\nwho = "me"\n', "who"),
+        ("x = [", "file.not-valid", r"sensors\.toml"),
+        ("", "file.key-missing", r"sensors\.toml"),
+        ("[sensors.T1]\n", "file.key-missing", r"sensors\.T1\.rom"),
+        ('[sensors.T1]\nrom = "28FF"\n', "bench.sensor", "16"),
+        (
+            f'[sensors.T1]\nrom = "{A[:-1]}{"0" if A[-1] != "0" else "1"}"\n',
+            "bench.sensor",
+            r"sensors\.toml.*sensors\.T1.*2800003C0B1A0FC0",
+        ),
+        (GOOD + f'[sensors.T2]\nrom = "{A}"\n', "name.taken", "'T1'"),
+        (GOOD + 'nota = "x"\n', "file.unknown-key", "'nota'.*'note'"),
+        (GOOD + '[sensors.T1.certificate]\noffset = "1 [K]"\n', "file.key-missing", r"certificate\.uncertainty"),
+        (
+            GOOD + '[sensors.T1.certificate]\noffset = "9 [K]"\nuncertainty = "1 [K]"\n',
+            "value.outside-range",
+            r"sensors\.toml.*sensors\.T1\.certificate",
+        ),
+        (
+            GOOD + '[sensors.T1.certificate]\noffset = "1 [K]"\nuncertainty = "0 [K]"\n',
+            "value.outside-range",
+            r"sensors\.toml.*sensors\.T1\.certificate",
+        ),
+        (
+            GOOD + '[sensors.T1.certificate]\noffset = "1 [K]"\nuncertainty = "1 [K]"\nwho = "me"\n',
+            "file.unknown-key",
+            r"sensors\.toml:6.*sensors\.T1\.certificate\.who.*'who'",
+        ),
     ],
 )
-def test_a_wrong_map_is_refused(text: str, word: str, tmp_path: Path) -> None:
+def test_a_wrong_map_is_refused(text: str, code: str, match: str, tmp_path: Path) -> None:
     path = tmp_path / "sensors.toml"
     path.write_text(text)
-    with pytest.raises(ThermidError, match=word):
+    with raises_code(code, match=match):
         load_sensors(path)
 
 
@@ -66,22 +82,22 @@ def test_a_programme(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("text", "word"),
+    ("text", "code", "match"),
     [
-        ("x = [", "not valid TOML"),
-        ("steps = []", "steps: .* at least 1"),
-        ("step = []", "'step' is not a field here. Did you mean 'steps'"),
-        ("steps = [{ heater1 = 1 }]", "steps.0.at: is missing"),
-        ('steps = [{ at = "0 [s]", heater = 1 }]', "steps.0.heater: 'heater' is not a field here. Did you mean 'heater2'"),
-        ('steps = [{ at = "0 [s]", heater1 = "140 [%]" }]', "0 to 100 %"),
-        ('steps = [{ at = "1 [h]" }, { at = "1 [min]" }]', r"its time 60 s is not after 3600 s\."),
-        ('end = "1 [s]"\nsteps = [{ at = "1 [h]" }]', "s, is not after its last step,"),
+        ("x = [", "file.not-valid", r"step\.toml"),
+        ("steps = []", "file.wrong-value", "1"),
+        ("step = []", "file.key-missing", "'step'.*'steps'"),
+        ("steps = [{ heater1 = 1 }]", "file.key-missing", r"steps\.0\.at"),
+        ('steps = [{ at = "0 [s]", heater = 1 }]', "file.unknown-key", r"steps\.0\.heater.*'heater'.*'heater2'"),
+        ('steps = [{ at = "0 [s]", heater1 = "140 [%]" }]', "value.outside-range", "0.*100"),
+        ('steps = [{ at = "1 [h]" }, { at = "1 [min]" }]', "value.outside-range", "60.*3600"),
+        ('end = "1 [s]"\nsteps = [{ at = "1 [h]" }]', "value.outside-range", r"step\.toml"),
     ],
 )
-def test_a_wrong_programme_is_refused(text: str, word: str, tmp_path: Path) -> None:
+def test_a_wrong_programme_is_refused(text: str, code: str, match: str, tmp_path: Path) -> None:
     path = tmp_path / "step.toml"
     path.write_text(text)
-    with pytest.raises(ThermidError, match=word):
+    with raises_code(code, match=match):
         load_programme(path)
 
 
@@ -101,13 +117,13 @@ def test_a_certificate_counts_bath_steps_and_noise() -> None:
 
 
 @pytest.mark.parametrize(
-    ("values", "word"),
+    ("values", "code", "match"),
     [
-        (np.zeros(20), "60 are needed"),
-        (np.linspace(0, 1, 120), "still drifts"),
-        (np.full(120, 21.0), "A good sensor reads within"),
+        (np.zeros(20), "record.too-short", "60"),
+        (np.linspace(0, 1, 120), "record.not-steady", ""),
+        (np.full(120, 21.0), "bench.sensor", ""),
     ],
 )
-def test_no_certificate_from_a_bad_test(values: np.ndarray, word: str) -> None:
-    with pytest.raises(RecordError, match=word):
+def test_no_certificate_from_a_bad_test(values: np.ndarray, code: str, match: str) -> None:
+    with raises_code(code, RecordError, match=match):
         certificate_of(values, 0.0625, "")

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 
+from by_code import raises_code
 from thermid.base.errors import ThermidError
 from thermid.interop._fmu.archive import check_archive
 
@@ -106,5 +107,5 @@ def test_an_fmu_is_checked_before_it_is_read(tmp_path: Path) -> None:
     pytest.importorskip("fmpy", reason="FMPy is not installed (pip install 'thermid[fmu]')")
     from thermid.interop.fmu import fmu_model
 
-    with pytest.raises(ThermidError, match=r"evil\.txt"):
+    with raises_code("value.wrong-kind", match=r"evil\.txt"):
         fmu_model(packed(tmp_path / "theirs.fmu", {"../evil.txt": "x"}))

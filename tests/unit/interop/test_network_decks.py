@@ -383,29 +383,37 @@ def test_the_balance_at_printed_temperatures(sinda: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("text", "words"),
+    ("text", "code", "match"),
     [
-        ("HEADER NODE DATA, A\n  1, 20., x9\n", r"bad.inp:2: 'x9' is not defined before it is used"),
-        ("HEADER NODE DATA, A\n  1, 20.\n", r"bad\.inp:2: '1, 20\.' is not a node\. Write"),
-        ("HEADER NODE DATA, A\n  1, 20., 1.\nHEADER CONDUCTOR DATA, A\n 1, 1, 5, 2.\n", r"bad.inp:4: conductor A_G1 names node A.T5"),
-        ("HEADER NODE DATA, A\n  1, 20., 1.\nINSERT bad.inp\n", r"bad.inp -> bad.inp"),
-        ("HEADER NODE DATA, A\n  1, 20., 1.\nHEADER CONDUCTOR DATA, A\n 1, 1, 2.\n", r"bad.inp:4: '1, 1, 2.' is not a conductor\. Write"),
-        ("$MODEL A\n$NODES\nD1 = 'x', T = 0.0\n$ENDMODEL\n", r"bad\.inp:3: 'D1 = 'x', T = 0\.0' has no end\. Add"),
-        ("$MODEL A\n$NODES\nD1 = 'x', T = 0.0;\n", r"has no \$ENDMODEL, so the file"),
-        ("$MODEL A\n$NODES\nD1 = 'x', T = 0.0, C = __import__('os').system('x');\n$ENDMODEL\n", r"bad.inp:3: "),
-        ("$MODEL A\n$INCLUDE 'bad.inp'\n$ENDMODEL\n", r"files include each other endlessly:"),
-        ("deck of nobody\n", r"no HEADER NODE DATA"),
-        ("HEADER NODE DATA\0", r"binary file"),
+        ("HEADER NODE DATA, A\n  1, 20., x9\n", "import.not-understood", r"bad\.inp:2.*'x9'"),
+        ("HEADER NODE DATA, A\n  1, 20.\n", "import.not-understood", r"bad\.inp:2.*'1, 20\.'"),
+        (
+            "HEADER NODE DATA, A\n  1, 20., 1.\nHEADER CONDUCTOR DATA, A\n 1, 1, 5, 2.\n",
+            "import.not-understood",
+            r"bad\.inp:4.*A_G1.*A\.T5",
+        ),
+        ("HEADER NODE DATA, A\n  1, 20., 1.\nINSERT bad.inp\n", "model.self-reference", r"bad\.inp.*bad\.inp"),
+        ("HEADER NODE DATA, A\n  1, 20., 1.\nHEADER CONDUCTOR DATA, A\n 1, 1, 2.\n", "import.not-understood", r"bad\.inp:4.*'1, 1, 2\.'"),
+        ("$MODEL A\n$NODES\nD1 = 'x', T = 0.0\n$ENDMODEL\n", "import.not-understood", r"bad\.inp:3.*'D1 = '.*', T = 0\.0'"),
+        (
+            "$MODEL A\n$NODES\nD1 = 'x', T = 0.0;\n",
+            "import.not-understood",
+            r"bad\.inp",
+        ),
+        ("$MODEL A\n$NODES\nD1 = 'x', T = 0.0, C = __import__('os').system('x');\n$ENDMODEL\n", "import.not-understood", r"bad\.inp:3"),
+        ("$MODEL A\n$INCLUDE 'bad.inp'\n$ENDMODEL\n", "model.self-reference", r"bad\.inp:2.*bad\.inp.*bad\.inp"),
+        ("deck of nobody\n", "file.another-kind", r"bad\.inp"),
+        ("HEADER NODE DATA\0", "file.another-kind", r"bad\.inp"),
     ],
 )
-def test_bad_files_are_refused_with_file_and_line(tmp_path: Path, text: str, words: str) -> None:
-    with pytest.raises(DeckError, match=words):
+def test_bad_files_are_refused_with_file_and_line(tmp_path: Path, text: str, code: str, match: str) -> None:
+    with raises_code(code, DeckError, match=match):
         read_network(_write(tmp_path, "bad.inp", text)).model()
 
 
 def test_a_file_beyond_every_deck_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("THERMID_CAPS", "deck=100")
-    with pytest.raises(DeckError, match=r"big\.inp: the file has more than 0 MB\. Split it into include files\. The cap 'deck' is 100"):
+    with raises_code("cap.exceeded", DeckError, match=r"big\.inp.*0.*'deck'.*100"):
         read_network(_write(tmp_path, "big.inp", SINDA))
 
 
@@ -413,7 +421,7 @@ def test_a_hundred_megabytes_are_refused_before_they_are_read(tmp_path: Path) ->
     with (tmp_path / "big.inp").open("wb") as file:
         file.write(SINDA.encode())
         file.truncate(100_000_000)  # sparse: it takes no room
-    with pytest.raises(DeckError, match=r"big\.inp: the file has more than 50 MB\."):
+    with raises_code("cap.exceeded", DeckError, match=r"big\.inp.*50"):
         read_sinda(tmp_path / "big.inp")
 
 
@@ -474,7 +482,7 @@ def test_a_model_of_ones_own_is_written_and_read_back(tmp_path: Path, start: str
         assert one[name].kelvin == pytest.approx(other[f"MAIN.T{n}"].kelvin, abs=1e-6)
     with pytest.raises(DeckError, match=r"'hot' .* ESATAN"):
         to_esatan(model, room)
-    with pytest.raises(DeckError, match=r"'pad' is of a form \(table\), which is not written to ESATAN"):
+    with raises_code("output.not-expressible", DeckError, match="'pad'"):
         to_esatan(td.model_from_dict({**deck, "nodes": {**deck["nodes"], "hot": {"capacitance": "90 [J/K]"}}}), room)
 
 
@@ -491,9 +499,9 @@ def test_what_carries_nothing_in_the_scenario_is_left_out_and_named(write: Calla
     }
     model = td.model_from_dict(deck)
     room = td.Scenario("room", boundaries={"room": "30 [degC]"}, loads={"heater": "0 [W]"}, start="30 [degC]", duration="2 [h]")
-    with raises_code("output.not-expressible", DeckError, match=r"'skin' is of a form \(power\)"):
+    with raises_code("output.not-expressible", DeckError, match="'skin'"):
         write(model, room)
-    with raises_code("output.not-expressible", DeckError, match="'heater' depends on temperature"):
+    with raises_code("output.not-expressible", DeckError, match="'heater'"):
         write(model, replace(room.vacuum(), loads={}))
     text = write(model, room.vacuum(), tmp_path / name)
     assert [line.rpartition(": ")[2] for line in text.splitlines() if "left out" in line] == ["skin (power law)", "heater"]
@@ -611,7 +619,7 @@ def test_one_number_of_several_values_is_not_written_for_one_of_them(tmp_path: P
 
 def test_a_deck_that_is_no_import_of_the_file_is_refused(tmp_path: Path, sinda: Path) -> None:
     network = read_network(_write(tmp_path, "rows.inp", ROWS))
-    with pytest.raises(DeckError, match=r"has no 'contact_foot_to_wall_a1', so it is no import of this file"):
+    with raises_code("file.another-kind", DeckError, match="'contact_foot_to_wall_a1'"):
         network.written_back(read_network(sinda).model())
 
 

@@ -133,7 +133,7 @@ def test_other_binary_results_are_refused_by_name(tmp_path: Path, monkeypatch: p
     with raises_code("file.another-kind", DeckError):
         printed_temperatures(tmp_path / "cut.TMD")
     monkeypatch.setenv("THERMID_CAPS", "unpacked=100")
-    with raises_code("cap.exceeded", DeckError, match="^.*: it has 40 values"):
+    with raises_code("cap.exceeded", DeckError, match="40"):
         printed_temperatures(_write_tmd(tmp_path / "large.TMD", [([0.0, 1.0, 2.0, 3.0], np.zeros((4, 5)))]))
     with raises_code("file.another-kind", DeckError, match="3.*5.*4.*5"):
         printed_temperatures(_write_tmd(tmp_path / "longer.TMD", [([0.0, 1.0, 2.0], np.zeros((4, 5)))]))

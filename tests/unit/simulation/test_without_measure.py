@@ -28,7 +28,7 @@ def test_a_period_that_nobody_can_sample() -> None:
 
 
 def test_an_environment_is_no_dictionary() -> None:
-    with raises_code("value.wrong-kind", match=r"environment\.air.*td\.simulation\.Environment\("):
+    with raises_code("value.wrong-kind", match=r"environment\.air.*td\.simulation\.Environment"):
         td.Scenario("plate", boundaries={"air": "20 [degC]"}, environment={"air": {"pressure": "1 [atm]"}})  # type: ignore[dict-item]
 
 

@@ -35,7 +35,7 @@ def plain(text: str | float, field: str, slot: str, where: str = "") -> float:
     """
     value, allowed = literal(text, slot, where), RANGES["temperature" if slot == "temperature" else field]
     if not allows(allowed, value):
-        raise DeckError(outside(allowed, slot, value, field.rpartition(".")[2]), where)
+        raise DeckError(outside(allowed, slot, value, field.rpartition(".")[2]), where, code="value.outside-range")
     return value
 
 

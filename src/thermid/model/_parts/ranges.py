@@ -12,7 +12,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Final
 
-from thermid.base.errors import CodedText
 from thermid.base.linear_algebra import value_of
 from thermid.base.units import TEMPERATURE
 
@@ -218,7 +217,7 @@ def range_of(kind: str, field: str, slot: str) -> Range:
     return RANGES[TEMPERATURE] if slot == TEMPERATURE else RANGES.get(f"{kind}.{name}", RANGES.get(name, UNSTATED))
 
 
-def outside(allowed: Range, slot: str, number: Any, path: str) -> CodedText:
+def outside(allowed: Range, slot: str, number: Any, path: str) -> str:
     """Return the message that a number lies outside its range; `slot` is the unit of its field, `path` its parameter."""
     unit = {TEMPERATURE: " K", "1": ""}.get(slot, f" {slot}")
-    return CodedText(f"'{path}' is {value_of(number):.6g}{unit}. Give {allowed.words}: {allowed.why}.", "value.outside-range")
+    return f"'{path}' is {value_of(number):.6g}{unit}. Give {allowed.words}: {allowed.why}."

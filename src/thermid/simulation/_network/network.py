@@ -183,7 +183,7 @@ class Network:
         """Return `base_parts` with changed parameters, nodes, conductors and loads evaluated anew; refuse values that physics forbids."""
         values = self.flat.parameters.evaluate(overrides, changed.paths, base_parts.get("values"))
         for _, where, message in self.flat.impossible(values, changed.paths):
-            raise DeckError(message, where)
+            raise DeckError(message, where, code="value.outside-range")
         capacitances, conductors, loads = (dict(base_parts.get(k, {})) for k in ("capacitances", "conductors", "loads"))
         if any(c.kind == "flow" for c in changed.conductors):
             for where, message in self.flat.unbalanced_streams(values):

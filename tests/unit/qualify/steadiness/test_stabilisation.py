@@ -133,5 +133,5 @@ def test_a_rule_on_stored_heat_is_refused_with_the_reason():
     with raises_code("record.does-not-apply", RecordError, match=r"'plate'.*\(25"):
         td.bench.stability(warming(nodes=("core",))[1], "stored 3 %", run=run)
     off = td.simulate(box(), COURSE.with_(loads={"chips": "0 [W]"}), every=60.0)
-    with raises_code("record.does-not-apply", RecordError, match="no power"):
+    with raises_code("record.does-not-apply", RecordError):
         td.bench.stability(record, "stored 3 %", run=off)

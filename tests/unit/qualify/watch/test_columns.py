@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from by_code import raises_code
 from thermid.base.errors import ThermidError
 from thermid.model.tree import load_model
 from thermid.qualify._watch.request import BoundColumns
@@ -59,12 +60,12 @@ def test_two_instances_of_a_part(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("targets", "words"),
-    [({"T1": "chp"}, "has no node, boundary or load 'chp'"), ({"T9": "chip"}, "T9"), ({}, "Bind them: --channel COLUMN=NODE")],
+    ("targets", "code", "match"),
+    [({"T1": "chp"}, "name.unknown", "'chp'"), ({"T9": "chip"}, "name.unknown", "T9"), ({}, "record.nothing-there", "COLUMN=NODE")],
 )
-def test_what_is_refused(tmp_path: Path, targets: dict[str, str], words: str) -> None:
+def test_what_is_refused(tmp_path: Path, targets: dict[str, str], code: str, match: str) -> None:
     log = written(tmp_path / "e.csv", "time_s,T1 [degC],T2 [degC]", CHIP, AIR)
-    with pytest.raises(ThermidError, match=words):
+    with raises_code(code, match=match):
         BoundColumns(targets, model=rig()).read(log, "e")
 
 

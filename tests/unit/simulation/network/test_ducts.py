@@ -125,15 +125,23 @@ def test_air_is_heated_along_a_cabinet() -> None:
 
 
 @pytest.mark.parametrize(
-    ("fields", "message"),
+    ("fields", "code", "match"),
     [
-        ({"kind": "duct", "diameter": "4 [mm]", "length": "0 [m]", "mass_flow": "1 [g/s]"}, "'cooling.length' is 0 m"),
-        ({"kind": "duct", "width": "4 [mm]", "length": "1 [m]", "mass_flow": "1 [g/s]"}, "needs diameter"),
-        ({"kind": "duct", "diameter": "4 [mm]", "length": "1 [m]", "mass_flow": "-1 [g/s]"}, "'cooling.mass_flow' is"),
+        ({"kind": "duct", "diameter": "4 [mm]", "length": "0 [m]", "mass_flow": "1 [g/s]"}, "value.outside-range", r"'cooling\.length'.*0"),
+        (
+            {"kind": "duct", "width": "4 [mm]", "length": "1 [m]", "mass_flow": "1 [g/s]"},
+            "value.incomplete",
+            r"conductors\.cooling.*'duct'.*mass_flow",
+        ),
+        (
+            {"kind": "duct", "diameter": "4 [mm]", "length": "1 [m]", "mass_flow": "-1 [g/s]"},
+            "value.outside-range",
+            r"'cooling\.mass_flow'",
+        ),
     ],
 )
-def test_what_is_no_duct_is_refused(fields: dict[str, Any], message: str) -> None:
-    with pytest.raises(td.ThermidError, match=message):
+def test_what_is_no_duct_is_refused(fields: dict[str, Any], code: str, match: str) -> None:
+    with raises_code(code, match=match):
         run(fields).run()
 
 

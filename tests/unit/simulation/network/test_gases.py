@@ -253,17 +253,21 @@ def test_a_volume_vented_to_nowhere_is_refused() -> None:
 
 
 @pytest.mark.parametrize(
-    ("htc", "message"),
+    ("htc", "code", "match"),
     [
-        ({"correlation": "vertical", "length": "0.1 [m]"}, "unknown correlation 'vertical'."),
-        ({"correlation": "Nu_vertical_plate_Churchil", "length": "0.1 [m]"}, "Did you mean 'Nu_vertical_plate_Churchill'"),
-        ({"correlation": "Nu_horizontal_plate_McAdams", "length": "0.1 [m]"}, "is for horizontal plates. Give orientation"),
-        ({"length": "0 [m]"}, "'skin.htc.length' is 0 m"),
-        ({"correlation": "Nu_no_such_plate", "length": "1 [m]"}, "the library ht has no 'Nu_no_such_plate' for free convection"),
+        ({"correlation": "vertical", "length": "0.1 [m]"}, "name.unknown", "'vertical'"),
+        ({"correlation": "Nu_vertical_plate_Churchil", "length": "0.1 [m]"}, "name.unknown", "'Nu_vertical_plate_Churchill'"),
+        (
+            {"correlation": "Nu_horizontal_plate_McAdams", "length": "0.1 [m]"},
+            "value.incomplete",
+            r"surfaces\.skin.*'Nu_horizontal_plate_McAdams'.*'up'",
+        ),
+        ({"length": "0 [m]"}, "value.outside-range", r"'skin\.htc\.length'.*0"),
+        ({"correlation": "Nu_no_such_plate", "length": "1 [m]"}, "name.unknown", "'Nu_no_such_plate'"),
     ],
 )
-def test_correlations_that_cannot_be(htc: dict[str, Any], message: str) -> None:
-    with pytest.raises(DeckError, match=message):
+def test_correlations_that_cannot_be(htc: dict[str, Any], code: str, match: str) -> None:
+    with raises_code(code, DeckError, match=match):
         td.simulation.compile_network(box({"htc": htc}))
 
 
