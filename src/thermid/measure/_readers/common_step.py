@@ -291,7 +291,7 @@ def _refined_offset(effect: LogCourse, responses: Explanation, best: float, spac
     """Return the offset that leaves least, looked for within four spacings of `best` in finer and finer steps. [s]"""
     for _ in range(FINER):
         tried = best + np.linspace(-4.0, 4.0, 17) * spacing
-        best = float(tried[int(np.argmin([_part_unexplained(effect, responses, o, responses.shared(tried)) for o in tried]))])
+        best = float(tried[int(np.argmin([_part_unexplained(effect, responses, o) for o in tried]))])
         spacing /= 8.0
         if spacing < 0.05 * step:
             break
@@ -328,8 +328,7 @@ def _rows(
     """Return the terms (readings, terms) of the linear model at an offset [s], and the readings that they explain (readings,).
 
     The terms are 1, the time or decays exp(-t / constant) of earlier heat, and the other course shifted by the offset. Readings are those
-    that both courses share, or from one of `ends` to the other [s]: offsets compete by the same readings, as one that leaves or enters
-    can change the squares by more than a second's shift does.
+    that both courses share, or from one of `ends` to the other [s], so that offsets compete by the same readings.
     """
     thin = slice(None, None, max(1, effect.times.size // MAX_COMPARED_READINGS))
     times, target = effect.times[thin], effect.values[thin]
@@ -383,7 +382,8 @@ def _error(effect: LogCourse, responses: Explanation, best: float, step: float) 
     changes = np.count_nonzero(np.diff(np.sign(residuals)))
     count = max(residuals.size * float(np.tan(0.5 * np.pi * min(changes / residuals.size, 0.5))) ** 2, MIN_INDEPENDENT)
     for width in np.geomspace(0.1 * step, max(effect.times[-1], step), 32).tolist():
-        ends = responses.shared((best - width, best + width))
+        # of white residuals one reading that leaves or enters changes the squares by more than the rise that counts
+        ends = responses.shared((best - width, best + width)) if count > changes else None
         aside, base = (min(_part_unexplained(effect, responses, best + s, ends) for s in side) for side in ((-width, width), (0.0,)))
         if np.log(aside / max(base, 1e-12)) > 1.0 / count:
             return float(max(width, step / 12.0**0.5))
