@@ -266,9 +266,7 @@ class Look(Result):
         names = ["time [s]"]
         for one, late in zip((self, *others), (0.0, *offsets), strict=True):
             if one.times is None or late is None:
-                words = (
-                    f"it is not known when it begins. Give --offset SECONDS after {self.path.name}, for each further log in their order."
-                )
+                words = f"when does it begin? Give --offset SECONDS after {self.path.name}, for each further log in their order."
                 raise RecordError(one.problem or words, one.path.name, code="record.time-unclear")
             times = np.round(one.times.values - one.times.values[0] + late, 6)
             for c in (c for c in one.columns if c.guess in _SHOWN or (c.unit and c.good.any())):

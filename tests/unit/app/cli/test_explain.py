@@ -166,7 +166,7 @@ def test_a_form_of_stamps_is_for_the_log_that_has_it(tmp_path: Path, call: Call)
     (tmp_path / "board.csv").write_text("ms,T1 [degC]\n" + "".join(f"{1000 * k},{20 + 0.1 * k}\n" for k in range(20)))
     (tmp_path / "supply.csv").write_text("time;U (V)\n" + "".join(f"9h{k:02d};4,1\n" for k in range(12, 60, 6)))
     said = call("look", tmp_path / "board.csv", tmp_path / "supply.csv", "--clock", "%Hh%M", "--json")
-    assert (said.code, [one["step_s"] for one in said.object["logs"]]) == (0, [1.0, 360.0])
+    assert (said.code, [one["sampling"]["step"] for one in said.object["logs"]]) == (0, [1.0, 360.0])
     assert call("look", tmp_path / "board.csv", "--clock", "%Hh%M").code == 2
 
 
