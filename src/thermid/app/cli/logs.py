@@ -55,11 +55,10 @@ def look(
     parts += [f"{len(logs)} parts between restarts, each on a clock of its own, written to {cut}"] if cut is not None else []
     if join is not None:
         write_text(join, looks[0].joined(looks[1:], offset or [measured.stated_offset(c) for c in clocks]), FileKinds.LOG)
-        parts.append(f"joined log: {join}")
     lines = measured.clock_lines(looks, clocks) if cut is None else []
     first = [lines.pop(0)] if lines and lines[0].startswith("check: ") else []
     parts = [*first, *parts, *(["\n".join(lines)] if lines else [])]
-    text = "\n\n".join(parts) + (f"\npicture: {to}" if to is not None else "")
+    text = "\n\n".join(parts) + (f"\npicture: {to}" if to is not None else "") + (f"\njoined log: {join}" if join is not None else "")
     joining = {"clocks": clocks} if clocks else {}
     say(as_json, {"status": "error" if bad else "ok", "logs": [file_look.as_object() for file_look in looks], **joining}, text)
     raise SystemExit(2 if bad else 0)
