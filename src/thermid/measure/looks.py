@@ -4,7 +4,6 @@ from thermid.measure._readers.look import (
     Look as Look,
     clock_lines as clock_lines,
     clocks_of as clocks_of,
-    joined_log as joined_log,
     look as look,
     named_apart as named_apart,
     offset_range as offset_range,

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import shutil
-from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
 
 from thermid.app.cli.options import Force, Json, say
-from thermid.base.errors import RecordError, refuse_unknown
+from thermid.base.errors import RecordError
 from thermid.base.files import FileKinds, check_ending, write_text
 from thermid.base.units import amount
 from thermid.measure import looks as measured
@@ -29,7 +28,7 @@ def look(
     cut: Annotated[Path | None, typer.Option("--cut", help="Folder for the parts of one log between restarts of its board.")] = None,
     join: Annotated[Path | None, typer.Option("--join", help="Log to write (CSV): all logs on the clock of the first.")] = None,
     offset: Annotated[
-        list[str], typer.Option("--offset", help="FILE=SECONDS: when a further log begins on the clock of the first; may be repeated.")
+        list[float], typer.Option("--offset", help="When each further log begins on the clock of the first, in their order. [s]")
     ] = [],  # noqa: B006
     force: Force = False,
     as_json: Json = False,
@@ -56,27 +55,14 @@ def look(
     parts = ["\n".join(file_look.lines(width)) for file_look in looks]
     parts += [f"{len(logs)} parts between restarts, each on a clock of its own, written to {cut}"] if cut is not None else []
     if join is not None:
-        write_text(join, measured.joined_log(looks, _offsets(clocks, offset)), FileKinds.LOG)
-        parts.append(f"joined log: {join}")
+        write_text(join, looks[0].joined(looks[1:], offset or [measured.stated_offset(c) for c in clocks]), FileKinds.LOG)
     lines = measured.clock_lines(looks, clocks) if cut is None else []
     first = [lines.pop(0)] if lines and lines[0].startswith("check: ") else []
     parts = [*first, *parts, *(["\n".join(lines)] if lines else [])]
-    text = "\n\n".join(parts) + (f"\npicture: {to}" if to is not None else "")
+    text = "\n\n".join(parts) + (f"\npicture: {to}" if to is not None else "") + (f"\njoined log: {join}" if join is not None else "")
     joining = {"clocks": clocks} if clocks else {}
     say(as_json, {"status": "error" if bad else "ok", "logs": [file_look.as_object() for file_look in looks], **joining}, text)
     raise SystemExit(2 if bad else 0)
-
-
-def _offsets(clocks: Sequence[dict[str, Any]], stated: Sequence[str]) -> list[float]:
-    """Return when further logs begin on the clock of the first one, as stated, else by common steps or stamps. [s]"""
-    given = {name: amount(f"{text} [s]", "s", f"--offset {name}") for name, _, text in (one.partition("=") for one in stated)}
-    refuse_unknown(given, [c["file"] for c in clocks], "--offset", "no further log '{}'. Further logs: {known}.")
-    out = [given.get(c["file"], measured.stated_offset(c)) for c in clocks]
-    for late, name in ((late, c["file"]) for late, c in zip(out, clocks, strict=True)):
-        if late is None:
-            words = f"neither stamps nor a common step show when {name} begins. Give it: --offset {name}=SECONDS after the first log."
-            raise RecordError(words, "--join", code="record.time-unclear")
-    return [late for late in out if late is not None]
 
 
 def _cut(log: Path, folder: Path) -> list[Path]:

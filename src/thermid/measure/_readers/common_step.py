@@ -72,10 +72,6 @@ class Explanation:
     constants: FloatArray
     sizes: FloatArray
 
-    def shared(self, offsets: Sequence[float] | FloatArray) -> tuple[float, float]:
-        """Return the times of the other log from and to which it is there at all of some offsets. [s]"""
-        return float(max(offsets)), float(min(offsets) + self.times[-1])
-
     def rise(self, length: float) -> FloatArray:
         """Return 1 - exp(-t / constant) of each column at t = 0.1, 0.3 and 1 times `length` (instants, columns); 1 without responses.
 
@@ -291,16 +287,16 @@ def _refined_offset(effect: LogCourse, responses: Explanation, best: float, spac
     """Return the offset that leaves least, looked for within four spacings of `best` in finer and finer steps. [s]"""
     for _ in range(FINER):
         tried = best + np.linspace(-4.0, 4.0, 17) * spacing
-        best = float(tried[int(np.argmin([_part_unexplained(effect, responses, o, responses.shared(tried)) for o in tried]))])
+        best = float(tried[int(np.argmin([_part_unexplained(effect, responses, o) for o in tried]))])
         spacing /= 8.0
         if spacing < 0.05 * step:
             break
     return best
 
 
-def _part_unexplained(effect: LogCourse, responses: Explanation, offset: float, ends: tuple[float, float] | None = None) -> float:
+def _part_unexplained(effect: LogCourse, responses: Explanation, offset: float) -> float:
     """Return the sum of squared residuals with the other course, later by an offset [s], over that without it; 1 where it explains none."""
-    return _compare_at(effect, responses, offset, ends)[0]
+    return _compare_at(effect, responses, offset)[0]
 
 
 def _information(seen: LogCourse, made: Explanation, offset: float) -> float:
@@ -309,9 +305,9 @@ def _information(seen: LogCourse, made: Explanation, offset: float) -> float:
     return -shared * float(np.log(max(left, 1e-12)))
 
 
-def _compare_at(seen: LogCourse, made: Explanation, offset: float, ends: tuple[float, float] | None = None) -> tuple[float, int]:
+def _compare_at(seen: LogCourse, made: Explanation, offset: float) -> tuple[float, int]:
     """Return the sum of squared residuals with the other course over that without it, at an offset [s], and the number of readings."""
-    rows, target = _rows(seen, made, offset, ends)
+    rows, target = _rows(seen, made, offset)
     own = rows.shape[1] - made.columns.shape[1]
     if target.size < 4 * rows.shape[1] or float(np.ptp(rows[:, own])) == 0.0:
         return 1.0, target.size
@@ -322,19 +318,14 @@ def _compare_at(seen: LogCourse, made: Explanation, offset: float, ends: tuple[f
     return left / without, target.size
 
 
-def _rows(
-    effect: LogCourse, responses: Explanation, offset: float, ends: tuple[float, float] | None = None
-) -> tuple[FloatArray, FloatArray]:
+def _rows(effect: LogCourse, responses: Explanation, offset: float) -> tuple[FloatArray, FloatArray]:
     """Return the terms (readings, terms) of the linear model at an offset [s], and the readings that they explain (readings,).
 
-    The terms are 1, the time or decays exp(-t / constant) of earlier heat, and the other course shifted by the offset. Readings are those
-    that both courses share, or from one of `ends` to the other [s]: offsets compete by the same readings, as one that leaves or enters
-    can change the squares by more than a second's shift does.
+    The terms are 1, the time or decays exp(-t / constant) of earlier heat, and the other course shifted by the offset.
     """
     thin = slice(None, None, max(1, effect.times.size // MAX_COMPARED_READINGS))
     times, target = effect.times[thin], effect.values[thin]
-    low, high = ends or responses.shared((offset,))
-    inside = (times >= low) & (times <= high)
+    inside = (times >= offset) & (times <= offset + responses.times[-1])
     times, target = times[inside], target[inside]
     after = np.clip(np.searchsorted(responses.times, times - offset), 1, responses.times.size - 1)
     part = (times - offset - responses.times[after - 1]) / (responses.times[after] - responses.times[after - 1])
@@ -382,9 +373,9 @@ def _error(effect: LogCourse, responses: Explanation, best: float, step: float) 
     residuals, _ = _fitted(*_rows(effect, responses, best))
     changes = np.count_nonzero(np.diff(np.sign(residuals)))
     count = max(residuals.size * float(np.tan(0.5 * np.pi * min(changes / residuals.size, 0.5))) ** 2, MIN_INDEPENDENT)
+    base = max(_part_unexplained(effect, responses, best), 1e-12)
     for width in np.geomspace(0.1 * step, max(effect.times[-1], step), 32).tolist():
-        ends = responses.shared((best - width, best + width))
-        aside, base = (min(_part_unexplained(effect, responses, best + s, ends) for s in side) for side in ((-width, width), (0.0,)))
-        if np.log(aside / max(base, 1e-12)) > 1.0 / count:
+        rise = min(_part_unexplained(effect, responses, best - width), _part_unexplained(effect, responses, best + width)) / base
+        if np.log(rise) > 1.0 / count:
             return float(max(width, step / 12.0**0.5))
     return float(effect.times[-1])

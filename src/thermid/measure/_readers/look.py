@@ -250,6 +250,35 @@ class Look(Result):
             out.append(LogCourse(" * ".join(c.name for c in columns), True, times[good], watts[good]))
         return out
 
+    def joined(self, others: Sequence[Look], offsets: Sequence[float | None]) -> str:
+        """Return this log and others of one test as one (CSV) on its clock, at the times of all: where a log has no reading, none stands.
+
+        Parameters
+        ----------
+        others : sequence of Look   Each with columns of its own, from `named_apart`.
+        offsets : sequence          When each begins on this clock; None where nothing tells it. [s]
+
+        Raises
+        ------
+        RecordError   When it is not known when a log begins, or its times cannot be read.
+        """
+        rows: dict[float, dict[str, str]] = {}
+        names = ["time [s]"]
+        for one, late in zip((self, *others), (0.0, *offsets), strict=True):
+            if one.times is None or late is None:
+                words = f"when does it begin? Give --offset SECONDS after {self.path.name}, for each further log in their order."
+                raise RecordError(one.problem or words, one.path.name, code="record.time-unclear")
+            times = np.round(one.times.values - one.times.values[0] + late, 6)
+            for c in (c for c in one.columns if c.guess in _SHOWN or (c.unit and c.good.any())):
+                names.append(one.again.get(c.name, c.name) + (f" [{c.unit}]" if c.unit else ""))
+                for time, value in zip(times[c.good].tolist(), c.values[c.good].tolist(), strict=True):
+                    rows.setdefault(time, {"time [s]": f"{time:.10g}"})[names[-1]] = f"{value:.10g}"
+        file = StringIO()
+        writer = csv.DictWriter(file, names, lineterminator="\n")
+        writer.writeheader()
+        writer.writerows(rows[time] for time in sorted(rows))
+        return file.getvalue()
+
     @property
     def supplies(self) -> dict[str, tuple[Column, ...]]:
         """Name of a power -> its columns in volts and in amperes, or that of a counter of energy where the log has no other power."""
@@ -485,35 +514,6 @@ def named_apart(looks: Sequence[Look]) -> list[Look]:
         taken.update(again.get(name, name) for name in names)
         out.append(replace(look, again=again))
     return out
-
-
-def joined_log(looks: Sequence[Look], offsets: Sequence[float]) -> str:
-    """Return several logs of one test as one (CSV) on the clock of the first, at the times of all: where a log has no reading, none stands.
-
-    Parameters
-    ----------
-    looks : sequence of Look    Logs with readable times, from `named_apart`.
-    offsets : sequence          When each further log begins on the clock of the first one. [s]
-
-    Raises
-    ------
-    RecordError   When times of a log cannot be read.
-    """
-    rows: dict[float, dict[str, str]] = {}
-    names = ["time [s]"]
-    for one, late in zip(looks, (0.0, *offsets), strict=True):
-        if one.times is None:
-            raise RecordError("its times cannot be read yet.", one.path.name, code="record.time-not-read")
-        times = np.round(one.times.values - one.times.values[0] + late, 6)
-        for c in (c for c in one.columns if c.guess in _SHOWN or (c.unit and c.good.any())):
-            names.append(one.again.get(c.name, c.name) + (f" [{c.unit}]" if c.unit else ""))
-            for time, value in zip(times[c.good].tolist(), c.values[c.good].tolist(), strict=True):
-                rows.setdefault(time, {"time [s]": f"{time:.10g}"})[names[-1]] = f"{value:.10g}"
-    file = StringIO()
-    writer = csv.DictWriter(file, names, lineterminator="\n")
-    writer.writeheader()
-    writer.writerows(rows[time] for time in sorted(rows))
-    return file.getvalue()
 
 
 def clock_lines(looks: Sequence[Look], clocks: Sequence[dict[str, Any]]) -> list[str]:

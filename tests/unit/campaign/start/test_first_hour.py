@@ -147,7 +147,7 @@ def test_a_log_of_another_logger_is_no_further_test(tmp_path: Path) -> None:
         "it has none of the temperatures of the first log. A further log is another test of the unit. A log that ran beside the first is "
         "joined with it before: `thermid look FIRST OTHER --join joined.csv`, then `init` with that."
     )
-    joined, offset = tmp_path / "joined.csv", "supply.csv=5"
+    joined, offset = tmp_path / "joined.csv", "5"
     code, _ = said("look", str(log), str(tmp_path / "supply.csv"), "--join", str(joined), "--offset", offset)
     roles = roles_of(joined, formulas={"P2": "V_IN * I_IN"}, powers=["P2=plate"])
     assert (code, dict(roles.parts), roles.surroundings) == (0, {"T_plate": "plate"}, "T_room")
