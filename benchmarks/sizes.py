@@ -48,7 +48,12 @@ def cube(side: tuple[int, int, int], heaters: int = 0, stream: int = 0, groups: 
         deck["nodes"] |= {f"w{k}": {"capacitance": "4 [J/K]"} for k in range(stream)}
         for k, n in enumerate(row):
             conductors[f"film{k}"] = {"kind": "conduction", "between": [f"w{k}", n], "conductance": "0.5 [W/K]"}
-            conductors[f"flow{k}"] = {"kind": "flow", "between": [f"w{k - 1}" if k else "air", f"w{k}"], "mass_flow": "1 [g/s]", "fluid_heat": "4180 [J/(kg K)]"}
+            conductors[f"flow{k}"] = {
+                "kind": "flow",
+                "between": [f"w{k - 1}" if k else "air", f"w{k}"],
+                "mass_flow": "4 [g/s]",
+                "fluid": "air",
+            }
     return deck
 
 
@@ -84,7 +89,10 @@ def fit_of(side: tuple[int, int, int], groups: int, sensors: int) -> None:
     record = td.Record.from_arrays("lab", times, channels)
     seconds, fit = cpu(lambda: td.calibrate(model, record, list(truth)), 1)
     off = [(fit.values[n].value - v) / fit.values[n].error for n, v in truth.items()]
-    print(f"fit of {np.prod(side)} nodes, {groups} factors, {sensors} sensors: {seconds:.2f} s, {fit.evaluations} evaluations, RMS of z {np.sqrt(np.mean(np.square(off))):.2f}, largest {np.abs(off).max():.2f}", flush=True)
+    print(
+        f"fit of {np.prod(side)} nodes, {groups} factors, {sensors} sensors: {seconds:.2f} s, {fit.evaluations} evaluations, RMS of z {np.sqrt(np.mean(np.square(off))):.2f}, largest {np.abs(off).max():.2f}",
+        flush=True,
+    )
 
 
 if __name__ == "__main__":
