@@ -51,8 +51,8 @@ def cube(side: tuple[int, int, int], heaters: int = 0, stream: int = 0, groups: 
             conductors[f"flow{k}"] = {
                 "kind": "flow",
                 "between": [f"w{k - 1}" if k else "air", f"w{k}"],
-                "mass_flow": "1 [g/s]",
-                "fluid_heat": "4180 [J/(kg K)]",
+                "mass_flow": "4 [g/s]",
+                "fluid": "air",
             }
     return deck
 
@@ -89,10 +89,8 @@ def fit_of(side: tuple[int, int, int], groups: int, sensors: int) -> None:
     record = td.Record.from_arrays("lab", times, channels)
     seconds, fit = cpu(lambda: td.calibrate(model, record, list(truth)), 1)
     off = [(fit.values[n].value - v) / fit.values[n].error for n, v in truth.items()]
-    print(
-        f"fit of {np.prod(side)} nodes, {groups} factors, {sensors} sensors: {seconds:.2f} s, {fit.evaluations} evaluations, RMS of z {np.sqrt(np.mean(np.square(off))):.2f}, largest {np.abs(off).max():.2f}",
-        flush=True,
-    )
+    words = f"RMS of errors over standard errors {np.sqrt(np.mean(np.square(off))):.2f}, largest {np.abs(off).max():.2f}"
+    print(f"fit of {np.prod(side)} nodes, {groups} factors, {sensors} sensors: {seconds:.2f} s, {fit.evaluations} evaluations, {words}")
 
 
 if __name__ == "__main__":

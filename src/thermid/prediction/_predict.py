@@ -242,38 +242,6 @@ def shares(parts: Mapping[str, float]) -> dict[str, float]:
 
 
 @dataclass(frozen=True, eq=False)
-class DutyBand:
-    """The duty cycle of a thermostat in the run with the best values and in members, which differ in when they switch.
-
-    Parameters
-    ----------
-    best : DutyCycle
-    members : array (members, 2)    Time on over time, of the run and of its last complete cycle; NaN where there is none. [-]
-    """
-
-    best: DutyCycle
-    members: Array
-
-    def interval(self, level: float = 0.95) -> Array:
-        """Return mean and ends (3, 2) of the band, of the run and of the last cycle; NaN where no member has one. [-]"""
-        members = [column[np.isfinite(column)] for column in self.members.T]
-        ends = (0.5 - level / 2, 0.5 + level / 2)
-        return np.array([[x.mean(), *np.quantile(x, ends)] if x.size else [np.nan] * 3 for x in members]).T
-
-    def __str__(self) -> str:
-        """Return both bands in words, and the power of the run with the best values."""
-        run, last = (f"{100 * mean:.1f} % (95 %: {100 * low:.1f} .. {100 * high:.1f})" for mean, low, high in self.interval().T)
-        words = f", of the last cycle {last}" if np.isfinite(self.members[:, 1]).any() else ""
-        return f"duty cycle of the run {run}{words}; the run with the fitted values: {self.best}"
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return both bands as plain numbers; None where there is no complete cycle."""
-        run, last = ([None if np.isnan(x) else float(x) for x in column] for column in self.interval().T)
-        names = ("mean", "low", "high")
-        return {"run": dict(zip(names, run, strict=True)), "last_cycle": dict(zip(names, last, strict=True)), "best": self.best.to_dict()}
-
-
-@dataclass(frozen=True, eq=False)
 class Prediction(Named[Band]):
     """What a fitted model says of a scenario, and with what uncertainty.
 
@@ -289,7 +257,7 @@ class Prediction(Named[Band]):
     left_out : tuple of LeftOut What the bands do not count.
     least : float               Standard error beside which that is to be seen. [K]
     explanation : str           Which defect, fitted beside the deck, the prediction counts; empty where it is that of the deck.
-    duty_cycles : dict          Thermostat -> DutyBand, where members were drawn because they switch.
+    duty_cycles : dict          Thermostat -> DutyCycle of the run with the best values, with those of members where these were drawn.
     """
 
     title: str
@@ -304,7 +272,7 @@ class Prediction(Named[Band]):
     left_out: tuple[LeftOut, ...] = ()
     least: float = 0.0
     explanation: str = ""
-    duty_cycles: Mapping[str, DutyBand] = field(default_factory=dict)
+    duty_cycles: Mapping[str, DutyCycle] = field(default_factory=dict)
 
     @property
     def not_counted(self) -> str:
@@ -544,7 +512,6 @@ def averaged(plain: Prediction, others: Sequence[ExplainedFit], explained: Seque
     duty_cycles = {
         name: replace(duty, members=_shared_out([t.duty_cycles[name].members for t in explained], weights))
         for name, duty in explained[0].duty_cycles.items()
-        if all(name in t.duty_cycles for t in explained)
     }
     standing = worst([*(t.standing for t in explained), *fit.rests.values(), *([fit.verdict] if fit.verdict is not None else [])])
     warnings = tuple(dict.fromkeys(w for t in explained for w in t.warnings))
@@ -643,7 +610,7 @@ def predicted(
     words = meaning(widest.shares if widest is not None else {}, budget)
     bands = {n: b.parted for n, b in bands.items()} if first.setting.switches else bands
     standing = worst([budget.standing, *best.doubts])
-    duty_cycles = {name: DutyBand(duty, shares[name]) for name, duty in best.duty_cycles.items() if name in shares}
+    duty_cycles = {name: replace(duty, members=shares.get(name, duty.members)) for name, duty in best.duty_cycles.items()}
     titles = (budget.model.title, budget.scenario.title)
     return Prediction(*titles, times, bands, rest, words, warnings, find, standing, omitted, least, duty_cycles=duty_cycles)
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -31,7 +31,7 @@ def on_shares(times: Array, states: Array, before: int, end: float) -> tuple[flo
     return whole, float(on @ np.diff(np.clip(edges, *starts))) / period, period
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class DutyCycle:
     """How a thermostat switched over a run, and the power of the loads that it switches.
 
@@ -42,6 +42,7 @@ class DutyCycle:
     cycles : int                How often it switched on.
     energy : float              Of the run. [J]
     mean_power, last_power      Mean power over the run, and over the last cycle at the mean power of the time on. [W]
+    members : array (n, 2)      Of a prediction: both shares of its members, which switch at different times; no rows of a run. [-]
     """
 
     share: float
@@ -51,15 +52,26 @@ class DutyCycle:
     energy: float
     mean_power: float
     last_power: float
+    members: Array = field(default_factory=lambda: np.zeros((0, 2)), repr=False)
+
+    def interval(self, level: float = 0.95) -> Array:
+        """Return the ends (2, 2) of the band of both shares over the members that have them; NaN where there are none. [-]"""
+        columns = [column[np.isfinite(column)] for column in self.members.T]
+        ends = (0.5 - level / 2, 0.5 + level / 2)
+        return np.array([np.quantile(x, ends) if x.size else (np.nan, np.nan) for x in columns]).T
 
     def __str__(self) -> str:
         """Return both shares and powers in words."""
-        last = f"; last cycle, {duration_text(self.period)}: {100 * self.last_share:.1f} %, {short(self.last_power, 3)} W"
+        run, last = (f" (95 %: {100 * a:.1f} .. {100 * b:.1f})" if np.isfinite(a) else "" for a, b in self.interval().T)
+        words = f"; last cycle, {duration_text(self.period)}: {100 * self.last_share:.1f} %{last}, {short(self.last_power, 3)} W"
         return (
-            f"duty cycle {100 * self.share:.1f} %, mean power {short(self.mean_power, 3)} W, energy {short(self.energy / 3600.0, 3)} W h, "
-            f"switched on {counted(self.cycles, 'time')}{last if np.isfinite(self.period) else ''}"
+            f"duty cycle {100 * self.share:.1f} %{run}, mean power {short(self.mean_power, 3)} W, energy {short(self.energy / 3600.0, 3)} "
+            f"W h, switched on {counted(self.cycles, 'time')}{words if np.isfinite(self.period) else ''}"
         )
 
     def to_dict(self) -> dict[str, Any]:
-        """Return it as plain numbers; None where there is no complete cycle."""
-        return {name: None if value != value else value for name, value in asdict(self).items()}
+        """Return it as plain numbers, with the ends of both bands; None where there is no complete cycle, or no member."""
+        (low, last_low), (high, last_high) = self.interval().tolist()
+        ends = {"low": low, "high": high, "last_low": last_low, "last_high": last_high}
+        numbers = {name: value for name, value in vars(self).items() if name != "members"} | ends
+        return {name: value if np.isfinite(value) else None for name, value in numbers.items()}

@@ -566,13 +566,8 @@ def run_members(
         )
     calls = [(f"members from {first} on", (runs, v)) for first, v in _tasks(values, members, LANES)]
     begun, parts = process_time(), [runs.group(calls[0][1][1])]
-    parts += map(
-        itemgetter(1),
-        sorted(
-            in_tasks(_Runs.group, calls[1:], kept_tasks.workers, (process_time() - begun) * (len(calls) - 1)),
-            key=itemgetter(0),
-        ),
-    )
+    others = in_tasks(_Runs.group, calls[1:], kept_tasks.workers, (process_time() - begun) * (len(calls) - 1))
+    parts += map(itemgetter(1), sorted(others, key=itemgetter(0)))
     # members are numbered through all groups; turning points of nodes that were not followed in each group are left out
     firsts = np.cumsum([0, *(p.members for p in parts)])[:-1].tolist()
     failed = {first + m: why for first, p in zip(firsts, parts, strict=True) for m, why in p.failed.items()}
@@ -723,9 +718,9 @@ def _duty_cycles(engine: Engine, kernel: Any, members: int, failed: Mapping[int,
     for m in (m for m in range(members if out else 0) if m not in failed):
         times, switches, states, on = kernel.switchings(m)
         for name, shares in out.items():
-            own = switches == (k := engine.control_names.index(name))
-            before = 1 - states[own][0] if own.any() else on[k]
-            shares[m] = on_shares(times[own], states[own], int(before), end)[:2]
+            chosen = switches == (k := engine.control_names.index(name))
+            before = 1 - states[chosen][0] if chosen.any() else on[k]
+            shares[m] = on_shares(times[chosen], states[chosen], int(before), end)[:2]
     return out
 
 

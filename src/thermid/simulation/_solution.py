@@ -528,14 +528,14 @@ class Solution(Result):
     def duty_cycles(self) -> dict[str, DutyCycle]:
         """Thermostat, or load that has one of its own -> its duty cycle, and the power of the loads that it switches."""
         engine, answer = self._run.engine, self._run.answer
-        energies = dict(zip(engine.load_names, answer.load_energy.tolist(), strict=False))
         out = {}
         for name in engine.thermostats:
             k = engine.control_names.index(name)
-            own = [(time, state, before) for time, row, state, before in answer.switched if row == k]
-            times, states = np.array([[time, state] for time, state, _ in own]).reshape(-1, 2).T
-            share, last, period = on_shares(times, states, own[0][2] if own else int(answer.on[k]), answer.end)
-            energy = sum(energies[x.path] for x in self._run.network.flat.loads if x.path == name or name in x.controls)
+            events = [(time, state, before) for time, row, state, before in answer.switched if row == k]
+            times, states = np.array([[time, state] for time, state, _ in events]).reshape(-1, 2).T
+            share, last, period = on_shares(times, states, events[0][2] if events else int(answer.on[k]), answer.end)
+            loads = {name, *(x.path for x in self._run.network.flat.loads if name in x.controls)}
+            energy = sum(e for load, e in zip(engine.load_names, answer.load_energy.tolist(), strict=False) if load in loads)
             mean = energy / answer.end
             of_last = mean * last / share if share > 0.0 else last
             out[name] = DutyCycle(share, last, period, int(states.sum()), energy, mean, of_last)

@@ -61,6 +61,16 @@ def test_the_last_cycle_is_that_of_two_exponentials(by_control: bool) -> None:
     assert math.isnan(shares[1, 1])
 
 
+def test_the_heat_of_a_heater_on_a_node_without_mass_is_whole() -> None:
+    table = deck(False)
+    table["nodes"]["foil"] = {}
+    table["conductors"] |= {f"glue_{n}": {"kind": "conduction", "between": ["foil", n], "conductance": "1 [W/K]"} for n in ("box", "air")}
+    table["loads"]["heater"] |= {"into": "foil", "power": "70 [W]", "thermostat": LIMITS | {"sensor": "box"}}
+    run = td.simulate(td.model_from_dict(table), COLD)
+    assert run.duty_cycles["heater"].cycles > 1
+    assert run.duty_cycles["heater"].energy == pytest.approx(run.heat_balance().loads, rel=1e-12)
+
+
 def test_the_command_states_the_duty_cycle(tmp_path: Path) -> None:
     td.save_model(td.model_from_dict(deck(False)), tmp_path / "box.toml")
     words = ["simulate", str(tmp_path / "box.toml"), "--boundary", "air=-20", "--start", "7 [degC]", "--for", "1 [h]"]
