@@ -145,7 +145,7 @@ def test_a_sensor_that_misses_by_a_constant_is_asked_about_its_place(found: Cali
     moved = held.with_channels(replace(held["T"], values=held["T"].values + np.where(held.times > 600.0, 2.5, 0.0)))
     (question,) = validate(found, moved, WIDE).questions
     assert question.startswith("check: T reads 2.")
-    assert question.endswith("K above the prediction throughout. Does this sensor sit at another place than in the fitted records?")
+    assert question.endswith("K above the prediction throughout; does this sensor sit at another place than in the fitted records?")
     assert validate(found, moved, Criteria(rmse="5 [K]")).questions == ()
 
 
