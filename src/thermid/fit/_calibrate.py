@@ -451,9 +451,8 @@ def summarise(
     }
     values = FittedValues(name, items, total[np.ix_(rows, rows)], provenance)
     moved = moves_above(request, problem, best, spread.variance_factor) if request.store.states else Moves()
-    errors = np.sqrt(np.diag(total)).tolist()
-    alone = own_standing(request, problem, values, best.fitted.tolist(), errors, spread, moved, best.message * (not best.converged))
-    rests = rests_on(request, values)
+    at_end, message = (best.fitted.tolist(), np.sqrt(np.diag(total)).tolist()), best.message * (not best.converged)
+    alone, rests = own_standing(request, problem, values, *at_end, spread, moved, message), rests_on(request, values)
     store = stored(request, problem, values.judged(worst([alone, *rests.values()])), responses_of_fit)
     values = _with_uncut(view(store, list(values), name), problem, best, responses_of_fit)
     runner, far = request.model.runner, contradicted(values)
