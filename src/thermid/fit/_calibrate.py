@@ -450,10 +450,8 @@ def summarise(
     }
     values = FittedValues(name, items, total[np.ix_(rows, rows)], provenance)
     moved = moves_above(request, problem, best, spread.variance_factor) if request.store.states else Moves()
-    errors = np.sqrt(np.diag(total)).tolist()
-    message = "" if best.converged else best.message
-    alone = own_standing(request, problem, values, best.fitted.tolist(), errors, spread, moved, message)
-    rests = rests_on(request, values)
+    at_end, message = (best.fitted.tolist(), np.sqrt(np.diag(total)).tolist()), best.message * (not best.converged)
+    alone, rests = own_standing(request, problem, values, *at_end, spread, moved, message), rests_on(request, values)
     store = stored(request, problem, values.judged(worst([alone, *rests.values()])), responses_of_fit)
     values = _with_uncut(view(store, list(values), name), problem, best, responses_of_fit)
     runner, far = request.model.runner, contradicted(values)
@@ -868,15 +866,12 @@ def _judged_by_estimates(fit: Calibration, spread: Autocorrelation) -> Calibrati
         return fit
     assert fit.problem is not None
     assert fit.request is not None
-    at, errors = [], []
-    for u in fit.problem.unknowns:
-        expected = fit.expected.get(u.name)
-        x = u.to_fitted(expected[0]) if expected else u.prior.mean if u.prior is not None else fit.fitted[u.name]
-        at.append(float(x))
-        errors.append(expected[1] / u.slope(x) if expected else 0.0)
-    own = own_standing(fit.request, fit.problem, fit.estimates, at, errors, spread, fit.moved)
+    values, priors = fit.expected, {u.name: u.prior.mean for u in fit.problem.unknowns if u.prior is not None}
+    at = [u.to_fitted(values[u.name][0]) if u.name in values else priors.get(u.name, fit.fitted[u.name]) for u in fit.problem.unknowns]
+    errors = [values[u.name][1] / u.slope(x) if u.name in values else 0.0 for u, x in zip(fit.problem.unknowns, at, strict=True)]
+    standing = own_standing(fit.request, fit.problem, fit.estimates, at, errors, spread, fit.moved)
     warnings = tuple(w for w in fit.warnings if not w.startswith(LOUD) or fit.contradicted)
-    return replace(fit, own=own, warnings=warnings).judged(fit.rests, fit.verdict)
+    return replace(fit, own=standing, warnings=warnings).judged(fit.rests, fit.verdict)
 
 
 def _fitted(

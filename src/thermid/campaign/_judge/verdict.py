@@ -22,7 +22,7 @@ from thermid.base.errors import IdentificationError, ScenarioError, nearest, ref
 from thermid.base.files import FileKinds, Places, by_grammar, read_json, write_text
 from thermid.base.linear_algebra import Array
 from thermid.base.results import VERDICTS, PlottedTrace, Result, Row, check_mark, weigh
-from thermid.base.units import ICE_POINT, amount, counted, short
+from thermid.base.units import ICE_POINT, amount, counted, short, some
 from thermid.fit.calibration import FIRST, Calibration, Request, SensorStatistics, SensorTrace, fit
 from thermid.measure.records import Record
 from thermid.model.tree import UNJUDGED, Model, Standing, literal
@@ -587,19 +587,14 @@ class Verdict(Result):
         """What its record asks of its owner: exchanged sensors, a power in another unit, other conditions, a sensor that moved since."""
         missed = {c.sensor for c in self.missed}
         apart = {n: s.mean for n, s in self.statistics.items() if n in missed and abs(s.mean) > ONE_SIGN * s.rmse}
-        sides = {mean > 0.0 for mean in apart.values()}
-        if len(sides) == 1 and 1 < len(apart) == len(self.statistics):
-            sizes, side = sorted(map(abs, apart.values())), "above" if sides == {True} else "below"
-            moved = [
-                f"{FIRST}all sensors read {short(sizes[0])} to {short(sizes[-1])} K {side} the prediction throughout. Do losses, a fan's "
-                "speed, a power or the surroundings differ from the fitted records?"
-            ]
-        else:
-            moved = [
-                f"{FIRST}{n} reads {short(abs(mean))} K {'above' if mean > 0.0 else 'below'} the prediction throughout. Does this sensor "
-                "sit at another place than in the fitted records?"
-                for n, mean in apart.items()
-            ]
+        together = 1 < len(apart) == len(self.statistics) and len({mean > 0.0 for mean in apart.values()}) == 1
+        cause = "do losses, a fan, a power or the surroundings differ from" if together else "does this sensor sit at another place than in"
+        groups = [[*apart]] if together else [[n] for n in apart]
+        moved = [
+            f"{FIRST}{some(g, 'sensors')} read{'s' * (len(g) == 1)} {short(max(abs(apart[n]) for n in g))} K "
+            f"{'above' if apart[g[0]] > 0.0 else 'below'} the prediction throughout; {cause} the fitted records?"
+            for g in groups
+        ]
         return (*(w for w in self.prediction.warnings if w.startswith(FIRST)), *moved) if self.prediction is not None else ()
 
     @property

@@ -647,12 +647,11 @@ def with_structural_errors(fit: Calibration, errors: ErrorsOfFit) -> Calibration
     if not exponents:
         return fit
     powers = " to ".join(dict.fromkeys(f"dT^{end:.2f}" for end in (min(exponents.values()), max(exponents.values()))))
-    surfaces = quoted([*exponents], 3)
     words = (
-        f"the readings are explained once the coefficient of {surfaces} grows as {powers}, as in free air; with a constant one, fitted "
-        f"values go far from what was stated. Write htc = {{ coefficient = ..., exponent = 0.25 }} for {surfaces}, and fit again."
+        f"{FIRST}the readings are explained once the coefficient of free air grows as {powers}; with a constant one, fitted values go far "
+        f"from what was stated. Write htc = {{ coefficient = ..., exponent = 0.25 }} for {quoted([*exponents], 3)}, and fit again."
     )
-    return replace(fit, warnings=(*fit.warnings, f"{FIRST}{words}"))
+    return replace(fit, warnings=(*fit.warnings, words))
 
 
 def _widened(fit: Calibration, moved: Mapping[str, float], covariance: Array, unexplained: str) -> Calibration:

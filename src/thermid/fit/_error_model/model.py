@@ -167,8 +167,13 @@ class RunsOfFit:
         networks = [with_laws(e.network, laws) for e in problem.experiments]
         courses = along or [course_in_fit(problem, i, n, fitted) for i, n in enumerate(networks)]
         spans = tuple(float(c.times[-1]) for c in courses)
-        times, found = tuple(part * max(spans) for part in SHARES_OF_RUN), {n for u in problem.unknowns for n in (u.name, *u.also)}
-        departures_used = departures or departures_of(networks, courses, points, times, found)
+        departures_used = departures or departures_of(
+            networks,
+            courses,
+            points,
+            tuple(part * max(spans) for part in SHARES_OF_RUN),
+            {n for u in problem.unknowns for n in (u.name, *u.also)},
+        )
         parts = [(departures_used.shared(n, c, way, laws), departures_used.of_run(n, c)) for n, c in zip(networks, courses, strict=True)]
         columns = {c.name: c for shared, _ in parts for c, _ in shared}
         alone = [alone_in(problem, i) for i in range(len(courses))]

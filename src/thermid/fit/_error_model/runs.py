@@ -256,8 +256,7 @@ def departures_of(
     stored = {n: sum(r.stores[n][1] * float(np.ptp(r.kelvin[n])) for r in courses if n in r.stores) for r in courses for n in r.stores}
     nodes = tuple(sorted(stored, key=lambda n: -stored[n])[:NODES])
     columns = min(COLUMNS, ALL_COLUMNS // max(len(several), 1))
-    behind = network.flat.parameters.literal_behind
-    values = {p: {behind(f) for f in every[p].fields.values()} & {*fitted} for p in heat}
+    values = {p: {network.flat.parameters.literal_behind(f) for f in every[p].fields.values()} & {*fitted} for p in heat}
     smooth = {}
     for p, c in several.items():
         part = heat[p] / (heat[p] + sum(h for q, h in heat.items() if q != p and values[p] & values[q]))

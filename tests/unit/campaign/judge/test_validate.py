@@ -143,10 +143,15 @@ def test_a_sensor_that_misses_by_a_constant_is_asked_about_its_place(found: Cali
     """A thermometer was taken off the body and glued to the lid: 2.5 K, and nobody was asked."""
     held = run("held", 3)
     moved = held.with_channels(replace(held["T"], values=held["T"].values + np.where(held.times > 600.0, 2.5, 0.0)))
-    (question,) = validate(found, moved, WIDE).questions
+    verdict = validate(found, moved, WIDE)
+    (question,) = verdict.questions
     assert question.startswith("check: T reads 2.")
-    assert question.endswith("K above the prediction throughout. Does this sensor sit at another place than in the fitted records?")
+    assert question.endswith("K above the prediction throughout; does this sensor sit at another place than in the fitted records?")
     assert validate(found, moved, Criteria(rmse="5 [K]")).questions == ()
+    both = tuple(replace(c, sensor=n) for c in verdict.checks for n in ("T", "U"))
+    (question,) = replace(verdict, statistics=dict.fromkeys(("T", "U"), verdict.statistics["T"]), checks=both).questions
+    assert question.startswith("check: T, U read 2.")
+    assert "do losses" in question
 
 
 def test_the_text_says_the_word_and_every_criterion(found: Calibration) -> None:
