@@ -49,7 +49,7 @@ sys.meta_path[:] = [finder for finder in sys.meta_path if "editable" not in f"{t
 sys.path.insert(0, sys.argv[1])
 import numpy as np
 import thermid as td
-from thermid.base.extensions import json_schema
+from thermid.base.files import json_schema
 
 model = td.load_model("plate.toml")
 bench = td.Scenario("bench", boundaries={"base": "20 [degC]"}, start="20 [degC]", duration="10 [min]")
@@ -123,7 +123,7 @@ def copy(tmp_path_factory: pytest.TempPathFactory) -> Path:
     formats.write_text(added(source, "reader", "FORMATS: Final = (", "FORMATS: Final", '    Format("serial capture"'), encoding="utf-8")
     channel = folder / "src" / "thermid" / "measure" / "_record" / "channel.py"
     channel.write_text(lengthened(channel.read_text(encoding="utf-8"), "ROLES: Final", EXAMPLE["role-row"]), encoding="utf-8")
-    store = folder / "src" / "thermid" / "values" / "store.py"
+    store = folder / "src" / "thermid" / "values" / "_store.py"
     source = store.read_text(encoding="utf-8").replace("\nMIDPOINTS = ", f"\n{EXAMPLE['prior-class']}\n\nMIDPOINTS = ")
     store.write_text(source.replace("Shifted, Logarithm)}", f"Shifted, Logarithm{EXAMPLE['prior-name'].strip()})}}"), encoding="utf-8")
     spreads = folder / "src" / "thermid" / "values" / "_spreads.py"

@@ -194,10 +194,9 @@ def compare_htc(
     Churchill and Chu, DOI 10.1016/0017-9310(75)90243-4; McAdams, in Incropera, 6th ed., Section 9.6.2; source document, Eq. 7.
     """
     q, a, hot, cold, tall = _checked_inputs(power, area, surface, ambient, height)
-    rise = hot - cold
     refuse_unknown(errors or {}, ERRORS, "compare_htc, errors")
     sensor, of_power, of_area, drift = (amount((errors or {}).get(n, size), u, f"errors.{n}") for n, (u, size) in ERRORS.items())
-    effective = effective_htc(q, a, rise)
+    effective = effective_htc(q, a, rise := hot - cold)
     error = effective_htc_error(q, a, rise, power_error=of_power, area_error=of_area, rise_error=sensor * math.sqrt(2.0))
     faces = tuple(amount(x, "m", "box") for x in box) if box is not None else None
     correlations, remarks = _correlations(hot, cold, tall, faces, _gas(air, (hot + cold) / 2))
