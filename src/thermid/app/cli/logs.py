@@ -11,7 +11,6 @@ import typer
 from thermid.app.cli.options import Force, Json, say
 from thermid.base.errors import RecordError
 from thermid.base.files import FileKinds, check_ending, write_text
-from thermid.base.units import amount
 from thermid.measure import looks as measured
 from thermid.measure.readers import parts_between_restarts
 from thermid.reporting.looks import log_drawing
