@@ -39,7 +39,6 @@ ABLE = (
     "margin",
     "advice",
     "history",
-    "difference",
     "changes",
     "sizing",
     "worst cases",

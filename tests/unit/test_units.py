@@ -90,7 +90,7 @@ def test_format_and_parse_are_inverse(text: str, number: int) -> None:
 def test_format_value() -> None:
     assert format_value(297.15, "degC") == "24 [degC]"
     assert format_value(0.00292, "cm^2") == "29.2 [cm^2]"
-    assert format_value(0.3, "1") == "0.3 [1]"
+    assert format_value(0.3, "1") == "0.3"
 
 
 @pytest.mark.parametrize(

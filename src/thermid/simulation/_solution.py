@@ -527,6 +527,8 @@ class Solution(Result):
     @cached_property
     def duty_cycles(self) -> dict[str, DutyCycle]:
         """Thermostat, or load that has one of its own -> its duty cycle, and the power of the loads that it switches."""
+        if self._run is None:  # one of a block, in which nothing switches
+            return {}
         engine, answer = self._run.engine, self._run.answer
         out = {}
         for name in engine.thermostats:

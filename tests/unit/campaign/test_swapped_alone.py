@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import thermid as td
-from thermid.fit.error_model import KEY, ErrorModel, errors_without
+from thermid.fit.error_model import ERRORS_KEY, ErrorModel, errors_without
 from thermid.values.store import LaterTable
 from unit.fit.bench import log
 from unit.fit.project import write_log
@@ -200,7 +200,7 @@ contact_conductance = { value = "2000 [W/(m^2 K)]", min = 50, max = 50000 }
 
 
 def test_a_second_swap_keeps_the_first_in_mind(twins: tuple[td.Campaign, td.Model, Path]) -> None:
-    table = twins[0]["unit"].store.provenance["unit"][KEY]
+    table = twins[0]["unit"].store.provenance["unit"][ERRORS_KEY]
     both = errors_without(errors_without(table, ["hx"]), ["hy"])
     assert both.without == ("hx", "hy")
     assert not any(n.startswith("h") for n in ErrorModel.from_dict(both.table).seen)

@@ -140,7 +140,7 @@ class TestRobust:
                 "huber": np.where(z <= 1, z, 2 * np.sqrt(np.maximum(z, 1)) - 1),
                 "cauchy": np.log1p(z),
             }[loss]
-            return 0.5 * knee**2 * float(rho.sum())
+            return 0.5 * knee**2 * float(rho.sum()) + 0.5 * float(np.sum(problem.prior_rows(x)[0] ** 2))
 
         here = cost(found.fitted)
         if loss == "linear":

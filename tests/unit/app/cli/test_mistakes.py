@@ -34,10 +34,6 @@ from .conftest import Call
         (("check", "suply.toml"), "there is no file 'suply.toml' in this folder. Did you mean 'supply.toml'?"),
         (("check", "nosuch.toml"), "there is no file 'nosuch.toml' in this folder."),
         (
-            ("htc", *"--power 3 --area 1 --surface 40 --ambient 20 --height 1 --air 0 0 0".split()),
-            "conductivity, viscosity and Prandtl number of the air must be three numbers above zero",
-        ),
-        (
             ("moisture", "DECK", *"--boundary air=24 --for 60 --humidity air=60".split()),
             "'air' has a relative humidity of 60. Give 0 to 1, or a text such as '60 [%]'",
         ),

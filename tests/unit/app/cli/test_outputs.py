@@ -101,6 +101,7 @@ OUTPUTS = {
     "log": ["log", "--simulate", "--for", "2 [s]"],
     "look": ["look", "logs/pair_one.csv", "--svg"],
     "look --cut": ["look", "logs/pair_one.csv", "--cut"],
+    "look --join": ["look", "logs/pair_one.csv", "logs/box_bench.csv", "--offset", "0", "--join"],
     "import --scenario": ["import", "net.cc", "--scenario"],
     "write-back": ["write-back", "knobs.cc", "knobs.toml", "--param", "mcp=90", "--to"],
     "swap": ["swap", "campaign.toml", "a", "cool.toml", "--results", "r", "--new-data", "logs", "--to"],
@@ -130,6 +131,7 @@ ALSO_WRITTEN = (("log", "file"), ("report", "results"))
 ENDINGS = {
     "diagram": ".svg",
     "look": ".svg",
+    "look --join": ".csv",
     "export --as fmu": ".fmu",
     "hold --figure": ".png",
     "profile --picture": ".pdf",

@@ -41,6 +41,7 @@ class TestJson:
             "nodes",
             "time_constants_s",
             "heat_balance",
+            "duty_cycles",
             "steady_of",
             "warnings",
             "standing",
