@@ -146,13 +146,12 @@ def log_sum(logs: Sequence[float] | Array) -> float:
     return most + float(np.log(np.sum(np.exp(np.asarray(logs) - most))))
 
 
-def step_to_mode(log_evidence: Sequence[float], means: Sequence[Array], roots: Sequence[Array]) -> tuple[float, Array, float]:
-    """Return the cost of a point under a mixture of normal posteriors, the step towards its mode, and what it promises.
+def step_to_mode(log_evidence: Sequence[float], means: Sequence[Array], roots: Sequence[Array]) -> tuple[float, Array, Array]:
+    """Return the cost of a point under a mixture of normal posteriors, the step towards its mode, and standard errors there.
 
     Legend: member l of evidence Z_l and posterior N(m_l, S_l), as seen from the point. The cost is ``-ln sum_l Z_l N(0; m_l, S_l)``, but
     for constants; the step is that of expectation and maximisation, ``H^-1 sum_l r_l S_l^-1 m_l`` with shares r_l of that sum and
-    ``H = sum_l r_l S_l^-1`` (Dempster, Laird and Rubin, J. R. Stat. Soc. B 39 (1977) 1), which takes half its product with
-    ``sum_l r_l S_l^-1 m_l`` off the cost.
+    ``H = sum_l r_l S_l^-1`` (Dempster, Laird and Rubin, J. R. Stat. Soc. B 39 (1977) 1).
 
     Parameters
     ----------
@@ -162,16 +161,11 @@ def step_to_mode(log_evidence: Sequence[float], means: Sequence[Array], roots: S
     """
     inverses = [np.linalg.inv(root @ root.T) for root in roots]
     pulls = [inverse @ mean for inverse, mean in zip(inverses, means, strict=True)]
-    logs = np.array(
-        [
-            log - 0.5 * float(mean @ pull - np.linalg.slogdet(inverse)[1])
-            for log, mean, inverse, pull in zip(log_evidence, means, inverses, pulls, strict=True)
-        ]
-    )
+    pairs = zip(log_evidence, means, inverses, pulls, strict=True)
+    logs = np.array([log - 0.5 * float(mean @ pull - np.linalg.slogdet(inverse)[1]) for log, mean, inverse, pull in pairs])
     shares = weights_of(logs)
-    pull = shares @ np.array(pulls)
-    step = np.linalg.solve(np.tensordot(shares, np.array(inverses), axes=1), pull)
-    return -log_sum(logs), np.asarray(step), 0.5 * float(step @ pull)
+    spread = np.linalg.inv(np.tensordot(shares, np.array(inverses), axes=1))
+    return -log_sum(logs), np.asarray(spread @ (shares @ np.array(pulls))), np.sqrt(np.diag(spread))
 
 
 def even_points(count: int, dimensions: int, first: int = 1) -> Array:

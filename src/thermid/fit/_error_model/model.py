@@ -33,6 +33,7 @@ from thermid.fit._error_model.gaussian import (
 )
 from thermid.fit._error_model.runs import Departures, SensorRows, UnknownColumn, departures_of, run_rows, widened
 from thermid.fit._error_model.sizes import (
+    ARRIVED,
     FEWEST_SETS,
     FIRST_SETS,
     LEFT_SIZES,
@@ -235,8 +236,8 @@ class RunsOfFit:
                 break
         return out
 
-    def likeliest(self, bent: Sequence[int], centre: Array) -> tuple[float, Array, float]:
-        """Return `step_to_mode` of the unknowns `bent`: cost at these values, step (bent,) to the mode, and what it takes off the cost.
+    def likeliest(self, bent: Sequence[int], centre: Array) -> tuple[float, Array, Array]:
+        """Return `step_to_mode` of the unknowns `bent`: cost at these values, step (bent,) to the mode, standard errors (bent,).
 
         All else is integrated out at usual sizes, and at every size and time of what no element explains.
         """
@@ -308,12 +309,12 @@ def fitted_way(problem: Problem, fitted: Array, way: Way, points: Mapping[str, O
         centre = np.concatenate([(fitted - at)[values], [c.mean for c in runs.columns]])
         for (path, what), k in shapes.items():
             centre[k] = way.laws[path].shape[what] - laws[path].shape[what]
-        cost, step, promised = runs.likeliest([*range(len(values)), *shapes.values()], centre)
+        cost, step, spread = runs.likeliest([*range(len(values)), *shapes.values()], centre)
         step[: len(values)] = (runs.moved(step[: len(values)]) - at)[values]
         costs.append(cost)
         if cost < min(costs[:-1], default=np.inf) or len(costs) == 1:
             best, share = (runs, laws, centre, step), min(2.0 * share, 1.0)
-            if promised < WORTH_A_POINT:
+            if (np.abs(step) < ARRIVED * spread).all():
                 break
         else:
             share *= 0.25

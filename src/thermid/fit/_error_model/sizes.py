@@ -136,9 +136,9 @@ NO_SAY: Final = 1e-9
 """Probability beside the likeliest below which larger sizes of what no element explains are not tried. [-]"""
 READINGS: Final = 200
 """Readings of a sensor in a run; more are averaged over equal stretches."""
-NEWTON_POINTS, WORTH_A_POINT = 8, 0.1
-"""Points at most at which Newton's steps in values, exponents and shares are taken; they end where the next step promises, or the last two
-points made, the evidence likelier by less than this in its logarithm, which no probability shows."""
+NEWTON_POINTS, ARRIVED, WORTH_A_POINT = 8, 0.2, 0.1
+"""Points at most at which Newton's steps in values, exponents and shares are taken; they end where the next step is below so many standard
+errors, or where two points made the evidence likelier by less than this in its logarithm, which no probability shows."""
 UNBOUNDED: Final = 3.0
 """Standard deviation of a logarithm without a prior or bounds. [-]"""
 OUTSIDE: Final = 2.0
