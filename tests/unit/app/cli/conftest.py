@@ -12,6 +12,7 @@ from typing import Any
 
 import pytest
 
+from plain_errors import errors_in_full
 from thermid.app.cli.app import main
 from thermid.campaign.stages import run_stages
 from unit.fit.project import make_project
@@ -78,7 +79,8 @@ def made_and_fitted(made: Path, tmp_path_factory: pytest.TempPathFactory) -> Pat
     """The same with its results; no test writes to it."""
     folder = tmp_path_factory.mktemp("fitted") / "p"
     shutil.copytree(made.parent, folder)
-    run_stages(folder / made.name, cache=folder / "results").save(tmp_path_factory.mktemp("values"))  # keeps every model of error
+    with errors_in_full():  # whichever module asks first
+        run_stages(folder / made.name, cache=folder / "results").save(tmp_path_factory.mktemp("values"))  # keeps every model of error
     return folder / made.name
 
 
