@@ -575,6 +575,8 @@ def predicted(
 ) -> Prediction:
     """Return what a budget says of its scenario; arguments as in `predict`."""
     ways = [WayAnswer.of_budget(weight, budget_of_way, nodes, times, options) for weight, budget_of_way in budget.weighted_ways]
+    in_all = set.intersection(*(set(w.linear.columns) for w in ways))  # without gas, a path of one way alone reaches a node
+    ways = [replace(w, linear=replace(w.linear, columns={n: c for n, c in w.linear.columns.items() if n in in_all})) for w in ways]
     first = max(ways, key=lambda w: w.weight)
     times = first.setting.ready.times
     best = simulate(budget.model, budget.scenario, times=times, options=options) if budget.ways else first.linear.run

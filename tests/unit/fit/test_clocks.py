@@ -348,6 +348,23 @@ def test_a_held_rate_and_a_robust_loss() -> None:
     assert fit["out.conductance"].value == pytest.approx(0.5, rel=0.005)
 
 
+def test_errors_of_powers_that_are_held_do_not_change_which_instants_are_open() -> None:
+    """Of more changes than have an instant of their own: a verdict asked for one that its bands did not have, and ended in a KeyError."""
+    model = td.model_from_dict({**DECK, "loads": {n: {"into": "case", "power": "10 [W]"} for n in ("heat", "more")}})
+    on = 10.0 * (np.arange(FAST.size) // 40 % 2)
+    powers = {
+        n: td.Channel.from_array(n, on, quantity="power", role="load", target=n, accuracy=0.1, prompt=False) for n in ("heat", "more")
+    }
+    joint = logs(130.0, 1.0)[0].joined(td.Record.from_arrays("meter", FAST, powers), (0.0, 300.0))
+    held = (None, {"heat": -0.05, "more": 0.05}, {"heat": 0.05, "more": -0.05})
+    names = [
+        {u.name for u in build_problem(Request(model, (joint,), (), {"*": AIR}, held_errors=h)).unknowns if "switch" in u.name}
+        for h in held
+    ]
+    assert len(names[0]) == 24
+    assert names[0] == names[1] == names[2]
+
+
 def test_a_verdict_finds_the_clock_of_its_record() -> None:
     fit = td.calibrate(BOX, open_clock(130.0, 1.08), FREE, scenario=AIR)
     verdict = td.validate(fit, open_clock(60.0, 1.0, seed=5), td.Criteria(rmse="0.1 [K]"), scenario=AIR)

@@ -454,6 +454,7 @@ def _campaign(
     }
     local, priors = _local(request.local), {path: {"mean": mean, "sd": sd} for path, (mean, sd) in request.priors.items()}
     stage: dict[str, Any] = {"name": "first fit", "model": deck, "records": [r.name for r in fitted], "free": list(request.free)}
+    stage["structural_errors"] = True  # one of several structures that the log allows
     stage |= {k: v for k, v in (("scenario", _stage_scenario(proposal, request)), ("priors", priors), ("local", local)) if v}
     criteria = {"sensors": {c: {"rmse": f"{_limit(proposal, fitted, c):.2g} [K]"} for c in seats if c in holdout.channels}}
     unseen = {**{k: v for k, v in local.items() if not k.startswith("initial.")}, **_hidden_starts(request, fitted, seats)}

@@ -1024,7 +1024,9 @@ def _ticks(record: Record, second: SecondClock, zero: float, inputs: Inputs, obs
         for _, held in tables if channel in second.channels and instants else ():
             if path in held and isinstance(table := held[path], TableSignal) and table.held:
                 change, intervals = _changes(driving_channel, table), np.diff(table.times) / second.at[RATE]
-                sizes = [float(f"{-abs(x):.9g}") for x in change]  # equal ones keep their order in whatever way a power was summed
+                # as logged: errors that a fit found, and how a power was summed, change no order
+                logged = float(np.abs(driving_channel.values[driving_channel.valid]).max())
+                sizes = [float(f"{-abs(x) * logged / np.abs(table.values).max():.9g}") if x else 0.0 for x in change]
                 sampled += [(sizes[k], SampledChange(path, int(k) + 1, float(intervals[k]))) for k in np.flatnonzero(change)]
                 held[path] = table.changed_within()
     changes = tuple(change for _, change in sorted(sampled))
