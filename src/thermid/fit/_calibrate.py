@@ -373,7 +373,7 @@ def refuse_after(request: Request, problem: Problem, minimum: Fit, covariance: A
     """Refuse a fit that does not determine one of its parameters.
 
     It does not where no reading depends on the parameter, or where twice its standard error exceeds the distance between its bounds, in
-    the fitted form; an infinite bound is not compared.
+    the fitted form, or at a bound itself; an infinite bound is not compared.
 
     Raises
     ------
@@ -389,16 +389,14 @@ def refuse_after(request: Request, problem: Problem, minimum: Fit, covariance: A
                 request.name or request.model.title,
                 code="fit.not-determined",
             )
-        low, high = u.fitted_bounds()
-        if not u.log:
-            width = high - low
-        else:
-            width = high - low if u.low > 0 else np.inf
-        if np.isfinite(width) and 2 * error > width:
-            scale = 1.0 / float(unit(u.unit).factor)
-            value, spread = u.to_value(float(minimum.fitted[k])) * scale, error * u.slope(float(minimum.fitted[k])) * scale
+        at, (low, high) = float(minimum.fitted[k]), u.fitted_bounds()
+        spread, scale = error * u.slope(at), 1.0 / float(unit(u.unit).factor)
+        # a path that the log shows to be absent is known well, and its logarithm is not
+        share = spread / (u.high - u.low) if u.log and u.bounds_met(at) else error / (high - low)
+        if 2.0 * share > 1.0:
+            found = f"'{u.name}' = {short(u.to_value(at) * scale, 3)} +- {short(spread * scale)} {u.unit}"
             raise IdentificationError(
-                f"'{u.name}' = {short(value, 3)} +- {short(spread)} {u.unit}: twice its standard error is more than its bounds are apart, "
+                f"{found}: twice its standard error is more than its bounds are apart, "
                 f"{u.low * scale:.4g} .. {u.high * scale:.4g}, so the log does not determine it{_by_instruments(problem, covariance, k)}. "
                 "Fix it, give it a prior, or add a record in which it acts more.",
                 request.name or request.model.title,

@@ -263,6 +263,12 @@ class TestRefusals:
         else:
             refuse_after(request, problem, found, total)
 
+    def test_a_value_that_the_log_pushes_to_its_bound_is_not_refused(self) -> None:
+        # the log says that a path is not there: near nothing, its logarithm is hardly known
+        problem = build_problem(request := Request(box(), (log(box(), {}, {"T": "case"}, samples=11),), (HTC,)))
+        starts = [u.to_fitted(u.low if u.name == HTC else u.start) for u in problem.unknowns]
+        refuse_after(request, problem, ended(problem, np.array(starts)), np.diag([1.6**2, 1.0]))
+
     def test_two_records_of_one_name_and_none(self) -> None:
         data = log(box(), {}, {"T": "case"}, samples=11)
         with raises_code("name.taken", RecordError, match="'bench'"):
