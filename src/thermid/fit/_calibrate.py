@@ -392,8 +392,8 @@ def refuse_after(request: Request, problem: Problem, minimum: Fit, covariance: A
         at, (low, high) = float(minimum.fitted[k]), u.fitted_bounds()
         spread, scale = error * u.slope(at), 1.0 / float(unit(u.unit).factor)
         # a path that the log shows to be absent is known well, and its logarithm is not
-        share = spread / (u.high - u.low) if u.log and u.bounds_met(at) else error / (high - low)
-        if 2.0 * share > 1.0:
+        shares = [error / (high - low), *([spread / (u.high - u.low)] if u.bounds_met(at) else [])]
+        if 2.0 * min(shares) > 1.0:
             found = f"'{u.name}' = {short(u.to_value(at) * scale, 3)} +- {short(spread * scale)} {u.unit}"
             raise IdentificationError(
                 f"{found}: twice its standard error is more than its bounds are apart, "
