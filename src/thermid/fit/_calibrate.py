@@ -373,7 +373,7 @@ def refuse_after(request: Request, problem: Problem, minimum: Fit, covariance: A
     """Refuse a fit that does not determine one of its parameters.
 
     It does not where no reading depends on the parameter, or where twice its standard error exceeds the distance between its bounds, in
-    the fitted form, or at a bound itself; an infinite bound is not compared.
+    the fitted form (at a bound in its own unit too); an infinite bound is not compared.
 
     Raises
     ------
