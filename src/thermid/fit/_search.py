@@ -171,7 +171,7 @@ def searched(
     why, beside = doubts(problem, first), contradictions(problem, first)
     bound = at_bound(problem, first) if first.converged else ""
     if why or (bound and (beside or not _noise_is_stated(problem))):
-        return search.affordable(first, bound or why)
+        return search.affordable(first, ", and ".join(x for x in (bound, why) if x))
     # where all readings are met within their noise, a value ends at its bound by noise alone: one descent settles it
     return search.confirmed(first, bound or beside) if bound or beside else first
 
