@@ -633,7 +633,7 @@ def _taken_as_instants(problem: Problem, minimum: Fit) -> list[str]:
 def _taken_as_switched(problem: Problem, minimum: Fit, total: Array) -> list[str]:
     """Return remarks on sampled powers: unknown instants that may move a value by more than its error, and a statement of no effect."""
     effective = {c.name for e in problem.experiments for c, _ in e.sampled(False).values()}
-    effective |= {n for e in problem.experiments for c in e.record.clocks for n in c.channels}
+    effective |= {n for e in problem.experiments for ticks in e.ticks for n in ticks.clock.channels}
     out = [
         f"{FIRST}prompt = false of '{n}' has no effect, and its changes count from their samples. A fit looks for the moment of a change "
         + (

@@ -181,3 +181,21 @@ def test_a_statement_of_no_effect_is_named() -> None:
     found = calibrate(box(), record.with_channels(replace(record["P"], samples="average")), [HTC, MASS])
     assert len([w for w in found.warnings if "prompt = false" in w and "'P'" in w]) == 1
     assert not [w for w in calibrate(box(), record, [HTC, MASS]).warnings if "prompt" in w]
+
+
+@pytest.mark.parametrize("late", [0.0, 40.0])
+def test_a_change_between_two_far_samples_is_found_at_its_instant(late: float) -> None:
+    """Rows 100 s before and after each change, by hand, and a temperature every 20 s: a change spread over 200 s is half a kelvin off."""
+    steps, watts, times = (900.0, 3420.0, 5940.0), (0.0, 16.0, 6.4, 0.0), np.arange(0.0, 8101.0, 20.0)
+    heat = {"times": [f"{t:g} [s]" for t in (0.0, *steps)], "values": [f"{p} [W]" for p in watts], "hold": True, "after": "hold"}
+    asked = td.Scenario("s", {"air": "23 [degC]"}, {"heat": heat}, start="23 [degC]", duration="8100 [s]")
+    read = td.simulate(box(), asked, times=times)["case"].kelvin + np.random.default_rng(1).normal(0.0, 0.03, times.size)
+    first = Record.from_arrays("bench", times, {"T": Channel.from_array("T", read, unit="K", role="node", target="case", noise=0.03)})
+    rows = np.array([0.0, *(t + late + side for t in steps for side in (-100.0, 100.0)), 8100.0])
+    values = np.array([*(p for k in range(4) for p in watts[k : k + 1] * 2)])
+    meter = Channel.from_array("P", values, quantity="power", role="load", target="heat", prompt=False)
+    joint = first.joined(Record.from_arrays("sheet", rows, {"P": meter}), 0.0)
+    found = calibrate(box({"nodes/case/mass/value": "1.2 [kg]"}), joint, [HTC, MASS], scenario=asked.with_(loads={}))
+    assert found[MASS].value == pytest.approx(1.5, abs=3.0 * found[MASS].error)
+    assert found[MASS].error < 0.01
+    assert found.estimates[MASS].value == found[MASS].value

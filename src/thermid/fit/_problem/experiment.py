@@ -800,7 +800,7 @@ class Experiment:
 
         None of an FMU's, and none whose load has a curve, a flux, a cycle or a control: for those no power is added in an interval.
         """
-        later = {n for clock in self.record.clocks for n in clock.channels}
+        later = {n for ticks in self.ticks for n in ticks.clock.channels}
         channels = [c for n, c in self.record.channels.items() if c.held and c.prompt is prompt and n not in later]
         of_load = {self.network.flat.names.model.canonical(c.target or c.name): c for c in channels if c.samples != "average"}
         signals = {**self.scenario.commands, **self.scenario.loads}
@@ -982,7 +982,8 @@ def bind(
     start, initial, readings, loose = starts_of(record, base, network, first, begun, window)
     tips = {o.node: o.seat for o in observations if o.node != o.seat}
     initial |= {tip: initial[seat] for tip, seat in tips.items() if seat in initial and tip not in initial}
-    ticks = tuple(_ticks(record, clock, zero, inputs, tuple(c.name for c, _ in observed)) for clock in record.clocks)
+    clocks = (*record.clocks, *_own_clock(record, inputs, times + zero))
+    ticks = tuple(_ticks(record, clock, zero, inputs, tuple(c.name for c, _ in observed)) for clock in clocks)
     full = replace(base, title=record.name, **inputs.tables, start=start, initial=initial, duration=last - zero, metered=(*inputs.metered,))
     hidden = _hidden_starts(full, network, first, record, inputs.driven, observations, tips) if base.start == "" else {}
     full = replace(full, initial={**full.initial, **{n: Kelvin(h.mean) for n, h in hidden.items()}})
@@ -1011,6 +1012,21 @@ def _hidden_starts(
         return {}
     by_place = {path: record.channels[name] for name, path in driven.items()} | {o.seat: record.channels[o.sensor] for o in observations}
     return hidden_starts(bound_scenario, network, first, by_place, tuple(tips))
+
+
+def _own_clock(record: Record, inputs: Inputs, read: Array) -> tuple[SecondClock, ...]:
+    """Return the clock of a record itself, which is known, for powers that changed at some instant between their samples.
+
+    Where temperatures are `read` between these samples too, a change spread over the interval has another course than one at its instant;
+    where they are not, what counts is its energy, see `Switch`.
+    """
+    later = {n for clock in record.clocks for n in clock.channels}
+    several = {n: c for n in inputs.driven if n not in later for c in (record.channels[n],) if c.held and c.prompt is False}
+    sampled = tuple(n for n, c in several.items() if c.samples != "average" and not np.isin(read, record.times[c.valid]).all())
+    if not sampled:
+        return ()
+    step = float(np.median(np.diff(record.times)))
+    return (SecondClock(sampled, (0.0, 0.0), (1.0, 1.0), (0.0, 1.0), record.ends, step, record.name),)
 
 
 def _ticks(record: Record, second: SecondClock, zero: float, inputs: Inputs, observed: tuple[str, ...]) -> Ticks:

@@ -98,7 +98,10 @@ class FleetUnit:
             )
         if problem.clocked:
             raise IdentificationError(
-                "a record has a second clock that is looked for. Give its offset and rate.", name, code="fleet.second-clock"
+                "a record has a second clock, or a power with prompt = false between far samples, whose instants are looked for. Give "
+                "offset and rate, and two samples at each change.",
+                name,
+                code="fleet.second-clock",
             )
         dropped = [problem.unknowns[k].name for k in values if problem.unknowns[k].prior is not None]
         remarks = [f"priors of {', '.join(dropped)} were left out: the fleet gives them"] if dropped else []
