@@ -261,7 +261,7 @@ def fleet(
         runs = population.predict(conditions, executor=KeptTasks.of_workers(executor).workers)  # traces, which no folder keeps
         bands = {n: np.quantile(runs.highest(n), (0.5, 0.025, 0.975)).tolist() for n in runs.nodes}
         answer |= {"highest_degC": {n: dict(zip(("median", "low", "high"), b, strict=True)) for n, b in bands.items()}}
-        lines.append(f"Highest temperatures of a unit not built yet, {conditions.title}, 95 % of 1,000 drawn units:")
+        lines.append(f"Highest temperatures of a unit not built yet, {conditions.title}, 95 % of {runs.members:,} drawn units:")
         lines += [f"  {n}  {b[0]:.1f} ({b[1]:.1f} .. {b[2]:.1f}) degC" for n, b in bands.items()]
     say(as_json, answer, "\n".join(lines), verbose)
     raise SystemExit(1 if population.odd else population.standing.exit_code)
