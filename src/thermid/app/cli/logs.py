@@ -49,16 +49,22 @@ def look(
     looks = measured.named_apart(looks)
     if to is not None:
         write_text(to, log_drawing(looks[0]) + "\n", FileKinds.DRAWING)
-    width = shutil.get_terminal_size((110, 24)).columns
     bad, clocks = any(file_look.problem for file_look in looks), measured.clocks_of(looks)
-    parts = ["\n".join(file_look.lines(width)) for file_look in looks]
+    parts = ["\n".join(file_look.lines(shutil.get_terminal_size((110, 24)).columns)) for file_look in looks]
     parts += [f"{len(logs)} parts between restarts, each on a clock of its own, written to {cut}"] if cut is not None else []
     if join is not None:
         write_text(join, looks[0].joined(looks[1:], offset or [measured.stated_offset(c) for c in clocks]), FileKinds.LOG)
     lines = measured.clock_lines(looks, clocks) if cut is None else []
     first = [lines.pop(0)] if lines and lines[0].startswith("check: ") else []
     parts = [*first, *parts, *(["\n".join(lines)] if lines else [])]
-    text = "\n\n".join(parts) + (f"\npicture: {to}" if to is not None else "") + (f"\njoined log: {join}" if join is not None else "")
+    unread = (
+        f", without {', '.join(bare)}: no unit is known. Write it in the header, such as '{bare[0]} [degC]'"
+        if (bare := [name for file_look in looks for name in file_look.unjoined])
+        else ""
+    )
+    text = (
+        "\n\n".join(parts) + (f"\npicture: {to}" if to is not None else "") + (f"\njoined log: {join}{unread}" if join is not None else "")
+    )
     joining = {"clocks": clocks} if clocks else {}
     say(as_json, {"status": "error" if bad else "ok", "logs": [file_look.as_object() for file_look in looks], **joining}, text)
     raise SystemExit(2 if bad else 0)

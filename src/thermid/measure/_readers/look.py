@@ -250,6 +250,11 @@ class Look(Result):
             out.append(LogCourse(" * ".join(c.name for c in columns), True, times[good], watts[good]))
         return out
 
+    @property
+    def unjoined(self) -> list[str]:
+        """Names of columns that a joined log does not take: neither a time, nor of a known quantity, nor numbers with a unit."""
+        return [c.name for c in self.columns if c.guess not in (*_SHOWN, "time") and not (c.unit and c.good.any())]
+
     def joined(self, others: Sequence[Look], offsets: Sequence[float | None]) -> str:
         """Return this log and others of one test as one (CSV) on its clock, at the times of all: where a log has no reading, none stands.
 
@@ -266,18 +271,21 @@ class Look(Result):
         names = ["time [s]"]
         for one, late in zip((self, *others), (0.0, *offsets), strict=True):
             if one.times is None or late is None:
-                words = f"when does it begin? Give --offset SECONDS after {self.path.name}, for each further log in their order."
-                raise RecordError(one.problem or words, one.path.name, code="record.time-unclear")
+                raise RecordError(
+                    one.problem
+                    or f"when does it begin? Give --offset SECONDS after {self.path.name}, for each further log in their order.",
+                    one.path.name,
+                    code="record.time-unclear",
+                )
             times = np.round(one.times.values - one.times.values[0] + late, 6)
-            for c in (c for c in one.columns if c.guess in _SHOWN or (c.unit and c.good.any())):
+            for c in (c for c in one.columns if c.guess != "time" and c.name not in one.unjoined):
                 names.append(one.again.get(c.name, c.name) + (f" [{c.unit}]" if c.unit else ""))
                 for time, value in zip(times[c.good].tolist(), c.values[c.good].tolist(), strict=True):
                     rows.setdefault(time, {"time [s]": f"{time:.10g}"})[names[-1]] = f"{value:.10g}"
-        file = StringIO()
-        writer = csv.DictWriter(file, names, lineterminator="\n")
+        writer = csv.DictWriter(file := StringIO(), names, lineterminator="\n")
         writer.writeheader()
         writer.writerows(rows[time] for time in sorted(rows))
-        return file.getvalue()
+        return f'"{names[0]}"{file.getvalue().removeprefix(names[0])}'  # by which a log of its own is known, as of `Record.to_csv`
 
     @property
     def supplies(self) -> dict[str, tuple[Column, ...]]:

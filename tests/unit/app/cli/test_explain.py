@@ -179,5 +179,5 @@ def test_logs_of_one_test_are_joined_on_the_clock_of_the_first(tmp_path: Path, c
     assert call("look", board, supply, "--join", joined).code == 2
     assert call("look", board, supply, "--join", joined, "--offset", "5").code == 0
     head, *rows = joined.read_text().splitlines()
-    assert head.split(",") == ["time [s]", "T1 [degC]", "I [A]", "U [V]"]
+    assert head.split(",") == ['"time [s]"', "T1 [degC]", "I [A]", "U [V]"]
     assert rows == ["0,20,,", "5,,0,12", "10,,2,12", "20,22,,", "25,,1,", "30,23,,"]

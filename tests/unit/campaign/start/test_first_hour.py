@@ -152,6 +152,13 @@ def test_a_log_of_another_logger_is_no_further_test(tmp_path: Path) -> None:
     roles = roles_of(joined, formulas={"P2": "V_IN * I_IN"}, powers=["P2=plate"])
     assert (code, dict(roles.parts), roles.surroundings) == (0, {"T_plate": "plate"}, "T_room")
     assert np.nanmax(roles.read(joined)["P2"].values) == 12.0
+    first = joined.read_bytes()
+    bare = tmp_path / "bare.csv"
+    bare.write_text("time [s],V_IN [V],I_IN [A],K7\n" + "".join(f"{t},24.0,0.5,{t % 7}\n" for t in range(50)))
+    done = CliRunner().invoke(app, ["look", str(log), str(bare), "--join", str(joined), "--offset", offset])
+    assert done.exit_code == 0  # a log that thermid joined is written anew
+    assert "without K7" in done.stdout.splitlines()[-1]
+    assert joined.read_bytes() == first
 
 
 def test_a_power_in_other_units_gives_a_part_that_cannot_be(tmp_path: Path) -> None:
