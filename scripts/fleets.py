@@ -16,7 +16,7 @@ from statistics import NormalDist
 
 import numpy as np
 
-from thermid.base.linear_algebra import HALF_WIDTH_95, Array
+from thermid.base.units import HALF_WIDTH_95, Array
 from thermid.inference._fleet.population import FALSE_ALARMS, PopulationFit, Summaries, interval_of_mean, odd_units
 
 VALUES = 6

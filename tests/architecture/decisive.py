@@ -14,8 +14,9 @@ A comparison is one of ``< <= > >= == != is in`` or their opposites, outside f-s
 A draw takes half of each, since two thirds of all are comparisons. It orders them by a hash of the seed and of what they are (room,
 owner, text), not of where they stand: code that moves within its room does not change it.
 
-Published coefficients stand in the files of `PUBLISHED`: correlations, properties of matter, the standard atmosphere, units. They are drawn
-as other numbers are, since a test must repeat what was published, but nobody chose them, so `numbers_that_decide` leaves them out.
+Published coefficients stand in the files of `PUBLISHED`: correlations, properties of matter, constants of nature, the standard
+atmosphere, units. They are drawn as other numbers are, since a test must repeat what was published, but nobody chose them, so
+`numbers_that_decide` leaves them out.
 """
 
 from __future__ import annotations
@@ -30,7 +31,7 @@ from .size import by_room
 from .source import Module, room_of
 
 SHAPES = {"swapaxes", "reshape", "zeros", "ones", "full", "combinations", "moveaxis", "round", "short", "digits", "maxsize", "lru_cache"}
-PUBLISHED = {"physics", "_units_table", "_atmosphere"}
+PUBLISHED = {"physics", "_constants", "_units_table", "_atmosphere"}
 """Rooms, and files of any room, of which the numbers are published."""
 
 

@@ -29,11 +29,11 @@ ARROWS: dict[str, set[str]] = {
     "inference": {"base", "fit", "measure", "model", "physics", "simulation", "values"},
     "prediction": {"base", "fit", "inference", "measure", "model", "physics", "simulation", "values"},
     "campaign": {"base", "fit", "inference", "measure", "model", "physics", "prediction", "simulation", "values"},
-    "qualify": {"base", "campaign", "fit", "inference", "measure", "model", "physics", "prediction", "simulation", "values"},
+    "qualify": {"base", "campaign", "fit", "inference", "measure", "model", "prediction", "simulation", "values"},
     "reporting": {"base", "campaign", "fit", "inference", "measure", "model", "prediction", "qualify", "simulation", "values"},
     "bench": {"base", "measure"},
     "site": {"base", "measure", "model", "physics", "simulation"},
-    "interop": {"_kernel", "base", "model", "physics", "simulation"},
+    "interop": {"_kernel", "base", "model", "simulation"},
 }
 OPTIONAL = {"bench", "site", "interop"}
 """Rooms that none but `app` imports: what they add is announced by entry points."""

@@ -9,8 +9,8 @@ from importlib.util import find_spec
 
 import numpy as np
 
+from thermid.base.units import STEFAN_BOLTZMANN
 from thermid.physics.air import AIR_300K
-from thermid.physics.constants import STEFAN_BOLTZMANN
 from thermid.physics.gas import GASES
 
 ROOMS = ("thermid.physics", "thermid.site", "oracles")

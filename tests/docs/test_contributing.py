@@ -16,7 +16,7 @@ import pytest
 
 import thermid._kernel
 from thermid.base.errors import DeckError
-from thermid.base.linear_algebra import value_of
+from thermid.base.units import value_of
 from thermid.model.tree import Law
 
 from .pages import ROOT, blocks, codes, prose

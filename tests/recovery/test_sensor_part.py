@@ -9,7 +9,7 @@ import pytest
 
 from by_code import raises_code
 from thermid.base.units import celsius
-from thermid.campaign.verdicts import Criteria, validate
+from thermid.campaign.stages import Criteria, validate
 from thermid.fit._minimisation import ended
 from thermid.fit.calibration import Calibration, attached, calibrate, covariances
 from thermid.measure._record.channel import with_sensor

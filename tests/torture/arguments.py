@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any, Final
 
 import thermid as td
-from thermid.campaign.verdicts import Criteria, read_limits
+from thermid.campaign.stages import Criteria, read_limits
 from thermid.prediction._monte_carlo.hold import limits_of
 from torture.mutants import _change
 

@@ -18,8 +18,7 @@ import numpy as np
 import thermid as td
 from thermid.bench.bench_files import load_programme, load_sensors
 from thermid.campaign._judge.verdict import _read as read_looks, look
-from thermid.campaign.stages import read_campaign, recall
-from thermid.campaign.verdicts import load_limits
+from thermid.campaign.stages import load_limits, read_campaign, recall
 from thermid.interop.initfcn import read_initfcn
 from thermid.measure.readers import read_plain
 from thermid.qualify.plans import lock_plan, lock_status

@@ -21,8 +21,9 @@ from typing import Any, Final
 import numpy as np
 
 import thermid as td
+from thermid.app.texts import pairs
 from thermid.base.errors import ThermidError
-from thermid.base.units import pairs, parse
+from thermid.base.units import parse
 from thermid.model._tree.flat import allows
 from thermid.model._tree.rules import findings
 from thermid.model.tree import flatten

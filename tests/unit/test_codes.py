@@ -14,8 +14,9 @@ import pytest
 from by_code import raises_code, warns_code
 from thermid import errors
 from thermid.app.cli.app import main
+from thermid.app.texts import add_codes, mark_codes
 from thermid.base import units
-from thermid.base.errors import CodedText, ThermidError, ThermidWarning, add_codes, code_of, mark_codes
+from thermid.base.errors import CodedText, ThermidError, ThermidWarning, code_of
 from thermid.physics.air import dry_air
 from thermid.physics.htc import biot_number, compare_htc
 

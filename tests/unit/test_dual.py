@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from hypothesis import given, strategies as st
 
-from thermid.base.linear_algebra import Dual, gradient_of, real_power, value_of
+from thermid.base.units import Dual, gradient_of, real_power, value_of
 
 FORMULAS: dict[str, Callable[[Any, Any], Any]] = {
     "sum": lambda x, y: x + y + 2.0 + x,

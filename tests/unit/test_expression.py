@@ -18,8 +18,7 @@ from hypothesis import given, strategies as st
 import thermid as td
 from by_code import raises_code
 from thermid.base.errors import ExpressionError, UnitError
-from thermid.base.linear_algebra import Dual, gradient_of, value_of
-from thermid.base.units import parse, unit
+from thermid.base.units import Dual, gradient_of, parse, unit, value_of
 from thermid.model.tree import ParameterSet
 
 NUMBERS = st.one_of(

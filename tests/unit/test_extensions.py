@@ -9,7 +9,7 @@ import pytest
 
 import thermid as td
 from by_code import raises_code
-from thermid.base.extensions import announced, extension
+from thermid.base.errors import announced, extension
 from thermid.base.files import file_kinds, grammar_of
 
 PARTS = dict(announced("thermid.parts"))

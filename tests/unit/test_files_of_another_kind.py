@@ -14,13 +14,12 @@ from by_code import raises_code
 from thermid.base.errors import ThermidError
 from thermid.base.files import file_kinds
 from thermid.bench.bench_files import load_programme, load_sensors
-from thermid.campaign.stages import read_campaign
-from thermid.campaign.verdicts import load_limits
+from thermid.campaign.stages import load_limits, read_campaign
 from thermid.interop.decks import read_sinda
 from thermid.interop.initfcn import read_initfcn
 from thermid.measure.readers import read_plain
 from thermid.qualify.plans import lock_status
-from thermid.values.value_files import hand_values
+from thermid.values.store import hand_values
 from torture.seeds import KINDS, LOGS, make
 
 READERS: dict[str, tuple[Callable[[Path], Any], tuple[str, ...]]] = {

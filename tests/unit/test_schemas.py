@@ -15,7 +15,7 @@ from thermid.base.errors import DeckError, RecordError, ScenarioError, ThermidEr
 from thermid.base.files import file_kinds, json_schema, read_json
 from thermid.bench.bench_files import load_programme, load_sensors
 from thermid.campaign._judge.verdict import _read
-from thermid.campaign.verdicts import load_limits
+from thermid.campaign.stages import load_limits
 
 ROOT = Path(__file__).parents[2]
 

@@ -13,11 +13,10 @@ from by_code import raises_code
 from oracles.decay import radiative_decay
 from thermid.app.studio.project import Project
 from thermid.base.errors import DeckError, IdentificationError, RecordError, SolverError, UnitError
-from thermid.base.units import unit
-from thermid.campaign.verdicts import Criteria, Limits, check_limits, correlate
+from thermid.base.units import STEFAN_BOLTZMANN, unit
+from thermid.campaign.stages import Criteria, Limits, check_limits, correlate
 from thermid.model._tree.identity import to_dict
 from thermid.model.tree import KINDS, save_model
-from thermid.physics.constants import STEFAN_BOLTZMANN
 from thermid.physics.correlations import correlation
 from thermid.prediction._reduction.macro import host_values
 from thermid.prediction.reduction import assumed

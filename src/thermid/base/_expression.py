@@ -15,7 +15,7 @@ import ast
 import keyword
 import math
 import re
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from datetime import UTC, datetime, timedelta
 from fractions import Fraction
@@ -26,6 +26,7 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from thermid.base._numbers import Dual, real_power
 from thermid.base._units import (
     DIMENSIONLESS,
     TEMPERATURE,
@@ -39,12 +40,10 @@ from thermid.base._units import (
     unit,
     unit as read_unit,
 )
-from thermid.base.errors import ExpressionError, RecordError, ScenarioError, ThermidError, UnitError, cap, errors_at, raising
-from thermid.base.linear_algebra import Dual, real_power
+from thermid.base.errors import ExpressionError, RecordError, ThermidError, UnitError, cap, errors_at, raising
 
 Array = NDArray[np.float64]
 
-NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]*(\.[A-Za-z_][A-Za-z0-9_]*)*\Z")
 _BRACKET = re.compile(r"^(?P<number>[^\[\]]*)\[(?P<unit>[^\[\]]*)\]\s*$", re.DOTALL)
 _BARE = re.compile(r"\s*([-+]?\d+(?:\.\d*)?(?:[eE][-+]?\d+)?)\s*([A-Za-z%][\w/^*% ]{0,20}?)\s*\Z")
 """A number whose unit stands without brackets."""
@@ -833,28 +832,3 @@ def positive_seconds(written: object, what: str) -> float:
     if value <= 0:
         raise RecordError(f"{format_value(value, 's')} is not above zero.", what, code="value.outside-range")
     return value
-
-
-def pairs(texts: Iterable[str], option: str) -> dict[str, str]:
-    """Return ``NAME=VALUE`` texts as a dictionary; `option` is their place for messages.
-
-    Raises
-    ------
-    ScenarioError   When one is of another form.
-    """
-    out = {}
-    for text in texts:
-        path, equals, value = text.partition("=")
-        if not equals or not path.strip() or not value.strip():
-            raise ScenarioError(f"'{text}' must be written as PATH=VALUE, such as air=24 [degC].", option, code="value.wrong-kind")
-        out[path.strip()] = value.strip()
-    return out
-
-
-def with_unit(value: str, unit: str) -> str:
-    """Return a value as text with `unit` behind it, unless it has a unit or is no number.
-
-    >>> with_unit("5", "min"), with_unit("5 [h]", "min"), with_unit("end", "min")
-    ('5 [min]', '5 [h]', 'end')
-    """
-    return value if "[" in value or not value.replace(".", "").replace("-", "").replace("e", "").isdigit() else f"{value} [{unit}]"

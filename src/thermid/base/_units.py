@@ -29,8 +29,6 @@ ICE_POINT: Final = 273.15
 
 MINUTE, HOUR, DAY = 60.0, 3600.0, 86400.0
 """[s]"""
-DEVIATION_OF_MEDIAN = 1.4826
-"""Standard deviation of normal samples over the median of their absolute values (Hampel, J. Am. Stat. Assoc. 69 (1974) 383-393). [-]"""
 
 TEMPERATURE: Final = "temperature"
 """The slot of a temperature on the scale (``24 [degC]`` or ``297.15 [K]``); the slot ``K`` is a difference of temperatures."""

@@ -40,7 +40,7 @@ TYPES_WITH_OWN_MESSAGE = {
     "Trajectory": "td.site.read_trajectory({})",
     "Limits": "td.qualify.load_limits({})",
     "Solution": "td.simulate(model, scenario)",
-    "Exclusions": "thermid.campaign.verdicts.Exclusions({{'T1': why}}, cap=0.1)",
+    "Exclusions": "thermid.campaign.stages.Exclusions({{'T1': why}}, cap=0.1)",
     "Job": "td.qualify.uncertain_runs(model, scenario).job",
     "UncertainRuns": "td.qualify.uncertain_runs(model, scenario)",
     "Network": "td.simulation.compile_network(model)",

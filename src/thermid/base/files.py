@@ -31,8 +31,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any, Final
 
-from thermid.base.errors import DeckError, OutputError, ThermidError, cap, nearest, raising, refuse_unknown
-from thermid.base.extensions import announced
+from thermid.base.errors import DeckError, OutputError, ThermidError, announced, cap, nearest, raising, refuse_unknown
 
 NETCDF_SOURCE: Final = "thermid"
 """Attribute `source` of a netCDF file."""

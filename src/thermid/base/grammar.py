@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from functools import cache
-from typing import Annotated, Any, ClassVar, Generic, Literal, Self, TypeAlias, TypeVar, Union
+from typing import Annotated, Any, ClassVar, Literal, Self, TypeAlias, TypeVar, Union
 
 from pydantic import (
     BaseModel,
@@ -17,7 +17,6 @@ from pydantic import (
     Field,
     GetPydanticSchema,
     PlainValidator,
-    RootModel,
     Tag,
     ValidationError,
     WithJsonSchema,
@@ -54,15 +53,6 @@ def _amount(written: Any) -> Any:
 AMOUNT = "a text with its unit, such as '2.5 [W]', or a number"
 
 
-def _names(written: Any) -> Any:
-    """Return what is written where it is a text or several; refuse anything else."""
-    several = written if isinstance(written, list | tuple) else [written]
-    if all(isinstance(one, str) for one in several):
-        return written
-    text = f"a text or a list of texts is needed, not {shown(written)}."
-    raise PydanticCustomError("thermid", "{message}", {"message": text, "code": "file.wrong-kind"})
-
-
 def shown(written: Any) -> str:
     """Return what is written in a file, for a message: tables and lists by their kind, long texts cut.
 
@@ -81,8 +71,6 @@ def shown(written: Any) -> str:
 
 Amount: TypeAlias = Annotated[Any, PlainValidator(_amount), WithJsonSchema({"type": ["string", "number"]})]
 """A text with its unit or a number, as it is written; what reads it knows the unit."""
-Names: TypeAlias = Annotated[Any, PlainValidator(_names), WithJsonSchema({"type": ["string", "array"], "items": {"type": "string"}})]
-"""A name, or a list of names."""
 Real: TypeAlias = Annotated[float, Field(strict=True)]
 """A number; true and false are none."""
 Finite: TypeAlias = Annotated[float, Field(strict=True, allow_inf_nan=False)]
@@ -159,10 +147,6 @@ class StrictTable(Grammar):
     """Base of every table of a grammar: a key that it does not know is refused."""
 
     model_config = ConfigDict(extra="forbid")
-
-
-class GrammarOf(RootModel[T], Grammar, Generic[T]):
-    """Base of the grammar of a file whose keys are names, or that is a list."""
 
 
 class TimesTable(StrictTable):

@@ -4,32 +4,21 @@ Can an unknown be told from the others (RANK_TOLERANCE), and has it any effect a
 
 Rows J are derivatives of residuals in units of their errors: J'J is the information, and (J'J)^-1 the covariance of the unknowns. Columns
 are scaled to length one first, so that no unit decides what counts as nothing.
-
-`Dual`: numbers that carry their derivatives with respect to the free parameters of a fit.
-
-Only `+ - * / **` are needed: every conductance is arithmetic over parameters, so the chain rule stays exact from the text of a deck to
-the coefficients of the kernel. Griewank and Walther, Evaluating Derivatives, 2nd ed., SIAM 2008, chapter 3.
 """
 
 from __future__ import annotations
 
-import math
 import sys
 from collections.abc import Sequence
 from contextlib import AbstractContextManager
-from dataclasses import dataclass
 from functools import lru_cache
 from importlib import import_module
 from itertools import pairwise
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
-Bools = NDArray[np.bool_]
-Indices = NDArray[np.intp]
-Ints = NDArray[np.int32]
+from thermid.base._numbers import Array, Bools
 
 RANK_TOLERANCE = 1e-6
 """Singular value of scaled rows, beside the largest, up to which a direction holds no information: derivatives of a run are not good to
@@ -39,9 +28,6 @@ MAX_PART_WITHOUT_INFORMATION = 1e-3
 NOTHING = 1e-12
 """What rounding leaves: length of a column, beside the longest, up to which no row depends on its unknown, and singular value of scaled
 rows up to which a combination has no effect. Between this and RANK_TOLERANCE rows depend on it, weakly: its error is finite and large."""
-
-HALF_WIDTH_95 = 1.959964
-"""Standard errors from the middle of a normal distribution to an end of the range that holds 95 %. [-]"""
 
 
 def scaled(rows: Array) -> tuple[Array, Array, Bools]:
@@ -176,116 +162,3 @@ def one_thread() -> AbstractContextManager[Any]:
     Libraries are looked for once, which takes 2 ms, and again once scipy has loaded its own.
     """
     return _libraries("scipy.linalg" in sys.modules, "scipy.special" in sys.modules).limit(limits=1)  # type: ignore[no-any-return]
-
-
-def real_power(base: float, exponent: float) -> float:
-    """Return a power that is a real number.
-
-    Raises
-    ------
-    ArithmeticError   For a root of a negative number, which Python would return as a complex one, and for zero to a negative power.
-    """
-    out: float | complex = base**exponent
-    if isinstance(out, complex):
-        raise ArithmeticError("a negative number has no real root")
-    return out
-
-
-@dataclass(frozen=True, eq=False)
-class Dual:
-    """A value with its gradient.
-
-    Parameters
-    ----------
-    value : float               The value, SI.
-    gradient : array (free,)    Its derivative with respect to each free parameter.
-    """
-
-    value: float
-    gradient: NDArray[np.float64]
-
-    def __add__(self, other: Number) -> Dual:
-        """Sum."""
-        if isinstance(other, Dual):
-            return Dual(self.value + other.value, self.gradient + other.gradient)
-        return Dual(self.value + other, self.gradient)
-
-    __radd__ = __add__
-
-    def __le__(self, other: Number) -> Any:
-        """Whether its value is as small: of two numbers numpy takes the smaller one, with its derivatives."""
-        return self.value <= value_of(other)
-
-    def __ge__(self, other: Number) -> Any:
-        """Whether its value is as large."""
-        return self.value >= value_of(other)
-
-    def __neg__(self) -> Dual:
-        """Negative."""
-        return Dual(-self.value, -self.gradient)
-
-    def __pos__(self) -> Dual:
-        """Itself."""
-        return self
-
-    def __sub__(self, other: Number) -> Dual:
-        """Difference."""
-        return self + (-other)
-
-    def __rsub__(self, other: float) -> Dual:
-        """Difference, number first."""
-        return (-self) + other
-
-    def __mul__(self, other: Number) -> Dual:
-        """Product."""
-        if isinstance(other, Dual):
-            return Dual(self.value * other.value, self.gradient * other.value + self.value * other.gradient)
-        return Dual(self.value * other, self.gradient * other)
-
-    __rmul__ = __mul__
-
-    def __truediv__(self, other: Number) -> Dual:
-        """Quotient; a finite number over infinity is zero with zero derivative."""
-        if isinstance(other, Dual):
-            if math.isinf(other.value):
-                return Dual(self.value / other.value, np.zeros_like(self.gradient))
-            ratio = self.value / other.value
-            return Dual(ratio, (self.gradient - ratio * other.gradient) / other.value)
-        return Dual(self.value / other, self.gradient / other)
-
-    def __rtruediv__(self, other: float) -> Dual:
-        """Quotient, number first."""
-        return Dual(other, np.zeros_like(self.gradient)) / self
-
-    def __pow__(self, other: Number) -> Dual:
-        """Power; a negative base needs a constant exponent."""
-        if isinstance(other, Dual):
-            return self**other.value + real_power(self.value, other.value) * (_log(self.value) * Dual(0.0, other.gradient))
-        if other == 0:
-            return Dual(1.0, np.zeros_like(self.gradient))
-        return Dual(real_power(self.value, other), other * real_power(self.value, other - 1.0) * self.gradient)
-
-    def __rpow__(self, other: float) -> Dual:
-        """Power, number first."""
-        power = real_power(other, self.value)
-        return Dual(power, power * _log(other) * self.gradient)
-
-
-def _log(base: float) -> float:
-    """Return log(base) as the derivative of a power over its exponent needs it: zero for a base of zero, whose powers are all zero."""
-    if base < 0.0:
-        raise ArithmeticError("a power of a negative number has no derivative over its exponent")
-    return math.log(base) if base > 0.0 else 0.0
-
-
-Number = float | Dual
-
-
-def value_of(number: Number) -> float:
-    """Return the value alone."""
-    return number.value if isinstance(number, Dual) else float(number)
-
-
-def gradient_of(number: Number, free: int) -> NDArray[np.float64]:
-    """Return the gradient (free,), zero for a plain number."""
-    return number.gradient if isinstance(number, Dual) else np.zeros(free)

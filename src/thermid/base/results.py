@@ -15,10 +15,9 @@ from typing import TYPE_CHECKING, Any, Final, Generic, TypeVar
 
 import numpy as np
 
+from thermid.base._numbers import Array
 from thermid.base.arguments import guard_methods
-from thermid.base.errors import ScenarioError, ThermidError, look_up, refuse_unknown
-from thermid.base.extensions import optional
-from thermid.base.linear_algebra import Array
+from thermid.base.errors import ScenarioError, ThermidError, look_up, optional, refuse_unknown
 
 if TYPE_CHECKING:
     import pandas

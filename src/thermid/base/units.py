@@ -1,7 +1,12 @@
-"""Numbers with units: units and their conversion, texts and expressions read and written."""
+"""Numbers: in arrays, with derivatives, with units and their conversion, constants of nature; texts and expressions read and written."""
 
+from thermid.base._constants import (
+    AMBIENT_DEFAULT as AMBIENT_DEFAULT,
+    ATMOSPHERE as ATMOSPHERE,
+    STANDARD_GRAVITY as STANDARD_GRAVITY,
+    STEFAN_BOLTZMANN as STEFAN_BOLTZMANN,
+)
 from thermid.base._expression import (
-    NAME as NAME,
     RESERVED as RESERVED,
     THREE_WAYS as THREE_WAYS,
     Expression as Expression,
@@ -16,7 +21,6 @@ from thermid.base._expression import (
     end_of_range as end_of_range,
     instant as instant,
     kelvin as kelvin,
-    pairs as pairs,
     parse as parse,
     plain_numbers as plain_numbers,
     positive_seconds as positive_seconds,
@@ -26,11 +30,21 @@ from thermid.base._expression import (
     si_values as si_values,
     stated as stated,
     text_value as text_value,
-    with_unit as with_unit,
+)
+from thermid.base._numbers import (
+    HALF_WIDTH_95 as HALF_WIDTH_95,
+    Array as Array,
+    Bools as Bools,
+    Dual as Dual,
+    Indices as Indices,
+    Ints as Ints,
+    Number as Number,
+    gradient_of as gradient_of,
+    real_power as real_power,
+    value_of as value_of,
 )
 from thermid.base._units import (
     DAY as DAY,
-    DEVIATION_OF_MEDIAN as DEVIATION_OF_MEDIAN,
     DIMENSIONLESS as DIMENSIONLESS,
     HOUR as HOUR,
     ICE_POINT as ICE_POINT,

@@ -9,8 +9,7 @@ import time
 from pathlib import Path
 from typing import Protocol
 
-from thermid.base.errors import RecordError
-from thermid.base.extensions import optional
+from thermid.base.errors import RecordError, optional
 
 MAX_GARBAGE_BYTES = 400
 """Bytes without a line feed that are taken for one piece of garbage."""

@@ -9,8 +9,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from thermid.base.errors import DeckError, MissingDataError, RecordError, errors_at, nearest, refuse_unknown
-from thermid.base.extensions import extension
+from thermid.base.errors import DeckError, MissingDataError, RecordError, errors_at, extension, nearest, refuse_unknown
 from thermid.base.files import Places, by_grammar, read_toml, resolve_inside
 from thermid.base.memo import Memo
 from thermid.campaign._cache import file_name, log_kept

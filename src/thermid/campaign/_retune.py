@@ -12,9 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thermid.base.errors import DeckError, IdentificationError, MissingDataError, SolverError, errors_at
-from thermid.base.linear_algebra import value_of
 from thermid.base.results import Result
-from thermid.base.units import ICE_POINT, counted
+from thermid.base.units import ICE_POINT, counted, value_of
 from thermid.campaign._file import CampaignSource, read_campaign
 from thermid.campaign._joint import Level, places_of
 from thermid.campaign._stages import Campaign, Notice, progress_of, request_of

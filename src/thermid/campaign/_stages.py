@@ -51,8 +51,7 @@ from thermid.inference.criticism import Mistakes, find_mistakes
 from thermid.measure.records import Record, stray_readings
 from thermid.model.tree import Model, ParameterSet, Standing, definition_of, instances, literal, worst
 from thermid.simulation.runs import STEADY, KeptTasks, Scenario, Workers, in_tasks
-from thermid.values.store import Store, graft
-from thermid.values.value_files import hand_values
+from thermid.values.store import Store, graft, hand_values
 
 if TYPE_CHECKING:
     from thermid.campaign._schema import InheritTable, StageTable, VerdictTable

@@ -21,8 +21,7 @@ from thermid.base.errors import (
     refuse_unknown,
 )
 from thermid.base.files import resolve_inside
-from thermid.base.linear_algebra import value_of
-from thermid.base.units import kelvin
+from thermid.base.units import kelvin, value_of
 from thermid.campaign._file import CampaignSource, bound_by, local_of, read_campaign, scenario_of
 from thermid.campaign._judge.limits import Limits
 from thermid.campaign._judge.predictions import CampaignPrediction

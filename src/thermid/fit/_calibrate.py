@@ -14,8 +14,8 @@ from typing import Any
 import numpy as np
 
 from thermid.base.errors import IdentificationError, SolverError, quoted
-from thermid.base.linear_algebra import HALF_WIDTH_95, Array, null_space, one_thread, symmetric_inverse
-from thermid.base.units import NAMES, counted, short, some, unit
+from thermid.base.linear_algebra import null_space, one_thread, symmetric_inverse
+from thermid.base.units import HALF_WIDTH_95, NAMES, Array, counted, short, some, unit
 from thermid.fit._calibration import (
     FIRST,
     LOUD,

@@ -19,8 +19,8 @@ from typing import NamedTuple, Protocol
 import numpy as np
 
 from thermid.base.errors import IdentificationError, SolverError, refuse_unknown
-from thermid.base.linear_algebra import NOTHING, Array, covariance, finite
-from thermid.base.units import counted
+from thermid.base.linear_algebra import NOTHING, covariance, finite
+from thermid.base.units import Array, counted
 from thermid.fit._problem.residuals import Compressed, Sums, Unknown, refuse_not_finite, starting_point
 
 NEW_STEPS_SHARE, DONE = 0.02, 1e-4

@@ -19,8 +19,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thermid.base.errors import IdentificationError, ScenarioError, SolverError, foretell, refuse_unknown, spoken
-from thermid.base.linear_algebra import NOTHING, Array, pseudo_inverse
-from thermid.base.units import counted, format_value
+from thermid.base.linear_algebra import NOTHING, pseudo_inverse
+from thermid.base.units import Array, counted, format_value
 from thermid.fit._minimisation import Fit, ended, minimise
 from thermid.fit._problem.experiment import ALL_INSTANTS, OFFSET, SCALE, Experiment
 from thermid.fit._problem.residuals import Problem, Unknown, clock_at, loss_of, starting_point

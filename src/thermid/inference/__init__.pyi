@@ -1,16 +1,21 @@
 """The public names with their types; written by scripts/write_stub.py from the tables in `thermid/__init__.py`."""
 
-from thermid.campaign.stages import joint as joint
-from thermid.campaign.studies import CredibilityRecord as CredibilityRecord, credibility as credibility
-from thermid.campaign.verdicts import Changes as Changes, compare_models as compare_models
+from thermid.campaign.stages import (
+    Changes as Changes,
+    CredibilityRecord as CredibilityRecord,
+    compare_models as compare_models,
+    credibility as credibility,
+    joint as joint,
+)
 from thermid.fit.error_model import Discrepancy as Discrepancy, ErrorModel as ErrorModel, discrepancy as discrepancy
 from thermid.fit.estimation import Estimation as Estimation, estimate as estimate
 from thermid.fit.power import PowerHistory as PowerHistory, PowerLaw as PowerLaw, power_history as power_history
-from thermid.inference.criticism import Criticism as Criticism, criticise as criticise
-from thermid.inference.diagnosis import (
+from thermid.inference.criticism import (
+    Criticism as Criticism,
     Diagnosis as Diagnosis,
     EnergyBalance as EnergyBalance,
     Plausibility as Plausibility,
+    criticise as criticise,
     diagnose as diagnose,
     energy_balance as energy_balance,
     plausibility as plausibility,

@@ -14,9 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thermid.base.errors import IdentificationError, NameNotFoundError, SolverError, foretell, quoted, refuse_unknown, spoken
-from thermid.base.linear_algebra import Array, covariance
+from thermid.base.linear_algebra import covariance
 from thermid.base.results import Named, PlottedTrace, Result
-from thermid.base.units import counted, from_si
+from thermid.base.units import Array, counted, from_si
 from thermid.fit.calibration import (
     Calibration,
     Compressed,

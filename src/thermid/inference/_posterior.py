@@ -11,10 +11,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from thermid.base.errors import IdentificationError, NameNotFoundError, SolverError, refuse_unknown
-from thermid.base.extensions import optional
-from thermid.base.linear_algebra import HALF_WIDTH_95, Array, covariance
+from thermid.base.errors import IdentificationError, NameNotFoundError, SolverError, optional, refuse_unknown
+from thermid.base.linear_algebra import covariance
 from thermid.base.results import Result, Row
+from thermid.base.units import HALF_WIDTH_95, Array
 from thermid.fit.calibration import Calibration, Compressed, Problem, box_of
 from thermid.simulation.runs import KeptTasks, Workers, in_tasks, shares_of
 

@@ -17,8 +17,7 @@ import numpy as np
 
 from thermid.base.errors import DeckError, ScenarioError
 from thermid.base.files import FileKinds, write_text
-from thermid.base.linear_algebra import real_power, value_of
-from thermid.base.units import si_unit
+from thermid.base.units import real_power, si_unit, value_of
 from thermid.model.tree import HINGES, Constant, Curve, Drawn, Model, TableSignal
 from thermid.simulation.runs import SMOOTHING, ConductorRow, Engine, Network, Numbers, Scenario, Wiring, network_for, signal_of
 

@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 
 from thermid.base.errors import DeckError, SolverError
-from thermid.base.linear_algebra import Array
+from thermid.base.units import Array
 from thermid.interop._wired import Text, Wired, Writer, distinct, exported, file_and_name, identifiers, one_line, resting, wired
 from thermid.model.tree import Curve, Drawn, Model, Sine, TableSignal
 from thermid.simulation.runs import Engine, Options, Scenario, Wiring, curve_arrays, tables_behind

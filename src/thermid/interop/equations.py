@@ -13,10 +13,9 @@ from functools import cached_property
 from itertools import combinations
 from typing import Any
 
-from thermid.base.errors import DeckError, NameNotFoundError, ThermidError, refuse_unknown
-from thermid.base.extensions import optional
-from thermid.base.linear_algebra import value_of
+from thermid.base.errors import DeckError, NameNotFoundError, ThermidError, optional, refuse_unknown
 from thermid.base.results import Shown
+from thermid.base.units import value_of
 from thermid.interop._wired import identifiers
 from thermid.model.tree import Model
 from thermid.simulation.runs import Network, compile_network

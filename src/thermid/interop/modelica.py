@@ -8,6 +8,7 @@ from collections.abc import Iterator
 from importlib.metadata import version
 
 from thermid.base.errors import DeckError, ScenarioError, refuse_unknown
+from thermid.base.units import STEFAN_BOLTZMANN
 from thermid.interop._wired import (
     Formula,
     HeatSource,
@@ -24,7 +25,6 @@ from thermid.interop._wired import (
     wired,
 )
 from thermid.model.tree import Curve, Drawn, Model, Sine, TableSignal
-from thermid.physics.constants import STEFAN_BOLTZMANN
 from thermid.simulation.runs import SMOOTHING, ConductorRow, Scenario
 
 MODELICA = Writer("Modelica", loads=True, schedules=True)

@@ -7,8 +7,7 @@ import os
 from collections.abc import Iterator
 
 from thermid.base.errors import DeckError
-from thermid.base.linear_algebra import value_of
-from thermid.base.units import ICE_POINT
+from thermid.base.units import ICE_POINT, value_of
 from thermid.interop._wired import (
     Wired,
     conductance_text,

@@ -4,6 +4,7 @@ Its elements, their parameters, and what their laws are made of: signals, curves
 Which values of several places are one, and what a replaced part keeps.
 """
 
+from thermid.model._blocks.block import FACES as FACES, Block as Block, Exchange as Exchange
 from thermid.model._deck.document import DeckDocument as DeckDocument, Edit as Edit, Renamed as Renamed
 from thermid.model._deck.modelfile import (
     STANDARD as STANDARD,

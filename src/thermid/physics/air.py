@@ -13,10 +13,8 @@ from typing import Any, Final
 import numpy as np
 
 from thermid.base.errors import ThermidWarning
-from thermid.base.linear_algebra import Array
-from thermid.base.units import ICE_POINT
+from thermid.base.units import ATMOSPHERE, ICE_POINT, Array
 from thermid.physics._number import Number
-from thermid.physics.constants import ATMOSPHERE
 
 DRY_AIR_GAS_CONSTANT = 287.052874
 """Specific gas constant of dry air: 8.31446262 J/(mol K) over 28.96492 g/mol. [J/(kg K)]"""

@@ -14,9 +14,8 @@ from typing import Any, Final
 
 import numpy as np
 
-from thermid.base.errors import DeckError, nearest, refuse_unknown
-from thermid.base.extensions import missing
-from thermid.base.linear_algebra import Array
+from thermid.base.errors import DeckError, missing, nearest, refuse_unknown
+from thermid.base.units import Array
 from thermid.physics._number import Number
 from thermid.physics.plates import (
     CONVEX_SHAPE_FACTOR,

@@ -13,7 +13,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from thermid.base.errors import DeckError
-from thermid.base.linear_algebra import Array, Dual, Number, value_of
+from thermid.base.units import Array, Dual, Number, value_of
 
 RECIPROCITY = 1e-3
 """Largest relative difference of A_i F_ij and A_j F_ji, and of a row's sum from one; given factors have three or four digits. [-]"""

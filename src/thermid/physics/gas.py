@@ -9,9 +9,9 @@ from typing import Final
 import numpy as np
 
 from thermid.base.errors import DeckError, look_up
+from thermid.base.units import ATMOSPHERE
 from thermid.physics._number import Number, plain
 from thermid.physics.air import Gas
-from thermid.physics.constants import ATMOSPHERE
 
 MOLAR_GAS_CONSTANT: Final = 8.31446261815324
 """CODATA 2018, exact. [J/(mol K)]"""

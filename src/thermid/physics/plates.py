@@ -7,9 +7,9 @@ import warnings
 import numpy as np
 
 from thermid.base.errors import ThermidWarning
+from thermid.base.units import STANDARD_GRAVITY
 from thermid.physics._number import Number, plain
 from thermid.physics.air import AIR_300K, Gas
-from thermid.physics.constants import STANDARD_GRAVITY
 
 # The source document and the textbooks use 9.81. The standard 9.80665 changes a coefficient by 0.01 %, far below what a correlation can
 # promise, but it turns the document's printed 6.798 into 6.797.

@@ -6,8 +6,8 @@ equal temperatures. F is the exchange factor of the pair, referred to the area A
 
 from __future__ import annotations
 
+from thermid.base.units import STEFAN_BOLTZMANN
 from thermid.physics._number import Number
-from thermid.physics.constants import STEFAN_BOLTZMANN
 
 
 def surroundings_exchange_factor(emissivity: Number) -> Number:

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thermid.base.errors import DeckError
-from thermid.base.linear_algebra import Array
+from thermid.base.units import Array
 
 
 def facing_plates(length: float, width: float, distance: float) -> float:

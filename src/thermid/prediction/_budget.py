@@ -13,9 +13,9 @@ import numpy as np
 
 from thermid.base.arguments import guard_methods, takes_objects
 from thermid.base.errors import CodedText, IdentificationError, NameNotFoundError, ScenarioError, SolverError, quoted, refuse_unknown
-from thermid.base.linear_algebra import Array, Indices, quadratic_forms, symmetric_inverse, value_of
+from thermid.base.linear_algebra import quadratic_forms, symmetric_inverse
 from thermid.base.results import Shown
-from thermid.base.units import from_si, plain_numbers, short
+from thermid.base.units import Array, Indices, from_si, plain_numbers, short, value_of
 from thermid.fit.calibration import Calibration
 from thermid.fit.error_model import (
     MAX_GAS_CONDUCTANCE,

@@ -11,13 +11,15 @@ from typing import Any
 import numpy as np
 
 from thermid.base.errors import DeckError, IdentificationError
-from thermid.base.linear_algebra import Array, square_root
+from thermid.base.linear_algebra import square_root
 from thermid.base.results import Result, Row
+from thermid.base.units import Array
 from thermid.fit.calibration import Calibration, fitted_values
 from thermid.fit.error_model import ERRORS_KEY, STRUCTURAL_KEY, BandCause, Discrepancy, ErrorModel, kept_in
 from thermid.model.tree import Model, Standing, flatten, worst
 from thermid.values.store import (
     INPUT,
+    Filed,
     FittedValue,
     FittedValues,
     Kind,
@@ -29,7 +31,6 @@ from thermid.values.store import (
     model_standing,
     structural_under,
 )
-from thermid.values.value_files import Filed
 
 
 @dataclass(frozen=True, eq=False)

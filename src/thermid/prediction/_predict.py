@@ -17,9 +17,8 @@ from numpy.typing import NDArray
 
 from thermid.base.errors import NameNotFoundError, SolverError, nearest, quoted
 from thermid.base.files import FileKinds, replacing
-from thermid.base.linear_algebra import Array, Bools
 from thermid.base.results import Named, PlottedTrace, Result, Row
-from thermid.base.units import ICE_POINT, duration_text, seconds, short
+from thermid.base.units import ICE_POINT, Array, Bools, duration_text, seconds, short
 from thermid.fit.calibration import Calibration
 from thermid.fit.error_model import LACK_ODDS, BandCause, NormalMixture
 from thermid.inference.criticism import ExplainedFit, explained, summary

@@ -15,9 +15,8 @@ from typing import Any
 
 import numpy as np
 
-from thermid.base.linear_algebra import Array
 from thermid.base.results import PlottedTrace, Result
-from thermid.base.units import TEMPERATURE, from_si
+from thermid.base.units import TEMPERATURE, Array, from_si
 from thermid.fit.calibration import (
     Calibration,
     Experiment,

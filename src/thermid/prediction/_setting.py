@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from thermid.base.errors import SolverError
-from thermid.base.linear_algebra import Array, Bools
+from thermid.base.units import Array, Bools
 from thermid.fit.error_model import DepartureHeat, course_of, deviation, with_heats, with_laws
 from thermid.model.tree import Model
 from thermid.prediction._budget import Assumed, Budget, Target, assumed_values, combined, open_ranges

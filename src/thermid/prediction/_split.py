@@ -15,8 +15,8 @@ from typing import Any
 import numpy as np
 
 from thermid.base.errors import IdentificationError, nearest, quoted
-from thermid.base.linear_algebra import Array, value_of
 from thermid.base.results import Named
+from thermid.base.units import Array, value_of
 from thermid.fit.calibration import Calibration
 from thermid.fit.error_model import discrepancy_kept
 from thermid.model.tree import FINISH_CORRELATION, FlatConductor, Model, Standing, StatedRange, exposed_area, worst

@@ -12,9 +12,9 @@ import numpy as np
 
 from thermid.base.arguments import guard_methods
 from thermid.base.errors import IdentificationError, NameNotFoundError, ThermidError, nearest, quoted, with_time_left
-from thermid.base.linear_algebra import Array, value_of, variance
+from thermid.base.linear_algebra import variance
 from thermid.base.results import Result, Shown
-from thermid.base.units import amount, duration_text, short
+from thermid.base.units import Array, amount, duration_text, short, value_of
 from thermid.fit.calibration import (
     SCALE,
     Calibration,

@@ -1,6 +1,6 @@
 """The public names with their types; written by scripts/write_stub.py from the tables in `thermid/__init__.py`."""
 
-from thermid.campaign.verdicts import (
+from thermid.campaign.stages import (
     Correlation as Correlation,
     CriteriaSet as CriteriaSet,
     Limits as Limits,

@@ -28,13 +28,12 @@ from thermid.base.files import (
 )
 from thermid.base.results import Result
 from thermid.base.units import TEMPERATURE, counted
-from thermid.campaign.stages import run_stages
-from thermid.campaign.verdicts import CRITERIA, POLICIES, Criteria, Limits, load_limits, read_limits
+from thermid.campaign.stages import CRITERIA, POLICIES, Criteria, Limits, load_limits, read_limits, run_stages
 from thermid.measure.records import rule_of
 from thermid.model.tree import literal, load_model
 from thermid.prediction.bands import Knowledge
 from thermid.prediction.reduction import macro_model
-from thermid.values.value_files import filed
+from thermid.values.store import filed
 
 if TYPE_CHECKING:
     from thermid.qualify._plan_schema import LockFile, PlanFile, TestTable

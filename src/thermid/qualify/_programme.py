@@ -11,10 +11,9 @@ from typing import Any
 import numpy as np
 
 from thermid.base.errors import errors_at
-from thermid.base.linear_algebra import HALF_WIDTH_95
 from thermid.base.results import VERDICTS, Named, weigh
-from thermid.base.units import counted
-from thermid.campaign.verdicts import Limits, Margin, margins
+from thermid.base.units import HALF_WIDTH_95, counted
+from thermid.campaign.stages import Limits, Margin, margins
 from thermid.model.tree import Standing
 from thermid.prediction.bands import IN_TESTS, SILENT, UNFITTED, Foresight, Knowledge, assumed_effects
 from thermid.qualify._plan import LockStatus, Plan, load_plan, lock_status, note_look

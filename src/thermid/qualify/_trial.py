@@ -11,10 +11,9 @@ import numpy as np
 
 from thermid.base.errors import NameNotFoundError, RecordError, ScenarioError, errors_at, refuse_unknown
 from thermid.base.files import resolve_inside
-from thermid.base.linear_algebra import Array
 from thermid.base.results import VERDICTS, weigh
-from thermid.base.units import ICE_POINT, TEMPERATURE, duration_text
-from thermid.campaign.verdicts import (
+from thermid.base.units import ATMOSPHERE, ICE_POINT, TEMPERATURE, Array, duration_text
+from thermid.campaign.stages import (
     Correlation,
     Exclusions,
     HeaterDuty,
@@ -30,11 +29,10 @@ from thermid.campaign.verdicts import (
     paired,
 )
 from thermid.fit.calibration import Calibration
-from thermid.inference.diagnosis import Diagnosis, diagnose
+from thermid.inference.criticism import Diagnosis, diagnose
 from thermid.measure.readers import read_record
 from thermid.measure.records import Record, rule_of
 from thermid.model.tree import flatten, literal
-from thermid.physics.constants import ATMOSPHERE
 from thermid.prediction.bands import Foresight, Knowledge, foresee
 from thermid.qualify._plan import Plan
 from thermid.qualify._profile_runs.conduct import run_profile

@@ -8,7 +8,7 @@ from typing import Final
 import numpy as np
 
 from thermid.base.errors import quoted
-from thermid.base.linear_algebra import Array
+from thermid.base.units import Array
 from thermid.model.tree import Flat, FlatConductor, Standing
 from thermid.physics.air import (
     dew_point,

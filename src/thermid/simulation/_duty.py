@@ -7,8 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from thermid.base.linear_algebra import Array
-from thermid.base.units import counted, duration_text, short
+from thermid.base.units import Array, counted, duration_text, short
 
 
 def on_shares(times: Array, states: Array, before: int, end: float) -> tuple[float, float, float]:

@@ -21,9 +21,8 @@ from numpy.lib.mixins import NDArrayOperatorsMixin
 from numpy.typing import NDArray
 
 from thermid.base.errors import ScenarioError, SolverError, ThermidError, refuse_unknown
-from thermid.base.linear_algebra import Array, Bools, Dual, Indices, real_power
 from thermid.base.results import PlottedTrace, Result
-from thermid.base.units import ICE_POINT, kelvin
+from thermid.base.units import ICE_POINT, Array, Bools, Dual, Indices, kelvin, real_power
 from thermid.model.tree import UNJUDGED, Constant, Model, Standing
 from thermid.simulation._duty import on_shares
 from thermid.simulation._many.kept import JobFolder, digest

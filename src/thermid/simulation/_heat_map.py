@@ -10,8 +10,7 @@ from typing import Any, Final
 import numpy as np
 
 from thermid.base.errors import NameNotFoundError, nearest
-from thermid.base.linear_algebra import value_of
-from thermid.base.units import ICE_POINT
+from thermid.base.units import ICE_POINT, value_of
 from thermid.simulation._network.network import Network
 
 MAX_GROUPS_ON_SCREEN: Final = 9

@@ -11,9 +11,8 @@ from typing import Any, Final
 import numpy as np
 
 from thermid.base.errors import CodedText, NameNotFoundError, ScenarioError, cap, errors_at, quoted, raising, refuse_unknown
-from thermid.base.linear_algebra import Array, value_of
 from thermid.base.results import Shown
-from thermid.base.units import TEMPERATURE, amount, quantity, seconds, si_values, unit
+from thermid.base.units import TEMPERATURE, Array, amount, quantity, seconds, si_values, unit, value_of
 from thermid.model.tree import Constant, Model, streams_of, worst
 from thermid.simulation._ensemble import Ensemble, run_members
 from thermid.simulation._many.tasks import Workers

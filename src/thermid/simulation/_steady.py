@@ -10,11 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thermid.base.errors import NameNotFoundError, nearest
-from thermid.base.linear_algebra import Array
 from thermid.base.results import Result, Row
-from thermid.base.units import ICE_POINT, Kelvin, amount
-from thermid.model.blocks import Block
-from thermid.model.tree import Model, Names
+from thermid.base.units import ICE_POINT, Array, Kelvin, amount
+from thermid.model.tree import Block, Model, Names
 from thermid.simulation._block import BlockSolution, steady_block, steady_levels_of_block
 from thermid.simulation._heat_map import HeatMap
 from thermid.simulation._network.network import without_gas

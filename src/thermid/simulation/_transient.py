@@ -6,8 +6,7 @@ from collections.abc import Iterable
 from typing import Any, overload
 
 from thermid.base.errors import ScenarioError
-from thermid.model.blocks import Block
-from thermid.model.tree import Model
+from thermid.model.tree import Block, Model
 from thermid.simulation._block import BlockSolution, simulate_block
 from thermid.simulation._scenarios.scenario import Scenario
 from thermid.simulation._simulator import prepare

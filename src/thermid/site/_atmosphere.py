@@ -7,8 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from thermid.base.errors import ScenarioError
-from thermid.base.linear_algebra import Array
-from thermid.physics.constants import ATMOSPHERE, STANDARD_GRAVITY
+from thermid.base.units import ATMOSPHERE, STANDARD_GRAVITY, Array
 
 HIGHEST_ALTITUDE = 86e3
 """Above it the standard's air is no longer mixed, and depends on the sun's activity. [m]"""

@@ -12,9 +12,8 @@ import numpy as np
 
 from thermid.base.arguments import guard_methods
 from thermid.base.errors import RecordError, ScenarioError, refuse_unknown
-from thermid.base.linear_algebra import Array
 from thermid.base.results import Figure, Shown
-from thermid.base.units import TEMPERATURE, amount
+from thermid.base.units import TEMPERATURE, Array, amount
 from thermid.measure.readers import read_plain
 from thermid.model.tree import Constant, Signal, TableSignal, joined, signal
 from thermid.simulation.runs import MAX_IRRADIATION, Environment, Irradiation, Scenario

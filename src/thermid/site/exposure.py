@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from thermid.base.errors import ScenarioError
-from thermid.base.linear_algebra import Array
+from thermid.base.units import Array
 
 
 def facing_sun(tilt: float, azimuth: float | None, zenith: Any, sun_azimuth: Any) -> Array:

@@ -9,9 +9,9 @@ from typing import Any, Final
 import numpy as np
 
 from thermid.base.errors import ScenarioError, SolverError, refuse_unknown
-from thermid.base.linear_algebra import Array, anderson_step
+from thermid.base.linear_algebra import anderson_step
 from thermid.base.results import Named, PlottedTrace
-from thermid.base.units import ICE_POINT
+from thermid.base.units import ICE_POINT, Array
 from thermid.model.tree import Constant, FlatConductor, HeatLoad, Model, Signal, TableSignal, check_span, parameter, signal
 from thermid.simulation.runs import Scenario, Solution, compile_network, simulate, surfaces_in_gas
 from thermid.site.vapour import Followed, Volume, WaterBalance, follow

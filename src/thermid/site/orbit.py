@@ -10,8 +10,7 @@ from typing import Final
 import numpy as np
 
 from thermid.base.errors import ScenarioError, nearest
-from thermid.base.linear_algebra import Array
-from thermid.base.units import amount
+from thermid.base.units import Array, amount
 from thermid.model.tree import Constant, Signal, TableSignal, degrees, multiplied
 from thermid.simulation.runs import Irradiation
 from thermid.site.exposure import planet_share

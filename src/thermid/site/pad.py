@@ -15,12 +15,10 @@ import numpy as np
 
 from thermid.base.arguments import guard_methods
 from thermid.base.errors import ScenarioError
-from thermid.base.linear_algebra import Array
 from thermid.base.results import Shown
-from thermid.base.units import TEMPERATURE, amount
+from thermid.base.units import STEFAN_BOLTZMANN, TEMPERATURE, Array, amount
 from thermid.model.tree import Constant, Facing, MeanOf, Mixed, Signal, TableSignal, degrees, literal, signal
 from thermid.physics.air import dew_point, dry_air, vapour_pressure
-from thermid.physics.constants import STEFAN_BOLTZMANN
 from thermid.physics.correlations import forced_plate_nusselt
 from thermid.simulation.runs import Environment, Scenario, Sky
 from thermid.site.exposure import cloudless_sky, driving_rain, on_plane, sky_share

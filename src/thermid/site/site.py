@@ -19,12 +19,10 @@ from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 import numpy as np
 
-from thermid.base.errors import MissingDataError, NameNotFoundError, RecordError, ScenarioError, ThermidError, refuse_unknown
-from thermid.base.extensions import optional
+from thermid.base.errors import MissingDataError, NameNotFoundError, RecordError, ScenarioError, ThermidError, optional, refuse_unknown
 from thermid.base.files import was_read
-from thermid.base.linear_algebra import Array
 from thermid.base.results import Named
-from thermid.base.units import TEMPERATURE, amount, from_si, seconds, unit
+from thermid.base.units import TEMPERATURE, Array, amount, from_si, seconds, unit
 from thermid.measure.readers import read_plain
 from thermid.measure.records import FloatArray
 from thermid.model.tree import degrees

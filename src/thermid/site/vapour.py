@@ -16,8 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thermid.base.errors import ScenarioError
-from thermid.base.linear_algebra import Array, Bools, value_of
-from thermid.base.units import amount
+from thermid.base.units import ATMOSPHERE, STEFAN_BOLTZMANN, Array, Bools, amount, value_of
 from thermid.model.tree import FlatConductor, Signal, exposed_area
 from thermid.physics.air import (
     VAPOUR_CONSTANT,
@@ -28,7 +27,6 @@ from thermid.physics.air import (
     vapour_density,
     vapour_pressure,
 )
-from thermid.physics.constants import ATMOSPHERE, STEFAN_BOLTZMANN
 from thermid.simulation.runs import VACUUM_LIMIT, Solution
 
 MAX_MISSING_WATER_SHARE: Final = 1e-6

@@ -14,9 +14,9 @@ import numpy as np
 
 from thermid.base.errors import DeckError
 from thermid.base.files import FileKinds, Places, by_grammar, parse_toml, read_text, toml_key, toml_value, write_text
-from thermid.base.linear_algebra import Array, square_root
+from thermid.base.linear_algebra import square_root
 from thermid.base.results import Named, Row
-from thermid.base.units import counted, from_si, unit
+from thermid.base.units import Array, counted, from_si, unit
 from thermid.model.tree import UNJUDGED, Dropped, Parameter, Standing, exact, worst
 from thermid.values._store import LaterTable, LeftOut, Normal, Source, State, Store, ValueOrigin, deviated, domain, error_table_of
 

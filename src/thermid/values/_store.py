@@ -16,9 +16,9 @@ from typing import Any, Literal, Protocol
 import numpy as np
 
 from thermid.base.errors import DeckError, NameNotFoundError, nearest, quoted
-from thermid.base.linear_algebra import Array, symmetric_inverse
+from thermid.base.linear_algebra import symmetric_inverse
 from thermid.base.results import Row, Shown
-from thermid.base.units import counted, parse
+from thermid.base.units import Array, counted, parse
 from thermid.model.tree import (
     SET,
     UNJUDGED,

@@ -48,3 +48,4 @@ from thermid.values._store import (
     structural_under as structural_under,
     uniforms as uniforms,
 )
+from thermid.values._value_files import Filed as Filed, filed as filed, hand_values as hand_values

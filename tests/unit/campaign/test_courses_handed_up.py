@@ -12,8 +12,7 @@ from thermid.model.tree import load_model
 from thermid.prediction._known import known_of
 from thermid.prediction.bands import predict
 from thermid.simulation.runs import Scenario
-from thermid.values.store import load_store, load_values
-from thermid.values.value_files import filed
+from thermid.values.store import filed, load_store, load_values
 from unit.fit.project import write_log
 from unit.fit.trees import joined, leaf, record_of, record_table, stage_table, write_decks
 

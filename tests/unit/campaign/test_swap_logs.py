@@ -14,12 +14,12 @@ import thermid as td
 from by_code import raises_code
 from thermid.app.cli.app import app
 from thermid.base.errors import DeckError, MissingDataError
-from thermid.campaign.studies import check_replacement, new_logs
+from thermid.campaign.stages import check_replacement, new_logs
 from thermid.inference.criticism import Mistakes
 from thermid.measure.records import Record
 from thermid.model.tree import load_model
 from thermid.prediction.bands import Knowledge
-from thermid.values.value_files import filed
+from thermid.values.store import filed
 from unit.fit.bench import log
 from unit.fit.project import write_log
 

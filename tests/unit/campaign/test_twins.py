@@ -87,7 +87,7 @@ def test_four_levels_with_twins_at_three_heights(tmp_path: Path) -> None:
 def test_a_values_file_of_a_part_reaches_its_twins(tmp_path: Path) -> None:
     """By the command line and from Python, with the same members."""
     from thermid.prediction._known import known_of
-    from thermid.values.value_files import filed
+    from thermid.values.store import filed
 
     pack = campaign(tmp_path, *stages_of("prior"))["pack"]
     pack.save(tmp_path / "pack.values.toml")

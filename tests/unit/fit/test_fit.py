@@ -12,7 +12,7 @@ import pytest
 import thermid as td
 from by_code import raises_code
 from thermid.base.errors import IdentificationError, RecordError, SolverError
-from thermid.campaign.verdicts import compare
+from thermid.campaign.stages import compare
 from thermid.fit._calibrate import calibrate, fit, refuse_after, requested, summarise
 from thermid.fit._minimisation import KeptFit, covariances, ended, minimise
 from thermid.fit._problem.gather import build_problem

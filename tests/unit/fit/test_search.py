@@ -13,7 +13,7 @@ import pytest
 
 import thermid as td
 from by_code import raises_code
-from thermid.base import extensions
+from thermid.base import errors
 from thermid.base.errors import IdentificationError, MissingExtraError
 from thermid.fit._minimisation import LOSSES
 from thermid.fit._problem.gather import build_problem
@@ -136,7 +136,7 @@ class TestValleys:
                 raise ImportError(name)
             return import_module(name)
 
-        monkeypatch.setattr(extensions, "import_module", absent)
+        monkeypatch.setattr(errors, "import_module", absent)
         with raises_code("extra.not-installed", MissingExtraError, match="'emcee'"):
             td.inference.posterior(fitted("local"))
 

@@ -11,8 +11,7 @@ import pytest
 import thermid as td
 from by_code import raises_code
 from thermid.base.errors import DeckError, SolverError
-from thermid.base.linear_algebra import Dual
-from thermid.base.units import TEMPERATURE
+from thermid.base.units import TEMPERATURE, Dual
 from thermid.model._parts.controls import CONTROL_SLOTS, slot_of
 from thermid.model._parts.elements import KINDS, LOAD_SLOTS, NODE_SLOTS
 from thermid.model._parts.ranges import RANGES, range_of

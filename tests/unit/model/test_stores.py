@@ -12,9 +12,9 @@ from scipy.integrate import quad, solve_ivp
 import thermid as td
 from by_code import raises_code
 from thermid.base.errors import DeckError, ScenarioError, SolverError
+from thermid.base.units import STEFAN_BOLTZMANN
 from thermid.model._laws.stores import HeatStore, curve, store
 from thermid.model._tree.identity import to_dict
-from thermid.physics.constants import STEFAN_BOLTZMANN
 
 HEAT = [["0 [degC]", "400 [J/(kg K)]"], ["100 [degC]", "500 [J/(kg K)]"], ["300 [degC]", "800 [J/(kg K)]"]]
 SHAPE = curve("temperature", [(273.15, 400.0), (373.15, 500.0), (573.15, 800.0)])

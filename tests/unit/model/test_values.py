@@ -10,7 +10,7 @@ import pytest
 
 from by_code import raises_code
 from thermid.base.errors import DeckError, ExpressionError, NameNotFoundError, ThermidError, UnitError
-from thermid.base.linear_algebra import Dual
+from thermid.base.units import Dual
 from thermid.model._parts.parameter import parameter
 from thermid.model._tree.flat import flatten
 from thermid.model._tree.model import Model

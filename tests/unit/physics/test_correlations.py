@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from thermid.physics.constants import ATMOSPHERE
+from thermid.base.units import ATMOSPHERE
 from thermid.physics.correlations import CORRELATIONS, correlation, nusselt_table
 from thermid.physics.gas import GASES, knudsen_number, mean_free_path
 

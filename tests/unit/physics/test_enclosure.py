@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from thermid.base.linear_algebra import Dual, gradient_of, value_of
+from thermid.base.units import Dual, gradient_of, value_of
 from thermid.physics.enclosure import exchange_areas, exchange_areas_of
 from thermid.physics.radiation import concentric_exchange_factor, parallel_exchange_factor
 from thermid.physics.view_factors import SHAPES

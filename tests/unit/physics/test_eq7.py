@@ -9,8 +9,8 @@ import pytest
 
 from by_code import warns_code
 from thermid.base.errors import ThermidWarning
+from thermid.base.units import STANDARD_GRAVITY
 from thermid.physics.air import Gas
-from thermid.physics.constants import STANDARD_GRAVITY
 from thermid.physics.convection import effective_htc, effective_htc_error
 from thermid.physics.plates import (
     grashof_number,

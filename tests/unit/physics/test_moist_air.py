@@ -7,8 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from thermid.base.linear_algebra import Array
-from thermid.base.units import ICE_POINT
+from thermid.base.units import ATMOSPHERE, ICE_POINT, Array
 from thermid.physics.air import (
     Gas,
     air_conductivity,
@@ -22,7 +21,6 @@ from thermid.physics.air import (
     vapour_diffusivity,
     vapour_pressure,
 )
-from thermid.physics.constants import ATMOSPHERE
 from thermid.physics.plates import vertical_plate_htc
 
 AIR_MASS, WATER_MASS = 28.96492, 18.015268  # g/mol

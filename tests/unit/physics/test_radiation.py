@@ -6,8 +6,8 @@ import pytest
 from scipy.optimize import brentq
 
 from oracles.decay import radiative_steady
+from thermid.base.units import STEFAN_BOLTZMANN
 from thermid.physics.conduction import slab_conductance
-from thermid.physics.constants import STEFAN_BOLTZMANN
 from thermid.physics.radiation import (
     concentric_exchange_factor,
     linearised_htc,

@@ -21,8 +21,7 @@ from oracles.lumped import (
     vacuum_slope,
 )
 from thermid.base.errors import ThermidError
-from thermid.base.units import ICE_POINT
-from thermid.physics.constants import STEFAN_BOLTZMANN
+from thermid.base.units import ICE_POINT, STEFAN_BOLTZMANN
 from thermid.physics.convection import convection_conductance
 from thermid.physics.radiation import radiation_coefficient
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import thermid as td
-from thermid.campaign.verdicts import Limits
+from thermid.campaign.stages import Limits
 from thermid.prediction._predict import foresee
 from thermid.prediction._records import predict_record
 from unit.prediction.things import CASES, Case

@@ -10,7 +10,7 @@ import pytest
 
 import thermid as td
 from thermid.campaign._judge.predictions import CampaignPrediction
-from thermid.campaign.verdicts import Limits
+from thermid.campaign.stages import Limits
 from thermid.fit.calibration import Calibration
 from thermid.prediction import _predict
 from thermid.prediction._predict import SWITCHING, Band, foresee

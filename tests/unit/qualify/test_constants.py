@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import thermid as td
-from thermid.campaign.verdicts import Overlay
+from thermid.campaign.stages import Overlay
 from thermid.prediction.bands import Knowledge, foresee
 from thermid.qualify._plan_schema import TestTable as Planned, ValidityTable
 from thermid.qualify._programme import assumed_half_width

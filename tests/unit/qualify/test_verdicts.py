@@ -12,7 +12,7 @@ from typer.testing import CliRunner
 import thermid as td
 from thermid.app.cli.app import app
 from thermid.base.results import MARKS
-from thermid.campaign.verdicts import CRITERIA, POLICIES, Criteria, Limits, check_limits, correlate
+from thermid.campaign.stages import CRITERIA, POLICIES, Criteria, Limits, check_limits, correlate
 from thermid.qualify._trial import Trial
 from thermid.reporting._qualification import tables
 from unit.qualify.project import LOG, PLAN, measured, project

@@ -14,8 +14,7 @@ import pytest
 
 import thermid as td
 from thermid.base.errors import ScenarioError
-from thermid.campaign.stages import Campaign
-from thermid.campaign.verdicts import CampaignPrediction
+from thermid.campaign.stages import Campaign, CampaignPrediction
 from thermid.reporting._blocks.content import LONG, SHOWN, Cell, Figures, Head, Section, Sheets, Table, csv_of, folded, numbered, oversized
 from thermid.reporting._diagrams.map import fitting_map
 from thermid.reporting._pages.campaign import NETWORK_SIZE, _decides, _named, _network, course_of, decisive, front, hottest_moment, report

@@ -14,7 +14,7 @@ from scipy.integrate import solve_ivp
 from scipy.sparse import coo_array, diags_array
 
 import thermid as td
-from thermid.physics.constants import STEFAN_BOLTZMANN
+from thermid.base.units import STEFAN_BOLTZMANN
 
 SOURCE = Path(__file__).parents[3] / "benchmarks" / "block.py"
 

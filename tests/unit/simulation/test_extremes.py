@@ -14,7 +14,7 @@ import thermid as td
 from oracle import Oracle, flatten, si
 from switched import switched
 from thermid.base.units import ICE_POINT
-from thermid.campaign.verdicts import Limits, check_limits, check_readings, margins
+from thermid.campaign.stages import Limits, check_limits, check_readings, margins
 from thermid.model.tree import TableSignal
 from thermid.prediction.members import hold
 from thermid.simulation._solution import Trace

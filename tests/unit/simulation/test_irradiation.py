@@ -10,7 +10,7 @@ import pytest
 import thermid as td
 from by_code import raises_code
 from thermid.base.errors import DeckError, NameNotFoundError, ScenarioError
-from thermid.physics.constants import STEFAN_BOLTZMANN
+from thermid.base.units import STEFAN_BOLTZMANN
 
 SUN = 1361.0
 BRIGHT = "1361 [W/m^2]"

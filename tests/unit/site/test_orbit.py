@@ -13,7 +13,7 @@ from scipy.integrate import solve_ivp
 import thermid as td
 from by_code import raises_code
 from thermid.base.errors import ScenarioError
-from thermid.physics.constants import STEFAN_BOLTZMANN
+from thermid.base.units import STEFAN_BOLTZMANN
 from thermid.site.exposure import planet_share
 from thermid.site.orbit import PLANETS, OrbitFluxes, Planet, _Path
 

@@ -12,7 +12,7 @@ import pytest
 import thermid as td
 from by_code import raises_code
 from thermid.base.errors import DeckError, RecordError, ScenarioError
-from thermid.physics.constants import STEFAN_BOLTZMANN
+from thermid.base.units import STEFAN_BOLTZMANN
 from thermid.site.pad import wind_htc
 
 pytest.importorskip("pvlib")

@@ -41,11 +41,12 @@ from thermid.values.store import (
     State,
     Store,
     ValueOrigin,
+    filed,
+    hand_values,
     load_store,
     load_values,
     save_store,
 )
-from thermid.values.value_files import filed, hand_values
 from unit.model.every_kind import firsts
 
 ORIGIN = ValueOrigin("fit", "s", ("r",), "k", "2026-01-01")

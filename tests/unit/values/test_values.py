@@ -10,7 +10,7 @@ import pytest
 
 from by_code import raises_code
 from thermid.base.errors import DeckError, NameNotFoundError
-from thermid.campaign.studies import CredibilityRecord
+from thermid.campaign.stages import CredibilityRecord
 from thermid.fit.calibration import Calibration, calibrate
 from thermid.model.tree import load_model, save_model
 from thermid.values.store import FittedValue, FittedValues, load_values

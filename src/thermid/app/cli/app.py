@@ -17,8 +17,7 @@ from typer.main import get_command_from_info
 from typer.models import CommandInfo
 
 from thermid.app.cli.screen import show
-from thermid.base.errors import MissingExtraError, StoppedError, ThermidError, ThermidWarning
-from thermid.base.extensions import missing
+from thermid.base.errors import MissingExtraError, StoppedError, ThermidError, ThermidWarning, missing
 from thermid.base.files import command
 
 

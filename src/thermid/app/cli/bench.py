@@ -17,8 +17,7 @@ from rich.console import Console
 from rich.live import Live
 from rich.table import Table
 
-from thermid.base.errors import RecordError, spoken
-from thermid.base.extensions import require
+from thermid.base.errors import RecordError, require, spoken
 from thermid.base.units import ICE_POINT, TEMPERATURE, amount, duration_text, positive_seconds
 from thermid.bench.bench_files import load_programme, load_sensors
 from thermid.bench.board import BoardPort, simulated

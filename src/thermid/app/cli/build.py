@@ -39,8 +39,7 @@ from thermid.app.cli.options import (
     with_unit,
     writable,
 )
-from thermid.base.errors import DeckError, SolverError, refuse_unknown
-from thermid.base.extensions import extension
+from thermid.base.errors import DeckError, SolverError, extension, refuse_unknown
 from thermid.base.files import FileKinds, file_kinds, json_schema, read_toml
 from thermid.base.units import ICE_POINT
 from thermid.model.tree import literal, load_model, worst

@@ -24,7 +24,7 @@ from thermid.app.cli.options import (
 )
 from thermid.base.files import FileKinds, check_ending, write_text
 from thermid.base.units import Kelvin
-from thermid.campaign.verdicts import Limits, compare_models, size, worst_case
+from thermid.campaign.stages import Limits, compare_models, size, worst_case
 from thermid.model.tree import UNJUDGED, load_model
 from thermid.reporting.diagrams import network_map
 from thermid.simulation.runs import load_scenario

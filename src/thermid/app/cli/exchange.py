@@ -31,8 +31,7 @@ from thermid.app.cli.options import (
     scenario_of,
 )
 from thermid.app.cli.screen import show
-from thermid.base.errors import DeckError, OutputError, refuse_unknown
-from thermid.base.extensions import require
+from thermid.base.errors import DeckError, OutputError, refuse_unknown, require
 from thermid.base.files import FileKind, FileKinds, read_bytes, write_bytes, write_text
 from thermid.base.units import counted
 from thermid.interop.c99 import to_c

@@ -43,20 +43,22 @@ from thermid.app.cli.screen import Progress, show, working
 from thermid.app.cli.summary import campaign_progress, check_target, named_page, show_campaign, staged
 from thermid.base.errors import ScenarioError, SolverError, ThermidError
 from thermid.base.files import FileKinds, kind_of_text, may_write, read_bytes
-from thermid.campaign import studies as origins
+from thermid.campaign import stages as origins
 from thermid.campaign.stages import (
     Campaign,
+    CampaignPrediction,
     campaign_predictions,
+    check_replacement,
     file_name,
     fleet_in,
     local_of,
+    new_logs,
     plain_readings,
+    plan_retune,
     read_campaign,
     scenario_of,
     survey,
 )
-from thermid.campaign.studies import check_replacement, new_logs, plan_retune
-from thermid.campaign.verdicts import CampaignPrediction
 from thermid.fit.calibration import Calibration
 from thermid.fit.error_model import SIZES
 from thermid.fit.estimation import estimated

@@ -14,15 +14,13 @@ from typing import Annotated, Any, NoReturn
 import typer
 
 from thermid.app.cli.screen import show
-from thermid.base.errors import NameNotFoundError, ScenarioError, add_codes, mark_codes
-from thermid.base.extensions import require
+from thermid.app.texts import add_codes, mark_codes, pairs as pairs, with_unit as with_unit
+from thermid.base.errors import NameNotFoundError, ScenarioError, require
 from thermid.base.files import FileKinds, command, may_write
 from thermid.base.results import clean
-from thermid.base.units import pairs as pairs, with_unit as with_unit
 from thermid.model.tree import Model, Standing, literal, load_model
 from thermid.simulation.runs import KeptTasks, Scenario, Workers as Workers, load_scenario
-from thermid.values.store import model_standing
-from thermid.values.value_files import Filed, filed
+from thermid.values.store import Filed, filed, model_standing
 
 Deck = Annotated[Path, typer.Argument(help="A deck (TOML).")]
 CampaignPath = Annotated[Path, typer.Argument(help="A campaign (TOML).")]

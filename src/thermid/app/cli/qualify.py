@@ -29,10 +29,9 @@ from thermid.app.cli.screen import working
 from thermid.app.cli.summary import check_target, named_page
 from thermid.base.errors import DeckError, RecordError, ScenarioError
 from thermid.base.files import FileKinds
-from thermid.base.linear_algebra import HALF_WIDTH_95
 from thermid.base.results import clean, weigh
-from thermid.base.units import counted
-from thermid.campaign import verdicts as correlation
+from thermid.base.units import HALF_WIDTH_95, counted
+from thermid.campaign import stages as correlation
 from thermid.measure.readers import log_cells, name_and_unit, read_record
 from thermid.measure.records import Record
 from thermid.model.tree import load_model

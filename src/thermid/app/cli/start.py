@@ -32,8 +32,7 @@ from thermid.campaign.start import (
     write_template,
 )
 from thermid.fit.calibration import Calibration
-from thermid.inference.criticism import EVALUATIONS, criticise as criticised
-from thermid.inference.diagnosis import plausibility as ranges_of
+from thermid.inference.criticism import EVALUATIONS, criticise as criticised, plausibility as ranges_of
 from thermid.model.tree import STANDARD, load_model, standard_parts, worst
 from thermid.physics.finishes import FINISHES
 from thermid.physics.materials import NOT_CHECKED, materials

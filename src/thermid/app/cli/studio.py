@@ -12,8 +12,7 @@ from thermid.app.cli.options import Data
 from thermid.app.studio.project import Project
 from thermid.app.studio.room import Room
 from thermid.app.studio.server import serve
-from thermid.base.errors import DeckError
-from thermid.base.extensions import require
+from thermid.base.errors import DeckError, require
 from thermid.base.files import FileKinds, scratch, write_text
 
 

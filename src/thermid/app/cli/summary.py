@@ -10,12 +10,10 @@ from pathlib import Path
 from typing import Final
 
 from thermid.app.cli.screen import SCREEN, Progress, console, folded, severity, show_lines, width
-from thermid.base.errors import NameNotFoundError, refuse_unknown, spoken
-from thermid.base.extensions import require
+from thermid.base.errors import NameNotFoundError, refuse_unknown, require, spoken
 from thermid.base.results import VERDICTS
 from thermid.base.units import counted, digits, short
-from thermid.campaign.stages import Campaign, read_campaign, run_stages
-from thermid.campaign.verdicts import Check, Verdict
+from thermid.campaign.stages import Campaign, Check, Verdict, read_campaign, run_stages
 from thermid.fit.calibration import FIRST, LOUD, Calibration
 from thermid.measure.records import open_questions
 from thermid.reporting.pages import check_page

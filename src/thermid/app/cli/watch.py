@@ -28,7 +28,8 @@ from thermid.app.cli.options import (
     with_unit,
 )
 from thermid.app.cli.summary import staged
-from thermid.base.errors import RecordError, add_codes, refuse_unknown
+from thermid.app.texts import add_codes
+from thermid.base.errors import RecordError, refuse_unknown
 from thermid.base.results import clean
 from thermid.base.units import TEMPERATURE, amount, duration_text
 from thermid.campaign.stages import RunningTest, running_test

@@ -28,12 +28,12 @@ from thermid.app.studio.shapes import (
     valued,
 )
 from thermid.app.studio.work import Jobs, JobState
+from thermid.app.texts import with_unit
 from thermid.base.errors import DeckError, MissingDataError, NameNotFoundError, ThermidError, quoted, refuse_unknown
 from thermid.base.files import FileKinds, read_bytes, read_toml, resolve_inside, write_bytes
-from thermid.base.units import from_si, short, with_unit
-from thermid.campaign.stages import request_of
+from thermid.base.units import from_si, short
+from thermid.campaign.stages import Criteria, request_of
 from thermid.campaign.start import ACCURACY, VERDICT_NOISES, VERDICT_SHARE_OF_RANGE, word
-from thermid.campaign.verdicts import Criteria
 from thermid.fit.calibration import Calibration, Request, build_problem, fit
 from thermid.measure.looks import clocks_of, look, offset_range, stated_offset
 from thermid.measure.readers import name_and_unit, read_record

@@ -14,7 +14,7 @@ from thermid.base.errors import ScenarioError, ThermidError, look_up, refuse_unk
 from thermid.base.files import project_root, read_toml
 from thermid.base.results import weigh
 from thermid.base.units import ICE_POINT, duration_text
-from thermid.campaign.verdicts import LimitCheck, Limits, Margin, check_limits, margins, read_limits, spans
+from thermid.campaign.stages import LimitCheck, Limits, Margin, check_limits, margins, read_limits, spans
 from thermid.model.tree import UNJUDGED, Standing
 from thermid.prediction.bands import Band, Knowledge, foresee
 from thermid.qualify.plans import Qualification, Trial, load_plan, lock_status, run_plan

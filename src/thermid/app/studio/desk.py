@@ -15,8 +15,7 @@ from typing import Any, Final
 import numpy as np
 
 from thermid.base.errors import DeckError, NameNotFoundError, ThermidError, refuse_unknown
-from thermid.base.linear_algebra import Array
-from thermid.base.units import ICE_POINT, from_si, in_si, unit
+from thermid.base.units import ICE_POINT, Array, from_si, in_si, unit
 from thermid.fit.calibration import Bench, Calibration, Problem, Sums, Unknown, in_place
 from thermid.model.tree import Edit, Entry, Model, literal
 from thermid.physics.finishes import FINISHES

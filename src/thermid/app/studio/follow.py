@@ -11,11 +11,11 @@ from typing import Any, Final
 import numpy as np
 
 from thermid.app.studio.desk import Window, number_of, thinned_curve, window_of
-from thermid.base.errors import DeckError, MissingDataError, RecordError, ThermidError, add_codes, refuse_unknown
+from thermid.app.texts import add_codes, pairs, with_unit
+from thermid.base.errors import DeckError, MissingDataError, RecordError, ThermidError, refuse_unknown
 from thermid.base.files import project_root, resolve_inside
-from thermid.base.linear_algebra import Array, Bools
 from thermid.base.results import clean
-from thermid.base.units import ICE_POINT, TEMPERATURE, pairs, unit, with_unit
+from thermid.base.units import ICE_POINT, TEMPERATURE, Array, Bools, unit
 from thermid.campaign.stages import Campaign, running_test
 from thermid.measure.looks import look
 from thermid.measure.readers import log_cells, name_and_unit, read_record

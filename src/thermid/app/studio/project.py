@@ -16,19 +16,20 @@ from thermid.base.units import from_si
 from thermid.campaign.stages import (
     Campaign,
     CampaignSource,
+    RetunePlan,
+    Verdict,
     changed_since,
     errors_kept,
     file_name,
     joint,
     judge,
     keyed,
+    plan_retune,
     read_campaign,
     recall,
     remember,
     request_of,
 )
-from thermid.campaign.studies import RetunePlan, plan_retune
-from thermid.campaign.verdicts import Verdict
 from thermid.fit.calibration import Calibration, Request, build_problem, fit, fit_problem
 from thermid.model.tree import DeckDocument, Model, ParameterSet, load_model
 from thermid.reporting.pages import Table, levels

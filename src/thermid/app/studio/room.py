@@ -25,9 +25,8 @@ from thermid.app.studio.project import Project
 from thermid.app.studio.work import Work
 from thermid.base.errors import DeckError, ThermidError, refuse_unknown
 from thermid.base.files import FileKinds, command, read_text, state_folder, write_bytes
-from thermid.base.linear_algebra import Array
 from thermid.base.results import clean
-from thermid.base.units import ICE_POINT
+from thermid.base.units import ICE_POINT, Array
 from thermid.campaign.start import word
 from thermid.reporting.objects import campaign_standing, swap_object
 from thermid.values.store import model_standing

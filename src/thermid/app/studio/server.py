@@ -17,8 +17,7 @@ from typing import TYPE_CHECKING, Any, Final
 from urllib.parse import parse_qs
 
 from thermid.app.studio.room import Room, as_json
-from thermid.base.errors import DeckError, ThermidError, cap, raising
-from thermid.base.extensions import optional
+from thermid.base.errors import DeckError, ThermidError, cap, optional, raising
 from thermid.base.grammar import endless
 
 if TYPE_CHECKING:

@@ -10,9 +10,8 @@ from typing import Any, Final
 import numpy as np
 
 from thermid.base.errors import SolverError
-from thermid.base.linear_algebra import value_of
 from thermid.base.results import Result
-from thermid.base.units import si_unit
+from thermid.base.units import si_unit, value_of
 from thermid.model.tree import Model, ParameterSet, identities
 from thermid.simulation.runs import Numbers, Scenario, compile_network, steady
 

@@ -9,9 +9,8 @@ from typing import Any
 import numpy as np
 
 from thermid.base.errors import IdentificationError, NameNotFoundError, RecordError, look_up, nearest, quoted, refuse_unknown
-from thermid.base.linear_algebra import Array, Bools
 from thermid.base.results import VERDICTS, Result, Row, weigh
-from thermid.base.units import ICE_POINT, amount
+from thermid.base.units import ICE_POINT, Array, Bools, amount
 from thermid.campaign._judge.verdict import CRITERIA, Check, Criteria, Deviation, Residuals, judge
 from thermid.fit.calibration import Calibration
 from thermid.measure.records import RULES, Record, gap_from, usual_step

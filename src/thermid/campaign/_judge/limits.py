@@ -19,9 +19,8 @@ import numpy as np
 from thermid.base.arguments import check_two, guard_methods
 from thermid.base.errors import NameNotFoundError, ScenarioError, errors_at, look_up, refuse_unknown
 from thermid.base.files import Places, by_grammar, read_toml
-from thermid.base.linear_algebra import HALF_WIDTH_95, Array, Bools
 from thermid.base.results import MARKS, Figure, Result, check_mark, weakest
-from thermid.base.units import ICE_POINT, amount, end_of_range
+from thermid.base.units import HALF_WIDTH_95, ICE_POINT, Array, Bools, amount, end_of_range
 from thermid.model.tree import UNJUDGED, Standing
 from thermid.prediction.bands import Foresight
 from thermid.simulation.runs import Dense, Solution, Trace, resolved

@@ -5,10 +5,10 @@ from __future__ import annotations
 from typing import Annotated, Any, ClassVar
 
 import numpy as np
-from pydantic import ConfigDict
+from pydantic import ConfigDict, RootModel
 
 from thermid.base.errors import ScenarioError, ThermidError
-from thermid.base.grammar import Amount, Finite, Flag, Grammar, GrammarOf, StrictTable, reads
+from thermid.base.grammar import Amount, Finite, Flag, Grammar, StrictTable, reads
 from thermid.base.units import kelvin
 
 
@@ -51,7 +51,7 @@ class CriteriaTable(Grammar):
     sensors: dict[str, dict[str, Amount]] = {}
 
 
-class LimitsFile(GrammarOf[dict[str, LimitTable]]):
+class LimitsFile(RootModel[dict[str, LimitTable]], Grammar):
     """Reference point -> its limits."""
 
     fault: ClassVar[type[ThermidError]] = ScenarioError
@@ -68,7 +68,7 @@ class LookTable(StrictTable):
     date: str
 
 
-class LooksFile(GrammarOf[list[LookTable]]):
+class LooksFile(RootModel[list[LookTable]], Grammar):
     """Every verdict on a record that a results folder remembers."""
 
     lead: ClassVar[str] = (

@@ -20,9 +20,8 @@ import numpy as np
 from thermid.base.arguments import takes_objects
 from thermid.base.errors import IdentificationError, ScenarioError, nearest, refuse_unknown
 from thermid.base.files import FileKinds, Places, by_grammar, read_json, write_text
-from thermid.base.linear_algebra import Array
 from thermid.base.results import VERDICTS, PlottedTrace, Result, Row, check_mark, weigh
-from thermid.base.units import ICE_POINT, amount, counted, short, some
+from thermid.base.units import ICE_POINT, Array, amount, counted, short, some
 from thermid.fit.calibration import FIRST, Calibration, Request, SensorStatistics, SensorTrace, fit
 from thermid.measure.records import Record
 from thermid.model.tree import UNJUDGED, Model, Standing, literal

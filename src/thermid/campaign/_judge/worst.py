@@ -18,9 +18,8 @@ from typing import Any, Final
 import numpy as np
 
 from thermid.base.errors import NameNotFoundError, ScenarioError, refuse_unknown, with_time_left
-from thermid.base.linear_algebra import Array
 from thermid.base.results import Result
-from thermid.base.units import TEMPERATURE, Kelvin, amount, counted, si_unit
+from thermid.base.units import TEMPERATURE, Array, Kelvin, amount, counted, si_unit
 from thermid.campaign._judge.limits import STATES, Limits, text_of
 from thermid.fit.calibration import Calibration
 from thermid.model.tree import UNJUDGED, Model, ParameterSet, Standing

@@ -14,22 +14,22 @@ from typing import Any
 import numpy as np
 
 from thermid.base.errors import DeckError, IdentificationError, ThermidError, refuse_unknown
-from thermid.base.linear_algebra import value_of
-from thermid.base.units import amount, duration_text
+from thermid.base.units import amount, duration_text, value_of
 from thermid.campaign._start.roles import ACCURACY, JOIN, SURROUNDINGS, Power, Roles, noise_of, part_name, with_noise
 from thermid.campaign._start.switching import Instants, found_instants, instants_text, with_instants
 from thermid.fit.calibration import MOST_EVALUATIONS, Calibration, LocalSpec, Request, first_reading, fit
 from thermid.inference.criticism import (
     EVALUATIONS,
+    SPECIFIC_HEAT,
     EvaluationBudget,
     Fitted,
     FittedStructure,
     MissingElement,
+    RangeCheck,
     StructureSearch,
     fitted_structure,
     search_structure,
 )
-from thermid.inference.diagnosis import SPECIFIC_HEAT, RangeCheck
 from thermid.measure.records import Record
 from thermid.model.tree import Model, ParameterSet, literal, model_from_dict, parameter
 from thermid.physics.materials import materials as all_materials

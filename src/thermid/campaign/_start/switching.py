@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from thermid.base.errors import ThermidError
-from thermid.base.linear_algebra import Indices
+from thermid.base.units import Indices
 from thermid.fit.calibration import build_problem
 from thermid.inference.criticism import CHALLENGES, EvaluationBudget, Fitted, FittedStructure, MissingElement, fitted_structure
 from thermid.measure.records import FloatArray, Record

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from thermid.base.linear_algebra import Array, value_of
+from thermid.base.units import Array, value_of
 from thermid.fit._error_model.sizes import DEPARTURE_SAMPLES
 from thermid.model.tree import Drawn, FlatConductor, Law, in_run
 from thermid.simulation.runs import Engine, Network, Options, Traces, Wiring

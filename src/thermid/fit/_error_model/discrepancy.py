@@ -13,9 +13,9 @@ from typing import Any, Final
 import numpy as np
 
 from thermid.base.errors import IdentificationError
-from thermid.base.linear_algebra import Array, covariance, finite, pseudo_inverse, value_of
+from thermid.base.linear_algebra import covariance, finite, pseudo_inverse
 from thermid.base.results import Result
-from thermid.base.units import counted, from_si, short, unit
+from thermid.base.units import Array, counted, from_si, short, unit, value_of
 from thermid.fit._calibration import Calibration
 from thermid.fit._error_model.courses import (
     ElementCourse,

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from thermid.base.linear_algebra import Array, value_of
+from thermid.base.units import STEFAN_BOLTZMANN, Array, value_of
 from thermid.fit._error_model.courses import (
     FREE_AIR,
     STREAM,
@@ -41,7 +41,6 @@ from thermid.fit._error_model.sizes import (
     ROW_OF_ZONES,
 )
 from thermid.model.tree import CARRIED_BY, Curve, FlatConductor, FlatLoad, Law, TableSignal, in_run
-from thermid.physics.constants import STEFAN_BOLTZMANN
 from thermid.simulation.runs import Network, Scenario
 
 EXPONENT_OF, SHARE_OF, TREND_OF, BEND_OF, CONDUCTANCE_OF = "exponent", "radiation", "trend", "bend", "conductance"

@@ -22,7 +22,7 @@ from functools import cached_property, lru_cache
 
 import numpy as np
 
-from thermid.base.linear_algebra import Array, Indices
+from thermid.base.units import Array, Indices
 
 
 @dataclass(frozen=True)

@@ -16,8 +16,8 @@ from typing import Any
 import numpy as np
 
 from thermid.base.errors import IdentificationError, ThermidError, quoted
-from thermid.base.linear_algebra import Array
 from thermid.base.results import Result, Row
+from thermid.base.units import Array
 from thermid.fit._calibration import FIRST, Calibration, contradicted, far_from_sheet
 from thermid.fit._error_model.courses import FREE_AIR, OperatingPoint
 from thermid.fit._error_model.elements import (

@@ -8,7 +8,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from thermid.base.linear_algebra import Array, Indices, quadratic_forms, symmetric_inverse, value_of
+from thermid.base.linear_algebra import quadratic_forms, symmetric_inverse
+from thermid.base.units import Array, Indices, value_of
 from thermid.fit._calibration import Calibration
 from thermid.fit._error_model.elements import DepartureHeat, with_laws
 from thermid.fit._error_model.gaussian import Wander

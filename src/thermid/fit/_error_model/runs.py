@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from thermid.base.linear_algebra import Array
+from thermid.base.units import Array
 from thermid.fit._error_model.courses import ElementCourse, OperatingPoint
 from thermid.fit._error_model.elements import (
     WITH_ENTRIES,

@@ -11,8 +11,8 @@ from typing import Any, Final
 import numpy as np
 
 from thermid.base.errors import IdentificationError
-from thermid.base.linear_algebra import Array, one_thread, symmetric_inverse
-from thermid.base.units import amount, duration_text, short
+from thermid.base.linear_algebra import one_thread, symmetric_inverse
+from thermid.base.units import Array, amount, duration_text, short
 from thermid.fit._calibrate import differing
 from thermid.fit._estimation.estimation import OUTPUT, PROCESS, EstimatedNumber, Estimation, Estimator, whiteness_of
 from thermid.fit._estimation.likelihood import Likelihood, Maximum, likelihood_of

@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 
 from thermid.base.errors import IdentificationError, look_up, refuse_unknown
-from thermid.base.linear_algebra import HALF_WIDTH_95, Array, symmetric_inverse
+from thermid.base.linear_algebra import symmetric_inverse
 from thermid.base.results import Result
-from thermid.base.units import duration_text, from_si, seconds, short
+from thermid.base.units import HALF_WIDTH_95, Array, duration_text, from_si, seconds, short
 from thermid.fit._estimation.filtering import Belief, Whiteness, smoothed, whiteness
 from thermid.fit._estimation.likelihood import Likelihood, Maximum
 from thermid.fit._estimation.outlook import OpenLoopScore, course, members_about, unread

@@ -14,7 +14,7 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from thermid.base.linear_algebra import Array
+from thermid.base.units import Array
 from thermid.fit._estimation.steps import lower
 from thermid.fit._problem.residuals import SensorStatistics, Sums
 from thermid.measure.records import effective_samples

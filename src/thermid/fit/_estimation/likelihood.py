@@ -15,7 +15,8 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from thermid.base.errors import SolverError
-from thermid.base.linear_algebra import Array, square_root, variance
+from thermid.base.linear_algebra import square_root, variance
+from thermid.base.units import Array
 from thermid.fit._estimation.dynamics import At, Dynamics
 from thermid.fit._estimation.passing import Passing
 from thermid.fit._estimation.process import ProcessNoise

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from thermid.base.errors import IdentificationError, ScenarioError, nearest
-from thermid.base.linear_algebra import HALF_WIDTH_95, Array
+from thermid.base.units import HALF_WIDTH_95, Array
 from thermid.fit._estimation.likelihood import DIFFERENCE, Likelihood, likelihood_of
 from thermid.fit._estimation.passing import Pass, Passing
 from thermid.fit._estimation.process import ProcessNoise

@@ -9,7 +9,7 @@ from typing import Final
 import numpy as np
 
 from thermid.base.errors import SolverError
-from thermid.base.linear_algebra import Array
+from thermid.base.units import Array
 from thermid.fit._estimation.dynamics import JUMP_SHARE_OF_STEP, MAX_CURVATURE_ERROR, At, Dynamics
 from thermid.fit._estimation.filtering import Belief, FilterStep, Gain, Innovations, ReadingRow, measurement_update, time_update
 from thermid.fit._estimation.steps import responses, step

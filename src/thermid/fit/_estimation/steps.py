@@ -14,7 +14,7 @@ from typing import Final
 
 import numpy as np
 
-from thermid.base.linear_algebra import Array
+from thermid.base.units import Array
 
 MAX_GAUSS_NORM: Final = 0.5
 """Largest norm of A h over which Gauss's rule is taken; ten points are then exact to rounding."""

@@ -13,8 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from thermid.base.errors import IdentificationError, ThermidError, refuse_unknown
-from thermid.base.linear_algebra import Array
-from thermid.base.units import duration_text, short
+from thermid.base.units import Array, duration_text, short
 from thermid.fit._minimisation import minimise
 from thermid.fit._power.history import watts, with_load
 from thermid.fit._problem.gather import build_problem

@@ -11,9 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thermid.base.errors import IdentificationError, NameNotFoundError, SolverError, ThermidError, refuse_unknown
-from thermid.base.linear_algebra import HALF_WIDTH_95, NOTHING, Array, Bools, covariance as information_inverse, quadratic_forms
+from thermid.base.linear_algebra import NOTHING, covariance as information_inverse, quadratic_forms
 from thermid.base.results import PlottedTrace, Result, Shown
-from thermid.base.units import ICE_POINT, Kelvin, amount, duration_text, short, unit
+from thermid.base.units import HALF_WIDTH_95, ICE_POINT, Array, Bools, Kelvin, amount, duration_text, short, unit
 from thermid.fit._minimisation import LocalCost, descend
 from thermid.fit._problem.experiment import on_the_clock_of
 from thermid.fit._problem.gather import build_problem

@@ -16,8 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thermid.base.errors import IdentificationError, NameNotFoundError, ThermidError, errors_at, nearest, refuse_unknown
-from thermid.base.linear_algebra import RANK_TOLERANCE, Array, inverse_square_root
-from thermid.base.units import TEMPERATURE, kelvin
+from thermid.base.linear_algebra import RANK_TOLERANCE, inverse_square_root
+from thermid.base.units import TEMPERATURE, Array, kelvin
 from thermid.fit._problem.experiment import first_reading
 from thermid.fit._problem.residuals import Unknown
 from thermid.measure.records import Channel, Record

@@ -10,8 +10,8 @@ from math import comb
 import numpy as np
 
 from thermid.base.errors import quoted
-from thermid.base.linear_algebra import RANK_TOLERANCE, Array, null_space, pseudo_inverse
-from thermid.base.units import NAMES, short, unit
+from thermid.base.linear_algebra import RANK_TOLERANCE, null_space, pseudo_inverse
+from thermid.base.units import NAMES, Array, short, unit
 from thermid.fit._uncertainty.information import Information
 
 SAME_EXPONENT = 1e-3

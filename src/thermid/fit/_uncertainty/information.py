@@ -9,7 +9,8 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from thermid.base.errors import SolverError
-from thermid.base.linear_algebra import RANK_TOLERANCE, Array, Bools, covariance, finite, scaled
+from thermid.base.linear_algebra import RANK_TOLERANCE, covariance, finite, scaled
+from thermid.base.units import Array, Bools
 from thermid.fit._minimisation import Fit, ended
 from thermid.fit._problem.gather import build_problem, problem_of
 from thermid.fit._problem.request import Request, form, known_before

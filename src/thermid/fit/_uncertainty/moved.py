@@ -10,8 +10,8 @@ from typing import ClassVar
 import numpy as np
 
 from thermid.base.errors import ScenarioError, SolverError
-from thermid.base.linear_algebra import RANK_TOLERANCE, Array, square_root, symmetric_inverse
-from thermid.base.units import digits, from_si, short, some, unit
+from thermid.base.linear_algebra import RANK_TOLERANCE, square_root, symmetric_inverse
+from thermid.base.units import Array, digits, from_si, short, some, unit
 from thermid.fit._minimisation import Fit
 from thermid.fit._problem.request import Request, form, known_before
 from thermid.fit._problem.residuals import Problem, Unknown

@@ -8,9 +8,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from thermid.base.errors import DeckError, RecordError
-from thermid.base.linear_algebra import Array, value_of
 from thermid.base.results import Result
-from thermid.base.units import ICE_POINT, Kelvin, short
+from thermid.base.units import ICE_POINT, Array, Kelvin, short, value_of
 from thermid.fit.calibration import Calibration, at_their_seats, attached, bind, role_and_target
 from thermid.inference._explain.thresholds import BALANCE_STEP
 from thermid.measure.records import Record, SteadyPoint, SteadyValue

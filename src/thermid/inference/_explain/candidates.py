@@ -13,8 +13,7 @@ from typing import Any
 import numpy as np
 
 from thermid.base.errors import quoted
-from thermid.base.linear_algebra import Array, value_of
-from thermid.base.units import short
+from thermid.base.units import Array, short, value_of
 from thermid.fit.calibration import MEASURED, Calibration, Experiment, LocalSpec, Problem, Request, SensorTrace, clock_suffix, first_reading
 from thermid.fit.power import PowerCourse
 from thermid.inference._explain.thresholds import (

@@ -9,9 +9,9 @@ from typing import Any, TypeVar
 import numpy as np
 
 from thermid.base.errors import IdentificationError, ThermidError, time_left
-from thermid.base.linear_algebra import Array, one_thread
+from thermid.base.linear_algebra import one_thread
 from thermid.base.results import Result
-from thermid.base.units import duration_text, short
+from thermid.base.units import Array, duration_text, short
 from thermid.fit.calibration import Calibration, Request, SensorStatistics, fit as refit
 from thermid.inference._explain.candidates import missing_elements
 from thermid.inference._explain.heats import unlogged_powers

@@ -16,8 +16,8 @@ from functools import lru_cache
 import numpy as np
 
 from thermid.base.errors import IdentificationError, ThermidError
-from thermid.base.linear_algebra import Indices, one_thread
-from thermid.base.units import short
+from thermid.base.linear_algebra import one_thread
+from thermid.base.units import Indices, short
 from thermid.fit.calibration import MEASURED, Calibration, Experiment, Request, Unknown, build_problem, fit_problem
 from thermid.fit.error_model import FREE_AIR, constant_coefficients
 from thermid.inference._explain.candidates import Fitted, MissingElement, hidden_defects

@@ -12,9 +12,8 @@ from typing import Any
 import numpy as np
 
 from thermid.base.errors import IdentificationError, ThermidError
-from thermid.base.linear_algebra import Array
 from thermid.base.results import Result
-from thermid.base.units import amount
+from thermid.base.units import Array, amount
 from thermid.fit.calibration import Calibration
 from thermid.inference._explain.candidates import Fault, faults_of
 from thermid.inference._explain.thresholds import (

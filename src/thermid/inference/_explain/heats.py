@@ -11,8 +11,7 @@ from operator import itemgetter
 import numpy as np
 
 from thermid.base.errors import ThermidError
-from thermid.base.linear_algebra import Array
-from thermid.base.units import ICE_POINT, duration_text, format_value, short
+from thermid.base.units import ICE_POINT, Array, duration_text, format_value, short
 from thermid.fit.calibration import Calibration, Experiment, Influence, Request, Unknown, build_problem
 from thermid.fit.power import ONE_TURN, SHAPES, PowerCourse, watts, with_load
 from thermid.inference._explain.candidates import MissingElement, first_step, laid_open

@@ -16,8 +16,7 @@ from typing import Any
 import numpy as np
 
 from thermid.base.errors import ThermidError, quoted
-from thermid.base.linear_algebra import Array
-from thermid.base.units import ICE_POINT, duration_text, short, unit
+from thermid.base.units import ICE_POINT, Array, duration_text, short, unit
 from thermid.fit.calibration import Prior, Request, Unknown
 from thermid.inference._explain.candidates import Fitted, plain_lacks
 from thermid.inference._explain.heats import Heat, heats_of, stores_of

@@ -10,9 +10,8 @@ from typing import Any
 import numpy as np
 
 from thermid.base.errors import IdentificationError
-from thermid.base.linear_algebra import value_of
 from thermid.base.results import Named
-from thermid.base.units import short
+from thermid.base.units import short, value_of
 from thermid.fit.calibration import Calibration
 from thermid.inference._explain.thresholds import (
     BARE_CONTACT,

@@ -11,8 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thermid.base.errors import SolverError
-from thermid.base.linear_algebra import Array
-from thermid.base.units import unit
+from thermid.base.units import Array, unit
 from thermid.fit.calibration import Observation, Prior, Problem, Request, Unknown, build_problem, descend
 from thermid.model.tree import Model
 

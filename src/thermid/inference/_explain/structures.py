@@ -21,8 +21,8 @@ from typing import Any
 import numpy as np
 
 from thermid.base.errors import IdentificationError, ThermidError
-from thermid.base.linear_algebra import Array, one_thread, value_of
-from thermid.base.units import duration_text, from_si, short, unit
+from thermid.base.linear_algebra import one_thread
+from thermid.base.units import Array, duration_text, from_si, short, unit, value_of
 from thermid.fit.calibration import (
     MOST_EVALUATIONS,
     Binned,

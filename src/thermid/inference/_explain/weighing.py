@@ -12,7 +12,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from thermid.base.linear_algebra import Array
+from thermid.base.units import Array
 from thermid.fit.calibration import Binned, Problem, binned, descend, evidences, wander_times, white_rows
 from thermid.inference._explain.thresholds import MAX_SEEN_STRETCHES, MOST_STEPS_IN_NOISE, NOISE_DONE_GAIN, NOISE_DONE_STEP, SizedValue
 

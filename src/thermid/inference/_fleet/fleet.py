@@ -9,9 +9,8 @@ from typing import Any
 import numpy as np
 
 from thermid.base.errors import IdentificationError, quoted, refuse_unknown
-from thermid.base.linear_algebra import Array
 from thermid.base.results import PlottedTrace, Result, Row
-from thermid.base.units import counted, from_si, unit as unit_of
+from thermid.base.units import Array, counted, from_si, unit as unit_of
 from thermid.fit.calibration import Unknown
 from thermid.inference._fleet.population import PopulationFit, distances
 from thermid.model.tree import Model, Standing

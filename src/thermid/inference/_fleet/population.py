@@ -22,7 +22,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from thermid.base.linear_algebra import HALF_WIDTH_95, Array, Bools, square_root, symmetric_inverse
+from thermid.base.linear_algebra import square_root, symmetric_inverse
+from thermid.base.units import HALF_WIDTH_95, Array, Bools
 
 EM_STEPS, SCORING_STEPS = 12, 60
 """Steps of expectation and maximisation that begin, and of scoring at most."""

@@ -16,8 +16,8 @@ from typing import Any
 import numpy as np
 
 from thermid.base.errors import IdentificationError, quoted
-from thermid.base.linear_algebra import Array, Bools, inverse_square_root, one_thread, square_root, symmetric_inverse
-from thermid.base.units import counted
+from thermid.base.linear_algebra import inverse_square_root, one_thread, square_root, symmetric_inverse
+from thermid.base.units import Array, Bools, counted
 from thermid.fit.calibration import (
     FIRST,
     KeptFit,

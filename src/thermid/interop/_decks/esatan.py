@@ -17,7 +17,7 @@ from typing import Final
 import numpy as np
 
 from thermid.base.errors import DeckError, ThermidError, cap, raising
-from thermid.base.units import ICE_POINT, counted
+from thermid.base.units import ICE_POINT, STEFAN_BOLTZMANN, counted
 from thermid.interop._decks.network_file import (
     DeckReading,
     FileConductor,
@@ -36,7 +36,6 @@ from thermid.interop._decks.network_file import (
     with_defined_ends,
     with_unit,
 )
-from thermid.physics.constants import STEFAN_BOLTZMANN
 
 STEFAN: Final = 5.6686e-8
 """Stefan-Boltzmann constant that ESATAN takes where a deck sets no STEFAN. [W/(m^2 K^4)]"""

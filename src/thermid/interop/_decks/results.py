@@ -17,8 +17,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from thermid.base.errors import DeckError, ThermidError, cap, quoted, raising
-from thermid.base.extensions import optional
+from thermid.base.errors import DeckError, ThermidError, cap, optional, quoted, raising
 from thermid.base.files import read_bytes
 from thermid.base.units import ICE_POINT, counted
 from thermid.interop._decks.cards import SUBMODEL

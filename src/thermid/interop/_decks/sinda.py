@@ -18,7 +18,7 @@ from typing import Final
 import numpy as np
 
 from thermid.base.errors import DeckError, ThermidError, cap, raising
-from thermid.base.units import ICE_POINT, counted
+from thermid.base.units import ICE_POINT, STEFAN_BOLTZMANN, counted
 from thermid.interop._decks.cards import card_blocks
 from thermid.interop._decks.emissivities import FileEmissivity, optical_properties, read_emissivities
 from thermid.interop._decks.heat_rates import CALL, SUFFIX, CommentedArrays, heat_rates, owner_of
@@ -43,7 +43,6 @@ from thermid.interop._decks.network_file import (
     with_unit,
 )
 from thermid.interop._wired import distinct
-from thermid.physics.constants import STEFAN_BOLTZMANN
 
 BTU: Final = 1055.05585262
 """International table British thermal unit. [J]"""

@@ -8,11 +8,9 @@ from collections.abc import Iterable, Iterator, Mapping
 from typing import Final
 
 from thermid.base.errors import DeckError
-from thermid.base.linear_algebra import value_of
-from thermid.base.units import ICE_POINT
+from thermid.base.units import ICE_POINT, STEFAN_BOLTZMANN, value_of
 from thermid.interop._wired import HeatSource, Wired, Writer, exported, number_text, one_line, resting, table_points, wired
 from thermid.model.tree import Drawn, Model, TableSignal
-from thermid.physics.constants import STEFAN_BOLTZMANN
 from thermid.simulation.runs import ConductorRow, Scenario
 
 MAX_SUBMODEL_LETTERS: Final = 24

@@ -24,11 +24,9 @@ from weakref import finalize
 
 import numpy as np
 
-from thermid.base.errors import DeckError, ScenarioError, SolverError, ThermidError, UnitError, quoted
-from thermid.base.extensions import optional
+from thermid.base.errors import DeckError, ScenarioError, SolverError, ThermidError, UnitError, optional, quoted
 from thermid.base.files import scratch
-from thermid.base.linear_algebra import Array, gradient_of, value_of
-from thermid.base.units import DIMENSIONLESS, ICE_POINT, Dimension, si_unit, unit
+from thermid.base.units import DIMENSIONLESS, ICE_POINT, Array, Dimension, gradient_of, si_unit, unit, value_of
 from thermid.interop._fmu.archive import DESCRIPTION, check_archive, check_trust, digest_of
 from thermid.interop._fmu.description import BASES
 from thermid.interop._fmu.process import ConfinedProgram

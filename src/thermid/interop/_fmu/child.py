@@ -22,7 +22,7 @@ from typing import Any, BinaryIO, Final
 import numpy as np
 
 from thermid.base.errors import SolverError, ThermidError, cap
-from thermid.base.linear_algebra import Array
+from thermid.base.units import Array
 from thermid.interop._fmu.as_model import (
     ARRAYS,
     DIFFERENCE_SHARE,

@@ -18,8 +18,7 @@ import numpy as np
 from thermid import _kernel
 from thermid.base.errors import OutputError, ThermidError, refuse_unknown
 from thermid.base.files import FileKind, read_bytes, write_bytes
-from thermid.base.linear_algebra import value_of
-from thermid.base.units import DIMENSIONLESS, counted, unit
+from thermid.base.units import DIMENSIONLESS, counted, unit, value_of
 from thermid.interop._fmu import image as told
 from thermid.interop._fmu.archive import DESCRIPTION
 from thermid.interop._fmu.description import Described, FmuVariable, build_description, describe, structured

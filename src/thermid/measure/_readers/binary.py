@@ -20,8 +20,7 @@ from typing import Any, Final, cast
 
 import numpy as np
 
-from thermid.base.errors import MissingExtraError, RecordError, UnitError, cap, raising
-from thermid.base.extensions import missing, optional
+from thermid.base.errors import MissingExtraError, RecordError, UnitError, cap, missing, optional, raising
 from thermid.base.units import DAY, require, unit as parsed_unit
 from thermid.measure._readers.confined import confined
 from thermid.measure._readers.headers import spelt

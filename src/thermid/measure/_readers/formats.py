@@ -21,8 +21,7 @@ from typing import Final
 
 import numpy as np
 
-from thermid.base.errors import RecordError, ThermidError, cap, raising
-from thermid.base.extensions import extension
+from thermid.base.errors import RecordError, ThermidError, cap, extension, raising
 from thermid.base.files import kind_of_text
 from thermid.base.units import unit
 from thermid.measure._readers import binary

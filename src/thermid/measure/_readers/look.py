@@ -15,9 +15,8 @@ from typing import Any, Final
 import numpy as np
 
 from thermid.base.errors import RecordError, ThermidError
-from thermid.base.linear_algebra import Array
 from thermid.base.results import Result
-from thermid.base.units import DAY, HOUR, MINUTE, counted, duration_text, in_si, short, unit
+from thermid.base.units import DAY, HOUR, MINUTE, Array, counted, duration_text, in_si, short, unit
 from thermid.measure._readers.columns import decimal_sign
 from thermid.measure._readers.common_step import CLOCKS_APART, MIN_EXPLAINED_SHARE, CommonStep, LogCourse, common_step
 from thermid.measure._readers.formats import log_cells

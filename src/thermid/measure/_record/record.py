@@ -15,12 +15,10 @@ from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 import numpy as np
 
-from thermid.base.errors import RecordError, ThermidError, errors_at, quoted, refuse_unknown
-from thermid.base.extensions import optional
+from thermid.base.errors import RecordError, ThermidError, errors_at, optional, quoted, refuse_unknown
 from thermid.base.files import FileKinds, replacing
 from thermid.base.results import PlottedTrace, Result, Row
 from thermid.base.units import (
-    DEVIATION_OF_MEDIAN,
     TEMPERATURE,
     amount,
     clocked,
@@ -36,6 +34,7 @@ from thermid.base.units import (
 )
 from thermid.measure._record import windows
 from thermid.measure._record.channel import (
+    DEVIATION_OF_MEDIAN,
     ROLES,
     Channel,
     FloatArray,

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from thermid.base.linear_algebra import Array, Indices
+from thermid.base.units import Array, Indices
 
 TERMS = 32
 """Terms of the series; what is left of it is no more than a fiftieth of the variance and counts as white."""

@@ -12,9 +12,8 @@ import numpy as np
 
 from thermid.base.arguments import guard_methods
 from thermid.base.errors import DeckError, NameNotFoundError, cap, raising, refuse_unknown
-from thermid.base.linear_algebra import Array, Ints
 from thermid.base.results import Shown
-from thermid.base.units import amount
+from thermid.base.units import Array, Ints, amount
 from thermid.model._deck.modelfile import model_from_dict
 from thermid.model._laws.signal import Constant, Signal, signal
 from thermid.model._laws.stores import refuse_first

@@ -29,7 +29,7 @@ from thermid.base.files import (
     unsealed,
     write_text,
 )
-from thermid.base.units import NAME, RESERVED, parse
+from thermid.base.units import RESERVED, parse
 from thermid.model._deck.rows import written_out
 from thermid.model._laws.stores import refuse_first
 from thermid.model._parts.parameter import Parameter, parameter
@@ -274,7 +274,7 @@ def _check_names(model: Model) -> None:
         refuse_first(
             model.where,
             (
-                not NAME.match(name) or ("." in name and name not in model.aliases),
+                not re.match(r"[A-Za-z_][A-Za-z0-9_]*(\.[A-Za-z_][A-Za-z0-9_]*)*\Z", name) or ("." in name and name not in model.aliases),
                 f"'{name}' is not a valid name: use letters, digits and _, and do not begin with a digit.",
                 key,
                 "name.not-valid",

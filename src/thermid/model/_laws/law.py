@@ -8,8 +8,7 @@ from typing import Any, Final, Literal
 import numpy as np
 
 from thermid.base.errors import DeckError, errors_at, nearest
-from thermid.base.linear_algebra import Array, Indices
-from thermid.base.units import si_value
+from thermid.base.units import Array, Indices, si_value
 from thermid.model._laws.options import Source
 from thermid.model._laws.stores import Curve, hermite, refuse_first
 

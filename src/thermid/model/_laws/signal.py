@@ -15,10 +15,10 @@ from typing import Any, Self
 import numpy as np
 
 from thermid.base.errors import ScenarioError, cap, errors_at, raising
-from thermid.base.linear_algebra import Array
 from thermid.base.units import (
     TEMPERATURE,
     THREE_WAYS,
+    Array,
     Quantity,
     Stamp,
     clocked,

@@ -25,8 +25,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thermid.base.errors import DeckError
-from thermid.base.linear_algebra import Array
-from thermid.physics.constants import AMBIENT_DEFAULT
+from thermid.base.units import AMBIENT_DEFAULT, Array
 
 Where = Callable[[str], str]
 """Key below an element, or none for the element itself -> its place in the deck."""

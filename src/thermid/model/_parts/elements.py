@@ -18,13 +18,11 @@ from typing import Any, Final
 import numpy as np
 
 from thermid.base.errors import DeckError
-from thermid.base.linear_algebra import Number, value_of
-from thermid.base.units import TEMPERATURE
+from thermid.base.units import AMBIENT_DEFAULT, STANDARD_GRAVITY, STEFAN_BOLTZMANN, TEMPERATURE, Number, value_of
 from thermid.model._laws.signal import Signal, TableSignal, literal
 from thermid.model._laws.stores import Curve, Supercooling
 from thermid.model._parts.parameter import Parameter, parameter
 from thermid.physics import conduction, contact, convection, radiation
-from thermid.physics.constants import AMBIENT_DEFAULT, STANDARD_GRAVITY, STEFAN_BOLTZMANN
 from thermid.physics.correlations import GapLaw
 from thermid.physics.finishes import finish
 

@@ -8,8 +8,7 @@ from dataclasses import dataclass, field, replace
 from typing import Any, Final, Literal as OneOf, get_args
 
 from thermid.base.errors import DeckError, UnitError, errors_at, refuse_unknown
-from thermid.base.linear_algebra import HALF_WIDTH_95
-from thermid.base.units import Dimension, Expression, Literal, describe, from_si, parse, unit
+from thermid.base.units import HALF_WIDTH_95, Dimension, Expression, Literal, describe, from_si, parse, unit
 from thermid.model._laws.options import Source
 from thermid.physics.materials import materials
 

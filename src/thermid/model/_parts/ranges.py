@@ -12,8 +12,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Final
 
-from thermid.base.linear_algebra import value_of
-from thermid.base.units import TEMPERATURE
+from thermid.base.units import TEMPERATURE, value_of
 
 INFINITE: Final = float("inf")
 MAX_FLOAT, MIN_FLOAT = sys.float_info.max, math.ulp(0.0)

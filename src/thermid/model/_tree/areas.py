@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from thermid.base.linear_algebra import value_of
+from thermid.base.units import value_of
 from thermid.model._parts.elements import exposed_area
 from thermid.model._tree.flat import flatten
 from thermid.model._tree.model import Model

@@ -10,8 +10,7 @@ from typing import Any, Final
 import numpy as np
 
 from thermid.base.errors import CodedText, DeckError, NameNotFoundError, errors_at, quoted, refuse_unknown
-from thermid.base.linear_algebra import Number, value_of
-from thermid.base.units import require, require_unit
+from thermid.base.units import Number, require, require_unit, value_of
 from thermid.model._laws.signal import Signal
 from thermid.model._laws.stores import Curve, HeatStore, potential, store
 from thermid.model._parts.controls import COMPLEMENT, Control, ModeChange, named_control, of_difference, slot_of

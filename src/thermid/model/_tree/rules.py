@@ -13,13 +13,12 @@ from typing import Any, Final, Literal
 import numpy as np
 
 from thermid.base.errors import CodedText, ThermidError, code_of, quoted
-from thermid.base.linear_algebra import value_of
+from thermid.base.units import AMBIENT_DEFAULT, value_of
 from thermid.model._parts.controls import named_control
 from thermid.model._parts.elements import CARRIED_BY, exposed_area
 from thermid.model._tree.flat import Flat, FlatConductor, FlatLoad, FlatNode, flatten
 from thermid.model._tree.identity import APART, cuts_of, local_identities
 from thermid.model._tree.tree import Tree
-from thermid.physics.constants import AMBIENT_DEFAULT
 
 Severity = Literal["error", "warning", "note"]
 SEVERITIES: Final = ("error", "warning", "note")

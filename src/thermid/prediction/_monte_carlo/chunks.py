@@ -12,7 +12,7 @@ from typing import Any, TypeVar
 import numpy as np
 
 from thermid.base.errors import spoken
-from thermid.base.linear_algebra import Array, Indices
+from thermid.base.units import Array, Indices
 from thermid.model.tree import Model
 from thermid.prediction._budget import Budget
 from thermid.prediction._setting import Setting

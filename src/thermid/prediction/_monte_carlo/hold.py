@@ -13,9 +13,8 @@ import numpy as np
 
 from thermid.base.errors import ScenarioError
 from thermid.base.files import Places, by_grammar, read_toml, resolve_inside
-from thermid.base.linear_algebra import Array
 from thermid.base.results import PlottedTrace, Result, Shown
-from thermid.base.units import ICE_POINT
+from thermid.base.units import ICE_POINT, Array
 from thermid.fit.error_model import BandCause
 from thermid.model.tree import UNJUDGED, Model, Standing, load_model
 from thermid.prediction._budget import OFF, SILENT, UNFITTED
@@ -24,8 +23,7 @@ from thermid.prediction._monte_carlo.chunks import Job, Limit, MemberRuns, Progr
 from thermid.prediction._monte_carlo.uncertain import SIDES, UncertainRuns, limits_of, members_of_plan, plan_runs
 from thermid.prediction._reduction.macro import macro_model
 from thermid.simulation.runs import JobFolder, Scenario, Workers, load_scenario
-from thermid.values.store import FittedValues, LeftOut
-from thermid.values.value_files import filed
+from thermid.values.store import FittedValues, LeftOut, filed
 
 SAMPLING_PROBABILITY = 0.95
 """Two-sided probability of the intervals that say what the number of members leaves open. [-]"""

@@ -4,9 +4,21 @@ from __future__ import annotations
 
 from typing import Annotated, Any
 
-from pydantic import Field
+from pydantic import Field, PlainValidator, WithJsonSchema
+from pydantic_core import PydanticCustomError
 
-from thermid.base.grammar import Amount, Finite, Names, StrictTable, Whole, in_form
+from thermid.base.grammar import Amount, Finite, StrictTable, Whole, in_form, shown
+
+NAMES_SCHEMA = WithJsonSchema({"type": ["string", "array"], "items": {"type": "string"}})
+
+
+def _names(written: Any) -> Any:
+    """Return what is written where it is a text or several; refuse anything else."""
+    several = written if isinstance(written, list | tuple) else [written]
+    if all(isinstance(one, str) for one in several):
+        return written
+    text = f"a text or a list of texts is needed, not {shown(written)}."
+    raise PydanticCustomError("thermid", "{message}", {"message": text, "code": "file.wrong-kind"})
 
 
 class SidesTable(StrictTable):
@@ -22,8 +34,8 @@ class HoldFile(StrictTable):
     title: str = ""
     model: Annotated[str, Field(min_length=1)]
     unit: str = ""
-    scenario: Annotated[Names, Field(min_length=1)]
-    values: Names = []
+    scenario: Annotated[Any, PlainValidator(_names), NAMES_SCHEMA, Field(min_length=1)]
+    values: Annotated[Any, PlainValidator(_names), NAMES_SCHEMA] = []
     members: Annotated[Whole, Field(ge=1)] = 10_000
     seed: Annotated[Whole, Field(ge=0)] = 0
     every: str = ""

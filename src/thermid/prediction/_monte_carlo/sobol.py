@@ -8,9 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from thermid.base.errors import MissingExtraError, NameNotFoundError, ScenarioError, refuse_unknown
-from thermid.base.extensions import missing
-from thermid.base.linear_algebra import Array
+from thermid.base.errors import MissingExtraError, NameNotFoundError, ScenarioError, missing, refuse_unknown
+from thermid.base.units import Array
 from thermid.prediction._monte_carlo.chunks import Job, run_members_of
 from thermid.simulation.runs import Workers, in_tasks
 

@@ -12,11 +12,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from thermid.base.errors import NameNotFoundError, ScenarioError, cap, raising, refuse_unknown
-from thermid.base.extensions import optional
-from thermid.base.linear_algebra import Array
+from thermid.base.errors import NameNotFoundError, ScenarioError, cap, optional, raising, refuse_unknown
 from thermid.base.results import PlottedTrace, Result
-from thermid.base.units import ICE_POINT, TEMPERATURE, counted
+from thermid.base.units import ICE_POINT, TEMPERATURE, Array, counted
 from thermid.fit.calibration import Calibration
 from thermid.model.tree import Model, Standing, literal
 from thermid.prediction._budget import AVERAGED, Spread, assumed_left_out, budget_of, check_variants, first_line, in_order

@@ -13,11 +13,9 @@ from typing import Any
 import numpy as np
 
 from thermid.base.errors import DeckError, ScenarioError
-from thermid.base.linear_algebra import Array, value_of
 from thermid.base.results import Result
-from thermid.base.units import amount
+from thermid.base.units import STEFAN_BOLTZMANN, Array, amount, value_of
 from thermid.model.tree import KINDS, LOAD_SLOTS, FlatConductor, FlatLoad, Model, made_to, model_from_dict
-from thermid.physics.constants import STEFAN_BOLTZMANN
 from thermid.simulation.runs import (
     STEADY,
     ConductorRow,

@@ -8,9 +8,8 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from thermid.base.linear_algebra import Array
 from thermid.base.results import PlottedTrace, Result
-from thermid.base.units import ICE_POINT, duration_text
+from thermid.base.units import ICE_POINT, Array, duration_text
 from thermid.qualify._profiles.profile import ThermalProfile
 from thermid.simulation.runs import Scenario, Solution, Trace
 

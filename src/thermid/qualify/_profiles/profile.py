@@ -16,10 +16,9 @@ from typing import Any, Final
 from thermid.base.errors import ScenarioError, ThermidError, cap, errors_at, look_up, nearest, raising, refuse_unknown
 from thermid.base.files import FileKinds, Places, by_grammar, grammar_of, read_toml, refuse_another_kind, toml_value, write_text
 from thermid.base.results import Result, check_mark, weakest
-from thermid.base.units import ICE_POINT, TEMPERATURE, Kelvin, Quantity, amount, si_value
+from thermid.base.units import ATMOSPHERE, ICE_POINT, TEMPERATURE, Kelvin, Quantity, amount, si_value
 from thermid.measure.records import rule_of
 from thermid.model.tree import literal
-from thermid.physics.constants import ATMOSPHERE
 from thermid.qualify._profiles.numbers import SLOTS, USUAL, WORDS
 
 

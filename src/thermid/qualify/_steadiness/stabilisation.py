@@ -13,9 +13,8 @@ from typing import Any
 import numpy as np
 
 from thermid.base.errors import RecordError, quoted
-from thermid.base.linear_algebra import value_of
 from thermid.base.results import Result
-from thermid.base.units import duration_text, positive_seconds
+from thermid.base.units import duration_text, positive_seconds, value_of
 from thermid.measure.records import (
     DOUBT_IN_ERRORS,
     TAU_ERROR,

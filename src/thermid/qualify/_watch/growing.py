@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from thermid.base.errors import MissingDataError, NameNotFoundError, RecordError
 from thermid.base.files import FileKinds, scratch, write_bytes
-from thermid.base.linear_algebra import Array, Bools
+from thermid.base.units import Array, Bools
 from thermid.measure.readers import UNFINISHED, is_bench_log
 from thermid.measure.records import Channel, Record, usual_step
 from thermid.model.tree import TableSignal

@@ -22,10 +22,10 @@ from typing import Any, Final
 import numpy as np
 
 from thermid.base.errors import RecordError, SolverError
-from thermid.base.linear_algebra import Array, covariance
-from thermid.base.units import ICE_POINT, duration_text, short
+from thermid.base.linear_algebra import covariance
+from thermid.base.units import ICE_POINT, Array, duration_text, short
 from thermid.fit.calibration import Bench, Compressed, Experiment, Prior, Unknown, bind, minimise
-from thermid.inference.diagnosis import WATCHED
+from thermid.inference.criticism import WATCHED
 from thermid.measure.records import MIN_INDEPENDENT_SHARE, Record, StabilityRule, channel_stability, effective_samples
 from thermid.model.tree import Model
 from thermid.qualify._steadiness.forecast import MIN_FORECAST_READINGS, EndForecast, Forecast, IntervalEstimate, forecast

@@ -15,8 +15,7 @@ from typing import Any, Final
 import numpy as np
 
 from thermid.base.errors import RecordError, SolverError
-from thermid.base.linear_algebra import HALF_WIDTH_95, Array, Bools, value_of
-from thermid.base.units import ICE_POINT, duration_text, short
+from thermid.base.units import HALF_WIDTH_95, ICE_POINT, Array, Bools, duration_text, short, value_of
 from thermid.fit.calibration import Bench, Experiment, bind
 from thermid.fit.estimation import WIENER, At, Belief, Dynamics, Passing, ProcessNoise
 from thermid.measure.records import Channel, Record

@@ -23,8 +23,7 @@ from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
-from thermid.base.errors import MissingExtraError, ScenarioError, ThermidError
-from thermid.base.extensions import missing
+from thermid.base.errors import MissingExtraError, ScenarioError, ThermidError, missing
 from thermid.base.files import FileKinds, check_ending, may_write, scratch, write_bytes, write_text
 from thermid.base.results import MARKS
 

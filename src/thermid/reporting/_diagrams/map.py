@@ -11,8 +11,7 @@ from typing import Any, Final
 import numpy as np
 
 from thermid.base.errors import NameNotFoundError, refuse_unknown
-from thermid.base.linear_algebra import value_of
-from thermid.base.units import ICE_POINT
+from thermid.base.units import ICE_POINT, value_of
 from thermid.model.tree import COMPLEMENT, Flat, FlatConductor, FlatNode, Model, Tree, named_control
 from thermid.reporting._blocks.content import oversized
 from thermid.reporting._diagrams.places import Card, MapPlaces, Point, docked, places

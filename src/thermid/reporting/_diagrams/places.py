@@ -12,7 +12,7 @@ from typing import Final
 
 import numpy as np
 
-from thermid.base.linear_algebra import Array, Bools
+from thermid.base.units import Array, Bools
 
 Point = tuple[float, float]
 PLACE_STEP: Final = 8.0

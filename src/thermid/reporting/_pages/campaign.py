@@ -17,14 +17,11 @@ from typing import cast
 import numpy as np
 
 from thermid.base.errors import ThermidError
-from thermid.base.linear_algebra import Array
 from thermid.base.results import VERDICTS
-from thermid.base.units import ICE_POINT, counted, from_si, unit
-from thermid.campaign.stages import Campaign, JointFit, campaign_predictions
-from thermid.campaign.verdicts import CampaignPrediction, Check, Verdict, metric
+from thermid.base.units import ICE_POINT, Array, counted, from_si, unit
+from thermid.campaign.stages import Campaign, CampaignPrediction, Check, JointFit, Verdict, campaign_predictions, metric
 from thermid.fit.calibration import MOVED, NOT_REJECTED, UNDECIDED, Calibration, Move, SensorTrace
-from thermid.inference.criticism import criticise
-from thermid.inference.diagnosis import energy_balance
+from thermid.inference.criticism import criticise, energy_balance
 from thermid.inference.intervals import identifiability
 from thermid.model.tree import Model, Names, flatten
 from thermid.reporting._blocks.content import (

@@ -9,9 +9,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from thermid.base.units import ICE_POINT, counted, from_si
-from thermid.campaign.stages import Campaign
-from thermid.campaign.studies import Study
-from thermid.campaign.verdicts import metric
+from thermid.campaign.stages import Campaign, Study, metric
 from thermid.model.tree import Model, Parameter
 from thermid.reporting._blocks.content import (
     DASH,

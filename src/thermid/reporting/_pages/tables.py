@@ -12,10 +12,8 @@ from importlib.metadata import PackageNotFoundError, version
 
 import numpy as np
 
-from thermid.base.linear_algebra import HALF_WIDTH_95
-from thermid.base.units import ICE_POINT, counted, from_si, si_unit, unit
-from thermid.campaign.stages import Campaign
-from thermid.campaign.verdicts import CampaignPrediction, Check, Verdict, metric
+from thermid.base.units import HALF_WIDTH_95, ICE_POINT, counted, from_si, si_unit, unit
+from thermid.campaign.stages import Campaign, CampaignPrediction, Check, Verdict, metric
 from thermid.fit.calibration import MOVED, Calibration
 from thermid.measure.records import Record
 from thermid.model.tree import Model, ParameterSet, flatten, ledger

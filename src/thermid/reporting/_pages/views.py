@@ -6,8 +6,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from thermid.base.units import ICE_POINT
-from thermid.campaign.stages import Campaign, next_command
-from thermid.campaign.studies import RetunePlan
+from thermid.campaign.stages import Campaign, RetunePlan, next_command
 from thermid.fit.calibration import Calibration, Moves
 from thermid.values.store import FittedValue
 

@@ -12,8 +12,7 @@ from typing import Final
 
 import numpy as np
 
-from thermid.base.linear_algebra import Array
-from thermid.base.units import ICE_POINT
+from thermid.base.units import ICE_POINT, Array
 from thermid.fit.calibration import SensorTrace
 from thermid.prediction.bands import Prediction
 from thermid.reporting._blocks.content import NARROW, Graphic, LegendEntry, Plot

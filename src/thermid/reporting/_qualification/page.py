@@ -11,7 +11,7 @@ import numpy as np
 
 from thermid.base.results import VERDICTS, weigh
 from thermid.base.units import ICE_POINT, counted
-from thermid.campaign.verdicts import Correlation, Limits, heading, spans
+from thermid.campaign.stages import Correlation, Limits, heading, spans
 from thermid.model.tree import flatten
 from thermid.qualify.plans import Qualification, Trial
 from thermid.reporting._blocks.content import (

@@ -8,10 +8,9 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from thermid.base.linear_algebra import HALF_WIDTH_95
 from thermid.base.results import MARKS
-from thermid.base.units import ICE_POINT
-from thermid.campaign.verdicts import Correlation, Overlay
+from thermid.base.units import HALF_WIDTH_95, ICE_POINT
+from thermid.campaign.stages import Correlation, Overlay
 from thermid.qualify.plans import Qualification, Trial, sensors_of
 from thermid.reporting._blocks.content import (
     DASH,

@@ -15,7 +15,7 @@ from zlib import compress, decompress
 import numpy as np
 from numpy.typing import NDArray
 
-from thermid.base.linear_algebra import Array, Indices
+from thermid.base.units import Array, Indices
 
 PILOT = 1000
 """Members from which grids are chosen, at most."""

@@ -21,8 +21,7 @@ from typing import Any, TypeVar, Union
 import numpy as np
 
 from thermid.base.arguments import guard_methods
-from thermid.base.errors import ScenarioError, ThermidError, errors_at
-from thermid.base.extensions import optional
+from thermid.base.errors import ScenarioError, ThermidError, errors_at, optional
 from thermid.simulation._many.kept import JobFolder, digest, restored, taken_apart
 
 Made = TypeVar("Made")

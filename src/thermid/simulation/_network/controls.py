@@ -13,7 +13,7 @@ from typing import Any, Final
 import numpy as np
 
 from thermid.base.errors import DeckError
-from thermid.base.linear_algebra import Array, Number, value_of
+from thermid.base.units import Array, Number, value_of
 from thermid.model.tree import COMPLEMENT, Curve, FlatControl, Melt, named_control
 from thermid.simulation._network.rows import LoadRow
 

@@ -8,8 +8,8 @@ from numbers import Real
 from typing import Any
 
 from thermid.base.errors import ScenarioError
+from thermid.base.units import ATMOSPHERE, STANDARD_GRAVITY
 from thermid.model.tree import Constant, Signal, literal, signal
-from thermid.physics.constants import ATMOSPHERE, STANDARD_GRAVITY
 from thermid.physics.gas import gas_named
 
 ONE_ATMOSPHERE = Constant(ATMOSPHERE)

@@ -12,11 +12,9 @@ from typing import Any
 import numpy as np
 
 from thermid.base.errors import DeckError, NameNotFoundError, ScenarioError, errors_at, refuse_unknown
-from thermid.base.linear_algebra import Array
 from thermid.base.results import Shown
-from thermid.base.units import TEMPERATURE, amount
+from thermid.base.units import STEFAN_BOLTZMANN, TEMPERATURE, Array, amount
 from thermid.model.tree import Constant, Facing, Flat, FlatLoad, FlatSurface, Mixed, Signal, signal
-from thermid.physics.constants import STEFAN_BOLTZMANN
 
 Given = Mapping[str, Signal]
 

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from thermid.base.errors import DeckError, SolverError
-from thermid.base.linear_algebra import Array, value_of
+from thermid.base.units import Array, value_of
 from thermid.simulation._network.network import Network, Numbers
 
 

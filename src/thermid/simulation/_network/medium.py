@@ -14,8 +14,8 @@ from typing import Any
 import numpy as np
 
 from thermid.base.errors import CodedText, ScenarioError, quoted
-from thermid.base.linear_algebra import Array, Number, value_of
 from thermid.base.memo import Memo
+from thermid.base.units import AMBIENT_DEFAULT, ATMOSPHERE, STANDARD_GRAVITY, Array, Number, value_of
 from thermid.model.tree import (
     ACCOMMODATION,
     Constant,
@@ -31,7 +31,6 @@ from thermid.model.tree import (
     degrees,
     literal,
 )
-from thermid.physics.constants import AMBIENT_DEFAULT, ATMOSPHERE, STANDARD_GRAVITY
 from thermid.physics.convection import duct_nusselt, fin_efficiency
 from thermid.physics.correlations import forced_plate_nusselt, gap_nusselt_table, nusselt_table
 from thermid.physics.gas import MolecularGas, free_molecular_htc, gas_named

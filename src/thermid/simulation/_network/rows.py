@@ -10,7 +10,7 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 
 from thermid import _kernel
-from thermid.base.linear_algebra import Array, Number
+from thermid.base.units import Array, Number
 from thermid.model.tree import EXTENSION_REACH, Curve, Law
 
 ANCHOR: Final = _kernel.GAS_ANCHOR

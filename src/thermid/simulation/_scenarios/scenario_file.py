@@ -8,8 +8,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from thermid.base.errors import ScenarioError, ThermidError, errors_at
-from thermid.base.extensions import extension
+from thermid.base.errors import ScenarioError, ThermidError, errors_at, extension
 from thermid.base.files import Places, by_grammar, read_toml, resolve_inside
 from thermid.base.units import TEMPERATURE
 from thermid.model.tree import Signal, TableSignal, literal, signal

@@ -14,8 +14,7 @@ from numpy.typing import NDArray
 
 from thermid import _kernel
 from thermid.base.errors import CodedText, ScenarioError, SolverError, nearest, refuse_unknown
-from thermid.base.linear_algebra import Array, value_of
-from thermid.base.units import ICE_POINT
+from thermid.base.units import ICE_POINT, Array, value_of
 from thermid.model.tree import Constant, Sine, TableSignal
 from thermid.simulation._network.controls import PHASE, state_of
 from thermid.simulation._network.network import held_in, unreached

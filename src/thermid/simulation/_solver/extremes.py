@@ -9,8 +9,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from thermid.base.linear_algebra import Array
-from thermid.base.units import ICE_POINT
+from thermid.base.units import ICE_POINT, Array
 
 PIECES = 16
 """Into how many an interval is divided in which a course passes a level."""

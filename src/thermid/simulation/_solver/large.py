@@ -14,7 +14,7 @@ import numpy as np
 
 from thermid import _kernel
 from thermid.base.errors import SolverError
-from thermid.base.linear_algebra import Array, Ints
+from thermid.base.units import Array, Ints
 from thermid.simulation._network.rows import same_both_ways
 from thermid.simulation._solver.extremes import Turnings
 from thermid.simulation._solver.large_steady import settle_large

@@ -7,10 +7,9 @@ from typing import Any, Final
 
 import numpy as np
 
-from thermid.base.errors import SolverError
-from thermid.base.extensions import missing
-from thermid.base.linear_algebra import Array, one_thread
-from thermid.base.units import ICE_POINT
+from thermid.base.errors import SolverError, missing
+from thermid.base.linear_algebra import one_thread
+from thermid.base.units import ICE_POINT, Array
 from thermid.simulation._solver.problem import unsettled
 from thermid.simulation._solver.sparse import NONE, SparseNetwork
 

@@ -18,8 +18,7 @@ from by_code import raises_code
 from thermid.app.cli import app as command_line, screen, summary
 from thermid.app.cli.screen import MAX_LINE_CHARACTERS, Progress, folded, severity, spoken, working
 from thermid.app.cli.summary import show_campaign
-from thermid.base.errors import MissingExtraError, ThermidWarning
-from thermid.base.extensions import missing, modules_of, require
+from thermid.base.errors import MissingExtraError, ThermidWarning, missing, modules_of, require
 from thermid.campaign.stages import run_stages
 from thermid.fit.calibration import Calibration, Input, InputTable
 from thermid.inference._explain.structures import EvaluationBudget

@@ -26,8 +26,7 @@ from thermid.base.errors import DeckError
 from thermid.base.results import clean
 from thermid.inference.criticism import Mistakes
 from thermid.reporting.objects import fit_object
-from thermid.values.store import load_store
-from thermid.values.value_files import filed
+from thermid.values.store import filed, load_store
 from two_masses import write_plan
 
 from .test_stages import laid

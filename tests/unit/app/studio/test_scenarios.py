@@ -17,7 +17,7 @@ from thermid.app.studio.project import Project
 from thermid.app.studio.room import as_json, shelf_object
 from thermid.app.studio.work import Work
 from thermid.base.errors import DeckError, NameNotFoundError, RecordError, ScenarioError
-from thermid.campaign.verdicts import check_limits, load_limits
+from thermid.campaign.stages import check_limits, load_limits
 
 EVIL = '"><script>alert(1)</script>'
 DECK = """

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import thermid as td
-from thermid.base.linear_algebra import value_of
+from thermid.base.units import value_of
 from thermid.fit.calibration import Calibration, Request, SensorStatistics
 from thermid.inference._explain.candidates import faults_of, missing_elements
 from thermid.inference._explain.criticism import Candidate, Criticism, TraceCriticism

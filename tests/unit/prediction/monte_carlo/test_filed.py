@@ -16,7 +16,7 @@ from by_code import raises_code
 from thermid.app.cli.app import app
 from thermid.base.errors import NameNotFoundError
 from thermid.prediction.bands import Knowledge
-from thermid.values.value_files import filed
+from thermid.values.store import filed
 
 G = "loss.conductance"
 DECK = """

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from by_code import raises_code
 from thermid.base.errors import DeckError
-from thermid.base.linear_algebra import Dual, gradient_of, value_of
+from thermid.base.units import Dual, gradient_of, value_of
 from thermid.model.tree import Model, model_from_dict
 from thermid.simulation._network.network import Network, Numbers, Reduced, compile_network, eliminable, reduce_network
 

@@ -10,9 +10,9 @@ import pytest
 import thermid as td
 from by_code import raises_code
 from thermid.base.errors import DeckError, ScenarioError
+from thermid.base.units import ATMOSPHERE, STANDARD_GRAVITY
 from thermid.model._tree.identity import to_dict
 from thermid.model.tree import Constant, TableSignal
-from thermid.physics.constants import ATMOSPHERE, STANDARD_GRAVITY
 from thermid.physics.gas import GASES, free_molecular_htc, gap_htc, knudsen_number
 from thermid.physics.plates import body_htc, horizontal_plate_down_htc, horizontal_plate_up_htc, vertical_plate_htc_all
 from thermid.simulation._network.medium import sampled_pressure, vented

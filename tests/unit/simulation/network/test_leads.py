@@ -11,10 +11,10 @@ import pytest
 import thermid as td
 from by_code import raises_code
 from thermid.base.errors import DeckError, ScenarioError
+from thermid.base.units import ATMOSPHERE, STEFAN_BOLTZMANN
 from thermid.model._tree.identity import to_dict
 from thermid.model.tree import Constant, TableSignal
 from thermid.physics.conduction import fin_conductances, fin_parameter
-from thermid.physics.constants import ATMOSPHERE, STEFAN_BOLTZMANN
 
 ROD = {"diameter": "5 [mm]", "length": "0.3 [m]", "conductivity": "398 [W/(m K)]"}
 """The rods of Incropera, Example 3.9: 100 degC at the foot, air at 25 degC, h 100 W/(m^2 K)."""

@@ -10,9 +10,8 @@ import pytest
 import thermid as td
 from by_code import raises_code
 from thermid.base.errors import DeckError, NameNotFoundError, ScenarioError
-from thermid.base.linear_algebra import Dual, gradient_of, value_of
+from thermid.base.units import ATMOSPHERE, Dual, gradient_of, value_of
 from thermid.model.tree import Constant, Model, Sine, TableSignal, model_from_dict
-from thermid.physics.constants import ATMOSPHERE
 from thermid.simulation._network.environment import Environment
 from thermid.simulation._network.medium import Media
 from thermid.simulation._network.network import KEPT_NETWORKS, compile_network

@@ -14,9 +14,9 @@ import thermid as td
 from by_code import raises_code
 from thermid.app.cli.app import main
 from thermid.base.errors import DeckError, NameNotFoundError, ScenarioError
+from thermid.base.units import ATMOSPHERE, STEFAN_BOLTZMANN
 from thermid.model._tree.identity import to_dict
 from thermid.model.tree import TableSignal
-from thermid.physics.constants import ATMOSPHERE, STEFAN_BOLTZMANN
 
 ROOM = td.Scenario("room", boundaries={"air": "20 [degC]"}, start="air", duration="10 [h]")
 PUMPED = ROOM.with_(

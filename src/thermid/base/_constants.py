@@ -1,4 +1,4 @@
-"""Constants of nature and of convention."""
+"""Constants of nature and of convention, as they are published."""
 
 from __future__ import annotations
 
