@@ -8,8 +8,9 @@ import threading
 import time
 from pathlib import Path
 
+from python_board import Board
+
 from thermid.base.errors import RecordError
-from thermid.bench.board import Board
 
 
 class Terminal:

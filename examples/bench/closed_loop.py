@@ -16,12 +16,12 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+from python_board import World, made_up_rom
 from scipy.linalg import expm
 from simulated import Simulated
 
 import thermid as td
 from thermid.bench.bench_files import MappedSensor, load_programme
-from thermid.bench.board import World, made_up_rom
 from thermid.bench.logger import Logger, Settings
 
 HERE = Path(__file__).resolve().parent

@@ -5,8 +5,9 @@ from __future__ import annotations
 import subprocess
 from pathlib import Path
 
+from python_board import World
+
 from thermid.base.errors import MissingDataError, SolverError
-from thermid.bench.board import World
 from thermid.bench.port import Port
 
 

@@ -12,11 +12,11 @@ import tempfile
 from pathlib import Path
 
 import numpy as np
+from python_board import Board, BoardPort
 from scipy.linalg import expm
 
 import thermid as td
 from thermid.bench.bench_files import MappedSensor, Programme
-from thermid.bench.board import Board, BoardPort
 from thermid.bench.logger import Logger, Settings
 
 HERE = Path(__file__).resolve().parent

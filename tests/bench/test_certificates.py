@@ -8,11 +8,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from python_board import Board, BoardPort
 from scipy.linalg import expm
 
 import thermid as td
 from thermid.bench.bench_files import MappedSensor, Programme, load_sensors
-from thermid.bench.board import Board, BoardPort
 from thermid.bench.guide import ice_point
 from thermid.bench.logger import Logger, Settings
 

@@ -11,12 +11,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from python_board import Board
 
 import thermid as td
 from pseudo_terminal import Terminal
 from thermid.base.errors import ThermidError
 from thermid.bench._wire import parse_line
-from thermid.bench.board import Board
 from thermid.bench.logger import Logger, Settings
 from thermid.bench.port import MAX_GARBAGE_BYTES
 
@@ -38,7 +38,7 @@ BOARD = """
 import math, sys
 sys.path.insert(0, sys.argv[1])
 from pseudo_terminal import Terminal
-from thermid.bench.board import Board
+from python_board import Board
 board = Board(lambda t, d: [20.0 + k + math.sin(t / 5000) for k in range(10)], 10)
 with Terminal(board, speed=1e6, waits=True, keep=False) as terminal:
     print(terminal.port, board.roms[0], flush=True)

@@ -10,11 +10,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from python_board import made_up_rom
 from simulated import Simulated
 
 import thermid as td
 from thermid.bench.bench_files import MappedSensor, Programme
-from thermid.bench.board import made_up_rom
 from thermid.bench.logger import Logger, Settings
 
 NAMES = {made_up_rom(k): MappedSensor(f"T{k}", made_up_rom(k)) for k in range(3)}

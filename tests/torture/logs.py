@@ -106,7 +106,6 @@ def _pipes(a: Attack) -> None:
         ("simulate", "box.toml", "--scenario", "warm.toml", "--json"),
         ("steady", "box.toml", "--scenario", "warm.toml"),
         ("schema", "deck"),
-        ("log", "closed.log", "--simulate", "--for", "3 [s]"),
     ):
         inner, outer = os.pipe()
         os.close(inner)
@@ -150,7 +149,6 @@ def _closed_folders(a: Attack) -> None:
         ("diagram", "box.toml", "--to", "x.svg"),
         ("calibrate", "campaign.toml", "--to", "closed"),
         ("hold", "hold.toml", "--to", "closed"),
-        ("log", "x.log", "--simulate", "--for", "2 [s]"),
         ("init", "logs/pair_one.csv", "--to", "closed"),
     ):
         a.judge("folders that cannot be written", a.run(*words, rights=False), (2,), "ermission denied")
@@ -162,7 +160,6 @@ def _closed_folders(a: Attack) -> None:
 def _signals(a: Attack) -> None:
     """SIGTERM at a random moment; then the same command again, whole."""
     jobs: dict[str, tuple[str, ...]] = {
-        "log": ("log", "trial.log", "--simulate", "--for", "90 [s]"),
         "qualify": ("qualify", "plan.toml", "--to", "q.html"),
         "hold": ("hold", "hold.toml", "--to", "r", "--figure", "r.png"),
         "watch": ("watch", "logs/pair_one.csv"),

@@ -68,7 +68,7 @@ def check_port(name: str) -> None:
     except OSError as error:
         number, reason = error.errno, str(error)
         if number == errno.ENOENT:
-            text = "the port does not exist. Connect the board, leave --port out, or try it with --simulate."
+            text = "the port does not exist. Connect the board, or leave --port out."
         elif number == errno.EACCES:
             text = "you have no permission to open it. On Linux, join its group (`sudo usermod -aG dialout $USER`) and log in again."
         elif number == errno.EBUSY or "exclusively" in reason:

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import pytest
+from python_board import Board
 
 from thermid.bench._wire import BoardLine, parse_line, sealed
-from thermid.bench.board import Board
 
 
 def lines(board: Board) -> list[BoardLine]:

@@ -6,12 +6,12 @@ import time
 from pathlib import Path
 
 import pytest
+from python_board import Board, BoardPort, simulated
 
 import thermid as td
 from by_code import raises_code
 from thermid.base.errors import RecordError
 from thermid.bench.bench_files import Programme
-from thermid.bench.board import Board, BoardPort, simulated
 from thermid.bench.logger import Logger, Settings
 
 

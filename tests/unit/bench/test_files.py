@@ -6,11 +6,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from python_board import made_up_rom
 
 from by_code import raises_code
 from thermid.base.errors import MissingDataError, RecordError, UnitError
 from thermid.bench.bench_files import MappedSensor, load_programme, load_sensors, save_sensor
-from thermid.bench.board import made_up_rom
 from thermid.bench.guide import certificate_of
 from thermid.measure.records import SensorCertificate
 

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from python_board import Board, BoardPort
+
 from thermid.bench.bench_files import load_sensors
-from thermid.bench.board import Board, BoardPort
 from thermid.bench.guide import ice_point, name_sensors
 from thermid.bench.logger import Logger, Settings
 

@@ -6,12 +6,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from python_board import made_up_rom
 
 import thermid as td
 from by_code import raises_code
 from thermid.base.errors import NameNotFoundError, RecordError
 from thermid.bench.benchlog import log_line
-from thermid.bench.board import made_up_rom
 
 from .bench import Sheet
 

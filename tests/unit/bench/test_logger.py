@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from python_board import Board, made_up_rom
 
 import thermid as td
 from by_code import raises_code
@@ -17,7 +18,6 @@ from thermid.base.errors import RecordError
 from thermid.bench import benchlog as stores
 from thermid.bench._wire import sealed
 from thermid.bench.bench_files import MappedSensor, Programme
-from thermid.bench.board import Board, made_up_rom
 from thermid.bench.logger import Logger, Settings
 
 from .bench import cycles, marks, until

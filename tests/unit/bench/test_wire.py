@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import pytest
+from python_board import made_up_rom
 
 from by_code import raises_code
 from thermid.base.errors import RecordError
 from thermid.bench._wire import crc8, crc16, parse_line, rom_is_good, sealed, unsealed
-from thermid.bench.board import made_up_rom
 
 ROM = made_up_rom(0)
 

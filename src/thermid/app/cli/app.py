@@ -222,7 +222,7 @@ COMMANDS = {
         "bench.log",
         "Bench",
         "Log sensors and heaters of a bench to disk, with faults marked.",
-        ("thermid log bench.log --sensors sensors.toml", "thermid log trial.log --simulate --for '1 [min]'"),
+        ("thermid log bench.log --sensors sensors.toml", "thermid log trial.log --for '1 [min]'"),
         "log",
     ),
     "watch": Place(

@@ -20,7 +20,6 @@ from rich.table import Table
 from thermid.base.errors import RecordError, require, spoken
 from thermid.base.units import ICE_POINT, TEMPERATURE, amount, duration_text, positive_seconds
 from thermid.bench.bench_files import load_programme, load_sensors
-from thermid.bench.board import BoardPort, simulated
 from thermid.bench.guide import ice_point as guided_ice_point, name_sensors
 from thermid.bench.logger import Logger, Settings
 from thermid.bench.port import check_port, find_port
@@ -50,14 +49,12 @@ def log(
     clear_latch: Annotated[
         bool, typer.Option("--clear-latch", help="Allow heaters again that the board has cut off. Look at the hardware first.")
     ] = False,
-    simulate: Annotated[bool, typer.Option("--simulate", help="No hardware: three made-up sensors at 60 times their speed.")] = False,
 ) -> None:
     """Log sensors and heaters of a bench to disk, with faults marked.
 
     Every line is on disk before the next is read. Faults, resets and cable pulls are marked, and logging goes on.
     """
-    if not simulate:
-        require("log", "a serial port")
+    require("log", "a serial port")
     settings = Settings(positive_seconds(interval, "--interval"), limit=amount(limit, TEMPERATURE, "--limit") - ICE_POINT)
     if (identify or ice_point) and sensors is None:
         raise RecordError(
@@ -69,8 +66,9 @@ def log(
     with ExitStack() as stack:
         # a question to the user is broken off by Ctrl-C itself; all else ends between two lines
         stop_signals = [] if identify or ice_point else stack.enter_context(_asked_to_end())
-        find, clock, wall = _board(port, simulate)
-        logger = Logger(file, find, sensor_map, settings, steps, clear_latch=clear_latch, clock=clock, wall=wall)
+        check_port(port or find_port())  # a missing board is an error and not a wait
+        find: Callable[[], str] = find_port if port is None else lambda: port
+        logger = Logger(file, find, sensor_map, settings, steps, clear_latch=clear_latch)
         if logger.store.session > 1:
             typer.echo(f"{file} is continued: start {logger.store.session} of it.", err=True)
         stack.callback(_closed, logger)
@@ -84,15 +82,6 @@ def log(
     if logger.store.waiting:
         where = f"are in {logger.store.rest}; append them to the log when there is room" if logger.store.rest else "are lost"
         raise RecordError(f"the disk is full: the last {logger.store.waiting / 1e3:.0f} kB {where}.", str(file), code="bench.log")
-
-
-def _board(port: str | None, simulate: bool) -> tuple[Callable[[], str | BoardPort], Callable[[], float], Callable[[], float]]:
-    """Return what finds the board, and its clocks; a first look at the port makes a missing board an error and not a wait."""
-    if simulate:
-        board = simulated()
-        return lambda: board, board.clock, board.wall
-    check_port(port or find_port())
-    return (lambda: port) if port is not None else find_port, time.monotonic, time.time
 
 
 def _closed(logger: Logger) -> None:

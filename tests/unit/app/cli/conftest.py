@@ -11,9 +11,11 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from python_board import simulated
 
 from plain_errors import errors_in_full
 from thermid.app.cli.app import main
+from thermid.bench.logger import Logger
 from thermid.campaign.stages import run_stages
 from unit.fit.project import make_project
 
@@ -59,6 +61,20 @@ def call(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) ->
         return Said(0 if code is None else int(code), done.out, done.err)
 
     return run
+
+
+@pytest.fixture
+def board(monkeypatch: pytest.MonkeyPatch) -> None:
+    """``thermid log`` finds a board made of Python with three sensors; time is the board's, sixty times as fast as real time."""
+
+    def logger(file: Path, _: object, *more: Any, **options: Any) -> Logger:
+        port = simulated()
+        return Logger(file, lambda: port, *more, clock=port.clock, wall=port.wall, **options)
+
+    pytest.importorskip("serial", reason="pyserial is not installed: thermid[log]")
+    monkeypatch.setattr("thermid.app.cli.bench.find_port", lambda: "a board of Python")
+    monkeypatch.setattr("thermid.app.cli.bench.check_port", lambda name: None)
+    monkeypatch.setattr("thermid.app.cli.bench.Logger", logger)
 
 
 @pytest.fixture(scope="session")

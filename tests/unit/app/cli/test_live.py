@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from python_board import made_up_rom
 from rich.console import Console
 
 import thermid as td
@@ -18,7 +19,6 @@ from thermid.app.cli.bench import Judge, live_table, plain_line
 from thermid.base.errors import RecordError
 from thermid.bench._wire import sealed
 from thermid.bench.bench_files import MappedSensor
-from thermid.bench.board import made_up_rom
 from thermid.bench.logger import Logger
 from thermid.measure.records import ICE, SensorCertificate, channel_stability, rule_of
 from thermid.qualify.steadiness import forecast

@@ -9,9 +9,9 @@ import time
 from pathlib import Path
 
 import pytest
+from python_board import made_up_rom
 
 import thermid as td
-from thermid.bench.board import made_up_rom
 from unit.app.cli.conftest import Call
 
 pytest.importorskip("serial", reason="pyserial is not installed: thermid[log]")
@@ -19,11 +19,12 @@ pytest.importorskip("serial", reason="pyserial is not installed: thermid[log]")
 PROGRAMME = 'end = "40 [s]"\nsteps = [{ at = "5 [s]", heater1 = "50 [%]" }]\n'
 
 
+@pytest.mark.usefixtures("board")
 def test_a_step_test_without_hardware(call: Call, tmp_path: Path) -> None:
     (tmp_path / "sensors.toml").write_text(f'[sensors.plate]\nrom = "{made_up_rom(0)}"\n')
     (tmp_path / "step.toml").write_text(PROGRAMME)
     log = tmp_path / "bench.log"
-    said = call("log", log, "--simulate", "--sensors", tmp_path / "sensors.toml", "--programme", tmp_path / "step.toml")
+    said = call("log", log, "--sensors", tmp_path / "sensors.toml", "--programme", tmp_path / "step.toml")
     assert (said.code, "0 missing" in said.out) == (0, True)
     record = td.read_record(log, {"plate": "plate", "heater1": {"command": "heater"}})
     plate = record["plate"]
@@ -31,9 +32,10 @@ def test_a_step_test_without_hardware(call: Call, tmp_path: Path) -> None:
     assert record["heater1"].values[record["heater1"].valid].max() == 0.5
 
 
+@pytest.mark.usefixtures("board")
 def test_what_was_too_hot_is_heated_again_only_if_somebody_says_so(call: Call, tmp_path: Path) -> None:
     (tmp_path / "step.toml").write_text('end = "25 [s]"\nsteps = [{ at = "2 [s]", heater1 = "100 [%]" }]\n')
-    asked = ("log", tmp_path / "bench.log", "--simulate", "--programme", tmp_path / "step.toml")
+    asked = ("log", tmp_path / "bench.log", "--programme", tmp_path / "step.toml")
     assert "Marks: overtemp 1." in call(*asked, "--limit", "21.5 [degC]").out
     said = call(*asked)
     assert said.code == 2
@@ -47,9 +49,9 @@ def test_what_was_too_hot_is_heated_again_only_if_somebody_says_so(call: Call, t
     [
         (("--interval", "1 [K]"), "--interval"),
         (("--limit", "400 [degC]"), "limit = 400 is outside -55 to 125"),
-        (("--sensors", "none.toml", "--simulate"), "none.toml: there is no such sensor map. Make one with `thermid log --identify`."),
-        (("--programme", "none.toml", "--simulate"), "there is no file 'none.toml'"),
-        (("--identify", "--simulate"), "--sensors sensors.toml"),
+        (("--sensors", "none.toml"), "none.toml: there is no such sensor map. Make one with `thermid log --identify`."),
+        (("--programme", "none.toml"), "there is no file 'none.toml'"),
+        (("--identify",), "--sensors sensors.toml"),
     ],
 )
 def test_a_mistake_is_named(call: Call, tmp_path: Path, options: tuple[str, ...], word: str) -> None:
@@ -97,8 +99,9 @@ def test_a_port_that_is_none_is_an_error_and_not_a_wait(call: Call, tmp_path: Pa
 
 @pytest.mark.skipif(os.name != "posix", reason="a board without hardware needs pseudo-terminals")
 def test_a_port_that_is_in_use_is_named(call: Call, tmp_path: Path) -> None:
+    from python_board import Board
+
     from pseudo_terminal import Terminal
-    from thermid.bench.board import Board
     from thermid.bench.port import Port
 
     with Terminal(Board(lambda t, d: [20.0], 1)) as terminal:
@@ -109,14 +112,16 @@ def test_a_port_that_is_in_use_is_named(call: Call, tmp_path: Path) -> None:
     assert "another program uses it. Close" in said.err
 
 
+@pytest.mark.usefixtures("board")
 def test_a_log_that_exists_is_continued_and_that_is_said(call: Call, tmp_path: Path) -> None:
     for _ in range(2):
-        said = call("log", tmp_path / "bench.log", "--simulate", "--for", "5 [s]")
+        said = call("log", tmp_path / "bench.log", "--for", "5 [s]")
     assert (said.code, "is continued: start 2 of it" in said.err) == (0, True)
     assert "0 faulty values. Marks: " in said.out
 
 
 @pytest.mark.skipif(os.name != "posix", reason="a board without hardware needs pseudo-terminals")
+@pytest.mark.usefixtures("board")
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
 def test_a_signal_ends_the_log_between_two_lines(call: Call, tmp_path: Path, number: signal.Signals) -> None:
     (tmp_path / "step.toml").write_text('steps = [{ at = "1 [s]", heater1 = "50 [%]" }]\n')
@@ -137,7 +142,7 @@ def test_a_signal_ends_the_log_between_two_lines(call: Call, tmp_path: Path, num
 
     asker = threading.Thread(target=ask)
     asker.start()
-    said = call("log", log, "--simulate", "--programme", tmp_path / "step.toml")
+    said = call("log", log, "--programme", tmp_path / "step.toml")
     asker.join()
     after = signal.signal(number, own)
     assert after is late

@@ -21,6 +21,8 @@ from unit.app.cli.conftest import Call
 from unit.fit.project import make_project
 from unit.qualify.project import PLAN, project
 
+pytestmark = pytest.mark.usefixtures("board")
+
 SCENARIO = 'title = "warm"\nstart = "24 [degC]"\nduration = "10 [min]"\n\n[boundaries]\n{} = "24 [degC]"\n'
 SCRIPT = "m = 1.25; % mass [kg]\n"
 QUESTION = 'model = "box.toml"\nscenario = "warm.toml"\nmembers = 40\n[limits]\ncase = "60 [degC]"\n[spread]\n"scale.heat" = "5 [%]"\n'
@@ -98,7 +100,7 @@ OUTPUTS = {
     "qualify": ["qualify", "plan.toml", "--to"],
     "hold --figure": ["hold", "hold.toml", "--to", "r", "--figure"],
     "deliver": ["deliver", "box.toml", "--scenario", "warm.toml", "--to"],
-    "log": ["log", "--simulate", "--for", "2 [s]"],
+    "log": ["log", "--for", "2 [s]"],
     "look": ["look", "logs/pair_one.csv", "--svg"],
     "look --cut": ["look", "logs/pair_one.csv", "--cut"],
     "look --join": ["look", "logs/pair_one.csv", "logs/box_bench.csv", "--offset", "0", "--join"],

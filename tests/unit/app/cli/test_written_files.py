@@ -12,6 +12,8 @@ import pytest
 from unit.app.cli.conftest import Call
 from unit.app.cli.test_outputs import FOLDERS, OUTPUTS, laboratory
 
+pytestmark = pytest.mark.usefixtures("board")
+
 LOGS = {"look", "settle", "watch"}
 DECKS = {"check", "simulate", "steady", "compare", "diagram", "export", "deliver", "equations"}
 CAMPAIGNS = {"check", "identify", "calibrate", "report", "credibility", "improve", "plausibility", "criticise"}
@@ -61,8 +63,8 @@ READERS = {
     **{word: [word, "@"] for word in ("identify", "calibrate", "credibility", "improve", "plausibility", "criticise", "fleet")},
     "report": ["report", "@", "--to", "reported.html"],
     "swap": ["swap", "@", "a", "cool.toml"],
-    "--programme": ["log", "logged.csv", "--simulate", "--for", "2 [s]", "--programme", "@"],
-    "--sensors": ["log", "logged.csv", "--simulate", "--for", "2 [s]", "--sensors", "@"],
+    "--programme": ["log", "logged.csv", "--for", "2 [s]", "--programme", "@"],
+    "--sensors": ["log", "logged.csv", "--for", "2 [s]", "--sensors", "@"],
 }
 ENDINGS = {"--netcdf": ".nc", "sinda": ".cc", "esatan": ".d", "c": ".h", "look": ".svg", "diagram": ".svg", "fmu": ".fmu"}
 ENDINGS |= {"--figure": ".png", "--picture": ".pdf", **dict.fromkeys(("import", "--save", "--scenario"), ".toml"), "credibility": ".json"}

@@ -1,7 +1,7 @@
 """A board made of Python alone: it speaks the protocol of `docs/bench.md` about sensors that a function drives, with faults on order.
 
 As a port within this program its time passes only while somebody waits for a line, so that no host is too slow for it. `simulated` is a
-bench to try the logger with.
+bench to try the logger with; tests of the logger use it too.
 """
 
 from __future__ import annotations
