@@ -331,7 +331,7 @@ def note(frame, event, argument):
 
 sys.setprofile(note)
 import thermid as td
-from thermid.reporting._pages.views import calibration_object
+from thermid.app.objects import calibration_object
 
 part = td.load_model("plate.toml")
 bench = td.Scenario("bench", boundaries={"air": "20 [degC]"}, start="20 [degC]", duration="30 [min]")

@@ -404,6 +404,11 @@ class Calibration(Named[FittedValue]):
             effective[sensor] = effective.get(sensor, 0.0) + self.effective_samples.get((record, sensor), sums.count)
         return {n: pooled(several).statistics(self.bias.get(n, 0.0), effective[n]) for n, several in parts.items()}
 
+    def sensor_bias(self, sensor: str) -> tuple[float, float | None]:
+        """Return the constant error of a sensor, fitted or held, and the standard error of a fitted one. [K]"""
+        fitted = self.values.sensors.get(sensor)
+        return (self.sensors[sensor].bias, None) if fitted is None else (fitted.value, fitted.error)
+
     def median_rmse(self, sensor: str) -> float:
         """Return the median over records of a sensor's RMSE. [K]"""
         return float(np.median([s[sensor].rmse for s in self.statistics.values() if sensor in s]))

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 import thermid as td
+from thermid.app.objects import answer, calibration_object
 from thermid.fit._calibration import blame_of
 from thermid.model.tree import TableSignal
 from thermid.reporting._pages.tables import parameters
-from thermid.reporting._pages.views import answer, calibration_object
 
 TRUE, HEAT = 900.0, "case.specific_heat"
 

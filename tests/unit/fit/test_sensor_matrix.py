@@ -14,6 +14,7 @@ from typer.testing import CliRunner
 
 import thermid as td
 from thermid.app.cli.app import app
+from thermid.app.objects import fit_object, swap_object
 from thermid.app.studio.desk import curves_object
 from thermid.app.studio.project import Project
 from thermid.app.studio.room import as_json, desk_object, picture, project_object
@@ -22,7 +23,6 @@ from thermid.inference.intervals import identifiability
 from thermid.measure.records import Record
 from thermid.model.tree import save_model
 from thermid.prediction.advice import next_test
-from thermid.reporting.objects import fit_object, swap_object
 from thermid.values.store import error_table_of
 from unit.fit.bench import HTC, box, log, pair
 from unit.fit.project import COOL, write_log

@@ -6,12 +6,12 @@ import re
 
 import pytest
 
+from thermid.app.objects import calibration_object, fit_object
 from thermid.base.units import unit
 from thermid.campaign.stages import Campaign
 from thermid.fit.calibration import Calibration
 from thermid.reporting._blocks.content import Table
 from thermid.reporting._pages import tables
-from thermid.reporting._pages.views import bias_of, calibration_object, fit_object
 from thermid.values.store import FittedValue
 
 STAGES = ["component", "submodel"]
@@ -73,7 +73,7 @@ def test_the_page_says_the_numbers(fit: Calibration) -> None:
         s, median = fit.sensors[name], fit.median_rmse(name)
         for column, number in (("RMSE, K", s.rmse), ("median RMSE, K", median), ("mean, K", s.mean), ("largest, K", s.largest)):
             assert is_rounded(row[column], number), (column, row[column], number)
-        assert is_rounded(row["bias, K"], bias_of(fit, name)[0])
+        assert is_rounded(row["bias, K"], fit.sensor_bias(name)[0])
 
 
 def test_json_and_studio_say_the_numbers(fit: Calibration) -> None:

@@ -41,6 +41,7 @@ from thermid.app.cli.options import (
 )
 from thermid.app.cli.screen import Progress, show, working
 from thermid.app.cli.summary import campaign_progress, check_target, named_page, show_campaign, staged
+from thermid.app.objects import calibration_object, campaign_object, campaign_standing, retune_object
 from thermid.base.errors import ScenarioError, SolverError, ThermidError
 from thermid.base.files import FileKinds, kind_of_text, may_write, read_bytes
 from thermid.campaign import stages as origins
@@ -67,7 +68,6 @@ from thermid.prediction import bands as prediction
 from thermid.prediction.bands import Knowledge, predict_record
 from thermid.prediction.members import load_hold
 from thermid.reporting import pages as page
-from thermid.reporting.objects import calibration_object, campaign_object, campaign_standing, retune_object
 from thermid.reporting.pages import check_audience, tables_folder
 from thermid.reporting.pictures import picture
 from thermid.simulation.runs import KeptTasks, Workers, load_scenario

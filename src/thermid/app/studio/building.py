@@ -10,6 +10,7 @@ from typing import Any, Final
 
 import numpy as np
 
+from thermid.app.objects import fit_object
 from thermid.app.studio.desk import Desk, compared, conditions_object, curves_object, finished, number_of, text_of, texts_of
 from thermid.app.studio.draft import CAMPAIGN, DECK, PLACES, VIEW, Draft, decks_in, keep, parsed_line, recalled
 from thermid.app.studio.follow import WATCHED_ROLES, Follower, looked_at
@@ -40,7 +41,6 @@ from thermid.measure.readers import name_and_unit, read_record
 from thermid.measure.records import Record
 from thermid.model.tree import Edit, Model, literal
 from thermid.reporting.diagrams import card_places
-from thermid.reporting.objects import fit_object
 from thermid.simulation.runs import Scenario, compile_network
 
 Body = Mapping[str, Any]

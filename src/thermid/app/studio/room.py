@@ -16,6 +16,7 @@ from typing import Any, Final
 import numpy as np
 
 from thermid.app.examples import EXAMPLES, copies, copy_example
+from thermid.app.objects import campaign_standing, swap_object
 from thermid.app.studio.building import Building
 from thermid.app.studio.courses import Shelf, outcome_object, profile_for, profile_object
 from thermid.app.studio.desk import MAX_SENT_POINTS, Desk, curves_object, number_of, text_of, texts_of, window_of
@@ -28,7 +29,6 @@ from thermid.base.files import FileKinds, command, read_text, state_folder, writ
 from thermid.base.results import clean
 from thermid.base.units import ICE_POINT, Array
 from thermid.campaign.start import word
-from thermid.reporting.objects import campaign_standing, swap_object
 from thermid.values.store import model_standing
 
 Body = Mapping[str, Any]

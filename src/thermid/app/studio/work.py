@@ -8,10 +8,10 @@ from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, field, replace
 from typing import Any
 
+from thermid.app.objects import fit_object
 from thermid.app.studio.courses import Outcome, Shelf, run_course
 from thermid.app.studio.project import Project
 from thermid.base.errors import DeckError, ThermidError
-from thermid.reporting.objects import fit_object
 
 
 @dataclass

@@ -35,7 +35,6 @@ from thermid.reporting._blocks.content import (
     significant,
     verdict_cell,
 )
-from thermid.reporting._pages.views import bias_of
 from thermid.values.store import INPUT, FittedValue
 
 Names = tuple[tuple[str, str], ...]
@@ -195,7 +194,7 @@ def sensors(calibration: Calibration) -> Table:
     rows: list[Line] = []
     for name, s in calibration.sensors.items():
         blocks = [b for b in calibration.blocks if b.sensor == name]
-        value, error = bias_of(calibration, name)
+        value, error = calibration.sensor_bias(name)
         bias = f"{signed(value, 2)} ± {rounded(error)}" if error is not None else f"{signed(value, 2)} held" if value else DASH
         rows.append(
             [

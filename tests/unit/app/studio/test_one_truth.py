@@ -18,6 +18,7 @@ import thermid as td
 from by_code import raises_code
 from planted import campaign
 from thermid.app.cli.app import app
+from thermid.app.objects import fit_object
 from thermid.app.studio.courses import outcome_object
 from thermid.app.studio.project import Project
 from thermid.app.studio.room import project_object
@@ -25,7 +26,6 @@ from thermid.app.studio.work import Work
 from thermid.base.errors import DeckError
 from thermid.base.results import clean
 from thermid.inference.criticism import Mistakes
-from thermid.reporting.objects import fit_object
 from thermid.values.store import filed, load_store
 from two_masses import write_plan
 

@@ -14,9 +14,9 @@ import numpy as np
 import pytest
 
 from planted import campaign
+from thermid.app.objects import fit_object
 from thermid.app.studio.desk import Desk
 from thermid.app.studio.project import Project, StageState
-from thermid.reporting.objects import fit_object
 from thermid.simulation.runs import prepare
 
 pytestmark = pytest.mark.usefixtures("values_alone")

@@ -22,19 +22,13 @@ def answer(v: FittedValue, ranges: Mapping[str, float], estimate: FittedValue | 
     return out | ({"ranges": dict(ranges)} if ranges else {})
 
 
-def bias_of(fit: Calibration, sensor: str) -> tuple[float, float | None]:
-    """Return the constant error of a sensor, fitted or held, and the standard error of a fitted one. [K]"""
-    fitted = fit.values.sensors.get(sensor)
-    return (fit.sensors[sensor].bias, None) if fitted is None else (fitted.value, fitted.error)
-
-
 def fit_object(fit: Calibration) -> dict[str, Any]:
     """Return what a fit found for the studio: values in the units of the sliders, and all else that its curves need [SI]."""
     unknowns = fit.problem.unknowns if fit.problem is not None else ()
     return {
         "values": {p: answer(v, fit.range_shares(p)) for p, v in fit.values.parameters.items()},
         "others": {u.name: u.to_value(fit.fitted[u.name]) for u in unknowns if u.kind != "parameter"},
-        "sensors": {n: {"rmse": s.rmse, "bias": bias_of(fit, n)[0]} for n, s in fit.sensors.items()},
+        "sensors": {n: {"rmse": s.rmse, "bias": fit.sensor_bias(n)[0]} for n, s in fit.sensors.items()},
         "warnings": list(fit.warnings),
         "clocks": fit.clocks,
         "evaluations": fit.evaluations,
