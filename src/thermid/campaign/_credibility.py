@@ -11,7 +11,7 @@ from typing import Any
 
 from thermid.base.files import FileKinds, write_text
 from thermid.base.results import Named
-from thermid.base.units import NAMES, counted, from_si, short, unit
+from thermid.base.units import counted, from_si, short, si_unit, unit
 from thermid.campaign._stages import Campaign
 from thermid.fit.calibration import Calibration
 from thermid.model.tree import ParameterSet
@@ -134,7 +134,7 @@ def _row(values: ParameterSet, path: str, number: float, last: Calibration, fits
     """Return what one value rests on."""
     entry = values.table[path]
     parameter = entry.parameter
-    text = parameter.unit or _unit_of(values, path)
+    text = parameter.unit or si_unit(values.dimension(path))
     of = unit(text)
 
     def shown(x: float | None) -> float | None:
@@ -156,9 +156,3 @@ def _row(values: ParameterSet, path: str, number: float, last: Calibration, fits
     basis = parameter.basis if parameter.is_literal else parameter.text
     low, high = shown(parameter.minimum), shown(parameter.maximum)
     return ValueRecord(path, shown(number) or 0.0, error, text, state, stage, tests, date, low, high, entry.origin, basis, parameter.spread)
-
-
-def _unit_of(values: ParameterSet, path: str) -> str:
-    """Return the SI unit of a computed value."""
-    dimension = values.dimension(path)
-    return next((n for n in NAMES if unit(n).dimension == dimension and float(unit(n).factor) == 1.0 and not float(unit(n).offset)), "1")

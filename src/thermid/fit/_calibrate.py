@@ -15,7 +15,7 @@ import numpy as np
 
 from thermid.base.errors import IdentificationError, SolverError, quoted
 from thermid.base.linear_algebra import null_space, one_thread, symmetric_inverse
-from thermid.base.units import HALF_WIDTH_95, NAMES, Array, counted, short, some, unit
+from thermid.base.units import HALF_WIDTH_95, Array, counted, short, si_unit, some, unit
 from thermid.fit._calibration import (
     FIRST,
     LOUD,
@@ -364,9 +364,8 @@ def _known_combination(group: Group, request: Request, problem: Problem, fit: Ca
     factor = other.start if group.pair == "product" else 1.0 / other.start
     of = unit(value.unit).dimension
     dimension = tuple(a + b if group.pair == "product" else a - b for a, b in zip(of, unit(other.unit).dimension, strict=True))
-    text = next((t for t in NAMES if unit(t).dimension == dimension), "SI")
     meaning = next((f", which sets {c.meaning}" for c in group.known if c.meaning), "")
-    return f" (known: {combination} = {short(value.value * factor, 3)} +- {short(value.error * factor)} {text}{meaning})"
+    return f" (known: {combination} = {short(value.value * factor, 3)} +- {short(value.error * factor)} {si_unit(dimension)}{meaning})"
 
 
 def refuse_after(request: Request, problem: Problem, minimum: Fit, covariance: Array) -> None:

@@ -31,7 +31,6 @@ from thermid.fit._problem.experiment import (
     Experiment as Experiment,
     Observation as Observation,
     as_found as as_found,
-    at_their_seats as at_their_seats,
     attached as attached,
     bind as bind,
     first_reading as first_reading,

@@ -113,7 +113,7 @@ class Received:
 
 def open_sky(
     site: Site,
-    begin: str | datetime,
+    begin: str | datetime | None,
     duration: float,
     weather: Weather | None = None,
     downward: Signal | None = None,
@@ -132,8 +132,12 @@ def open_sky(
 
     Raises
     ------
-    ScenarioError   When the weather has no radiation although it is weather: half a day of clouds is not to be guessed.
+    ScenarioError   When nothing says the instant, or the weather has no radiation although it is weather: half a day of clouds is not to
+                    be guessed.
     """
+    if begin is None:
+        text = "the sun needs a date and time. Give begin = '2026-03-21 06:00', or read the weather with its beginning."
+        raise ScenarioError(text, "pad", code="value.incomplete")
     times = np.linspace(0.0, duration, max(int(np.ceil(duration / SUN_INTERVAL)), 1) + 1)
     path = site.sun(begin, times)
     again = Overhead(site, site.instant(begin), duration, weather, downward, air, albedo, turbidity, sun)
@@ -282,18 +286,10 @@ def pad_scenario(
     place = site or _place(weather, title)
     weather, seconds, instant = _begun(place, weather, begin, duration, title)
     temperature = _temperature(weather, air_temperature, title, air)
-    downward = _downward(weather, temperature) if sky else None
-    boundaries = {air: temperature, **others.pop("boundaries", {})}
-    if isinstance(sky, Mapping) and downward is not None:
-        views = {name: SkyAndAir(float(sky_share(Facing(degrees(tilt, f"{title}, sky")).tilt))) for name, tilt in sky.items()}
-        boundaries |= {name: Mixed(view, (downward, temperature)) for name, view in views.items()}
-        downward = None
-    falling: dict[str, Any] = {}
-    if sun or downward is not None:
-        if instant is None:
-            text = "the sun needs a date and time. Give begin = '2026-03-21 06:00', or read the weather with its beginning."
-            raise ScenarioError(text, title, code="value.incomplete")
-        falling["*"] = open_sky(place, instant, seconds, weather, downward, air, albedo, turbidity, sun)
+    radiation = _downward(weather, temperature) if sky else None
+    downward = None if isinstance(sky, Mapping) else radiation
+    boundaries = {air: temperature, **others.pop("boundaries", {}), **_seen_by_tilts(sky, radiation, temperature, title)}
+    above = {"*": open_sky(place, instant, seconds, weather, downward, air, albedo, turbidity, sun)} if sun or downward is not None else {}
     coefficients = {p: _coefficient(weather, temperature, t, place.pressure, f"{title}, wind.{p}") for p, t in (wind or {}).items()}
     return Scenario(
         title=title,
@@ -301,10 +297,18 @@ def pad_scenario(
         start=others.pop("start", air),
         boundaries=boundaries,
         environment={air: _environment(place, weather, seconds), **others.pop("environment", {})},
-        irradiation=falling | others.pop("irradiation", {}),
+        irradiation=above | others.pop("irradiation", {}),
         schedule=coefficients | others.pop("schedule", {}),
         **others,
     )
+
+
+def _seen_by_tilts(tilts: bool | Mapping[str, float], radiation: Signal | None, air: Signal, title: str) -> dict[str, Mixed]:
+    """Return boundary -> the temperature of what a surface of its tilt [deg] sees, sky and ground; nothing without tilts."""
+    if not isinstance(tilts, Mapping) or radiation is None:
+        return {}
+    views = {name: SkyAndAir(float(sky_share(Facing(degrees(tilt, f"{title}, sky")).tilt))) for name, tilt in tilts.items()}
+    return {name: Mixed(view, (radiation, air)) for name, view in views.items()}
 
 
 def _downward(weather: Weather | None, air: Signal) -> Signal:

@@ -235,13 +235,6 @@ def attached(model: Model, record: Record) -> tuple[Model, dict[str, Seat]]:
     return model, seats
 
 
-def at_their_seats(record: Record) -> Record:
-    """Return a record whose sensors read their nodes themselves, as they do once nothing changes: no lag, no heat capacity; leads stay."""
-    parts = {c: c.part for c in record.channels.values() if c.part is not None}
-    bare_channels = [replace(c, part=replace(part, lag=0.0, lag_accuracy=0.0, capacitance=0.0)) for c, part in parts.items()]
-    return record.with_channels(*bare_channels) if bare_channels else record
-
-
 def _named(channel: Channel) -> str:
     """Return the name of the submodel that stands for a sensor and its leads."""
     return f"sensor_{re.sub(r'[^0-9A-Za-z_]', '_', channel.name)}"

@@ -10,7 +10,7 @@ import numpy as np
 from thermid.base.errors import DeckError, RecordError
 from thermid.base.results import Result
 from thermid.base.units import ICE_POINT, Array, Kelvin, short, value_of
-from thermid.fit.calibration import Calibration, at_their_seats, attached, bind, role_and_target
+from thermid.fit.calibration import Calibration, attached, bind, role_and_target
 from thermid.inference._explain.thresholds import BALANCE_STEP
 from thermid.measure.records import Record, SteadyPoint, SteadyValue
 from thermid.model.tree import Constant, FlatControl, Model
@@ -161,7 +161,7 @@ class _Case:
     def __init__(self, model: Model, point: SteadyPoint[Record], scenario: Scenario | None) -> None:
         """Bind the steady point to the model, sensors at their nodes."""
         self.of = model
-        record = at_their_seats(point.record)
+        record = _at_their_seats(point.record)
         self.model = attached(model, record)[0]
         experiment = bind(model, record, scenario)
         network, self.base = experiment.network, experiment.scenario
@@ -261,3 +261,10 @@ def refuse_controllers(controls: Mapping[str, FlatControl], named: Sequence[str]
                 "control, or simulate.",
                 code="model.element-not-supported",
             )
+
+
+def _at_their_seats(record: Record) -> Record:
+    """Return a record whose sensors read their nodes themselves, as they do once nothing changes: no lag, no heat capacity; leads stay."""
+    parts = {c: c.part for c in record.channels.values() if c.part is not None}
+    bare_channels = [replace(c, part=replace(part, lag=0.0, lag_accuracy=0.0, capacitance=0.0)) for c, part in parts.items()]
+    return record.with_channels(*bare_channels) if bare_channels else record
