@@ -8,6 +8,7 @@ import os
 import re
 from dataclasses import replace
 from pathlib import Path
+from runpy import run_path
 
 import numpy as np
 import pytest
@@ -19,20 +20,19 @@ from thermid.app import examples
 from thermid.app.cli.app import app
 from thermid.app.examples import (
     EXAMPLES,
-    MOTOR,
-    TCLAB,
     ShippedExample,
-    controller,
     converted,
     copy_example,
     samples_sum,
-    thermocouples,
 )
 from thermid.base.errors import MissingDataError, NameNotFoundError, OutputError, RecordError
 from thermid.base.files import json_schema
 from thermid.campaign._file import read_campaign
 from thermid.campaign._start.project import kind_of
 
+ORIGINALS = {name: run_path(str(examples.shipped() / name / "originals.py")) for name in ("tclab", "motor")}
+TCLAB, MOTOR = (o["DATA"] for o in ORIGINALS.values())
+thermocouples, controller = (ORIGINALS["motor"][name] for name in ("thermocouples", "controller"))
 DAQ = (
     '\ufeff"Device: X"\n"Sample Count: 3"\n"Scan Rate: 4.0"\n"Sample","Time (s)","Winding Temp (°C)","Ambient (°C)","Stator Body (°C)"\n'
     '"0","0:00.0","20.500","21.000","22.250"\n"1","0:00.2","20.5","21.1","22.3"\n"2","0:00.5","20.6","21.2","22.35"\n'

@@ -199,7 +199,7 @@ def example(
         say(as_json, content, text)
         return
     if not name:
-        rows = [{"name": e.name, "shows": e.shows, "data": e.data.words if e.data else ""} for e in EXAMPLES.values()]
+        rows = [{"name": e.name, "shows": e.shows, "data": data.words if (data := e.data) else ""} for e in EXAMPLES.values()]
         width = max(len(n) for n in EXAMPLES)
         text = "\n".join(f"{r['name']:<{width}}  {r['shows']}" + (f"\n{'':<{width}}  {r['data']}" if r["data"] else "") for r in rows)
         say(as_json, {"examples": rows}, text)
@@ -207,15 +207,15 @@ def example(
     chosen = example_named(name)
     if run and not chosen.campaign:
         raise ScenarioError(f"example '{name}' has no campaign; its command is: {chosen.first}", "--run", code="value.without-effect")
-    if chosen.data is not None and not as_json:
-        show(chosen.data.words, err=True)
+    if (data := chosen.data) is not None and not as_json:
+        show(data.words, err=True)
     with working("making the synthetic logs" if chosen.makes else ""):
         copied = copy_example(
             name,
             to,
             copies(),
             (lambda n, whole: typer.echo(f"\r\x1b[2K{n} of {whole} logs", nl=n == whole, err=True))
-            if chosen.data is not None and sys.stderr.isatty()
+            if data is not None and sys.stderr.isatty()
             else None,
         )
     content = {"folder": str(copied.folder), "logs": copied.logs, "checked": copied.checked, "next": chosen.first}
