@@ -28,7 +28,6 @@ from thermid.values.store import (
     State,
     Store,
     graft,
-    model_standing,
     structural_under,
 )
 
@@ -99,7 +98,7 @@ class Knowledge(Result):
     @property
     def standing(self) -> Standing:
         """Of the values of the model, and of the fit where it is at hand."""
-        return worst([model_standing(self.model), *([self.fit.standing] if self.fit is not None else [])])
+        return worst([self.model.standing, *([self.fit.standing] if self.fit is not None else [])])
 
     @cached_property
     def stores(self) -> tuple[Store, ...]:

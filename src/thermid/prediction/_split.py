@@ -24,7 +24,7 @@ from thermid.physics.air import dry_air
 from thermid.physics.plates import body_htc, conduction_floor
 from thermid.physics.radiation import linearised_htc
 from thermid.simulation.runs import Network, Scenario, compile_network, steady
-from thermid.values.store import FittedValue, FittedValues, model_standing, read_spread
+from thermid.values.store import FittedValue, FittedValues, read_spread
 
 MIN_RISE = 0.2
 """Difference below which a test says nothing of a coefficient. [K]"""
@@ -373,7 +373,7 @@ def split_values(
     parts = parts_of(model, base, wanted, at, priors or {})
     joint = _Joint(base, parts)
     done = [joint.condition(part) for part in parts]
-    values = joint.values(worst([model_standing(model), *([base.standing] if base else [])]))
+    values = joint.values(worst([model.standing, *([base.standing] if base else [])]))
     fresh = {p: v for p, v in values.assignments.items() if v.origin.startswith("split")}
     split_model = model.with_values(fresh, f"split of '{values.stage}'")
     entries = tuple(joint.entry(p, used, remark) for p, (used, remark) in zip(parts, done, strict=True))

@@ -23,7 +23,7 @@ from thermid.simulation._solution import Run, Solution
 from thermid.simulation._solver.engine import Engine, settle
 from thermid.simulation._solver.problem import Options, Traces
 from thermid.simulation._solver.wiring import Wiring, held_inputs
-from thermid.values.store import Distribution, Draws, domain, model_standing, read_spread, uniforms
+from thermid.values.store import Distribution, Draws, domain, read_spread, uniforms
 
 DEFAULT_SAMPLES = 301
 NUMBER = unit("1").dimension
@@ -241,7 +241,7 @@ class Simulator(Shown):
         names = (*self.wiring.network.nodes, *self.wiring.network.boundaries)
         nodes = nodes if nodes is not None or not self.without_gas else [n for n in names if n not in self.without_gas]
         runs = run_members(self.engine, values, self.times, self.options, nodes, quantiles, threads, simd, self._remarks, executor)
-        standings = [model_standing(self.wiring.network.flat.names.model), *([draws.standing] if isinstance(draws, Draws) else [])]
+        standings = [self.wiring.network.flat.names.model.standing, *([draws.standing] if isinstance(draws, Draws) else [])]
         return replace(runs, standing=worst(standings))
 
     def settled(self, values: Mapping[str, Any] | None = None, *, sensitivities: bool = True) -> tuple[dict[str, float], dict[str, Array]]:

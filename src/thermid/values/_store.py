@@ -35,7 +35,6 @@ from thermid.model.tree import (
     instances,
     local_identities,
     outside,
-    worst,
 )
 
 Kind = Literal["data", "instrument", "stated", "structural", "misfit", "variant"]
@@ -640,17 +639,6 @@ class Store(Shown):
         """Return the store without sources to which no value responds: without columns of zeros in `root`."""
         used = [bool(column.any()) for column in self.root.T]
         return replace(self, sources=tuple(s for s, u in zip(self.sources, used, strict=True) if u), root=self.root[:, used])
-
-
-def model_standing(model: Tree) -> Standing:
-    """Return the worst standing of the values that act in a model and of its decks; unjudged where all values are those of the decks.
-
-    A deck from which parts are missing makes it incomplete. A value that was laid over the model carries its standing; one that a [set]
-    hides does not act.
-    """
-    standings = [s for e in model.parameter_table().values() if (s := e.parameter.standing) is not None]
-    standings += [Standing("incomplete", what) for what in model.missing_parts()]
-    return worst(standings) if standings else UNJUDGED
 
 
 def _alike(one: str, other: str) -> bool:

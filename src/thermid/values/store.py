@@ -44,7 +44,6 @@ from thermid.values._store import (
     domain as domain,
     error_table_of as error_table_of,
     graft as graft,
-    model_standing as model_standing,
     structural_under as structural_under,
     uniforms as uniforms,
 )

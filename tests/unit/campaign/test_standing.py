@@ -20,7 +20,7 @@ from thermid.campaign._file import read_campaign
 from thermid.campaign._stages import Campaign, request_of, run_stages
 from thermid.fit._calibrate import rests_on
 from thermid.model.tree import CREDIBLE, UNJUDGED, Standing, State, load_model, worst
-from thermid.values.store import FittedValue, FittedValues, model_standing
+from thermid.values.store import FittedValue, FittedValues
 from unit.fit.planted import BOX_VALUES, CAMPAIGN, planted
 
 pytestmark = pytest.mark.usefixtures("values_alone")
@@ -60,7 +60,7 @@ def test_a_stage_that_is_not_credible_is_told_three_levels_up(bad: Campaign, fol
     assert above.line("whole").startswith(f"NOT CREDIBLE: rests on stage 'box' ({WHY}")
     assert str(bad).startswith("NOT CREDIBLE: stage 'box' (")
     assert str(bad["whole"]).startswith("whole: NOT CREDIBLE: rests on stage 'box' (")
-    assert model_standing(bad["whole"].model) == above
+    assert bad["whole"].model.standing == above
     assert not bad.passed
     assert bad.exit_code == 1
 
@@ -244,10 +244,10 @@ def test_what_rests_on_several_is_never_better_than_any(several: list[Standing],
 def test_standing_of_plain_models() -> None:
     from unit.fit.bench import HTC, box
 
-    assert model_standing(box()) == UNJUDGED
-    assert model_standing(box().with_values({HTC: "5 [W/(m^2 K)]"})) == UNJUDGED
+    assert box().standing == UNJUDGED
+    assert box().with_values({HTC: "5 [W/(m^2 K)]"}).standing == UNJUDGED
     fitted = FittedValue(HTC, 5.0, 0.1, 0.1, True, "W/(m^2 K)", 6.0, (1.0, 20.0), standing=Standing("failed", "x", "s"))
     laid = box().with_values({HTC: fitted}, "stage 's'")
-    assert model_standing(laid).state == "failed"
-    assert model_standing(laid.with_values({HTC: "5 [W/(m^2 K)]"})) == UNJUDGED, "it does not act any more"
+    assert laid.standing.state == "failed"
+    assert laid.with_values({HTC: "5 [W/(m^2 K)]"}).standing == UNJUDGED, "it does not act any more"
     assert laid.identity() == box().with_values({HTC: replace(fitted, standing=CREDIBLE)}, "stage 's'").identity()

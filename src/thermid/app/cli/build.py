@@ -45,7 +45,6 @@ from thermid.base.units import ICE_POINT
 from thermid.model.tree import literal, load_model, worst
 from thermid.simulation import runs as transient
 from thermid.simulation.runs import Options, margin_lines, margins, output_times, steady
-from thermid.values.store import model_standing
 
 SHOWN_FINDINGS = 4
 """Findings of a deck that are printed without -v, beside the line that counts them."""
@@ -113,7 +112,7 @@ def simulate(
     """
     model = fitted_model(deck, values, keep_values, param)
     model = model.without_test_only() if as_flown else model
-    standing = model_standing(model).accept(accept or ())
+    standing = model.standing.accept(accept or ())
     conditions = scenario_of(scenario, boundary, load, start, duration, vacuum, as_printed)
     times = moments(at, conditions.seconds)
     grid = np.array(sorted({*output_times(conditions, every and with_unit(every, "s"), None), *times}))

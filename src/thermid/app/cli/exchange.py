@@ -43,7 +43,6 @@ from thermid.interop.modelica import to_modelica
 from thermid.interop.octave import to_octave
 from thermid.interop.spice import to_spice
 from thermid.model.tree import literal, load_model, model_from_dict, save_model, toml_text
-from thermid.values.store import model_standing
 
 COMMENTS = {"octave": "%", "c": "//", "modelica": "//", "spice": "*", "sinda": "C", "esatan": "#"}
 """Form of an export -> what begins a comment in it."""
@@ -119,7 +118,7 @@ def import_file(
     } | more
     files = [f"written: {item}" for item in (to, case) if item is not None]
     say(as_json, shown, "\n".join([str(network), *judged, *files]))
-    leave(model_standing(model))
+    leave(model.standing)
 
 
 def write_back(

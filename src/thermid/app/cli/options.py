@@ -20,7 +20,7 @@ from thermid.base.files import FileKinds, command, may_write
 from thermid.base.results import clean
 from thermid.model.tree import Model, Standing, literal, load_model
 from thermid.simulation.runs import KeptTasks, Scenario, Workers as Workers, load_scenario
-from thermid.values.store import Filed, filed, model_standing
+from thermid.values.store import Filed, filed
 
 Deck = Annotated[Path, typer.Argument(help="A deck (TOML).")]
 CampaignPath = Annotated[Path, typer.Argument(help="A campaign (TOML).")]
@@ -180,7 +180,7 @@ def judged_model(
 ) -> tuple[Model, Standing]:
     """Return a model as `fitted_model` does, and how far its values may be trusted, stages that are accepted as they are apart."""
     model = fitted_model(deck, values, keep, param)
-    return model, model_standing(model).accept(accept or ())
+    return model, model.standing.accept(accept or ())
 
 
 def scenario_of(

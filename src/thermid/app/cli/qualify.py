@@ -40,7 +40,6 @@ from thermid.qualify.profiles import ThermalProfile, load_profile, profile_names
 from thermid.reporting import pictures as trust
 from thermid.reporting.pages import correlation_report, qualification_report
 from thermid.simulation.runs import load_scenario
-from thermid.values.store import model_standing
 
 _METER = re.compile(r"[PQIU](_|\d|\Z)")
 """How the name of a column begins that holds a power, a heat, a current or a voltage."""
@@ -194,7 +193,7 @@ def deliver(
         filled = filled_model(model, file, keep_values, at)
         model = filled.model
         values_laid.append(filled.values)
-    standing = model_standing(model).accept(accept or ())
+    standing = model.standing.accept(accept or ())
     target = write_delivery(model, scenario, to, values=values_laid, nodes=nodes or None, within=within or None, at=at)
     record = json.loads(target.read_text(encoding="utf-8"))
     mark = f" ({record['watermark']})" if record["watermark"] else ""

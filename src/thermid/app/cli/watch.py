@@ -39,7 +39,6 @@ from thermid.model.tree import UNJUDGED, Standing, literal, load_model
 from thermid.qualify.steadiness import Forecast, forecast, stability
 from thermid.qualify.watch import BoundColumns, GrowingLog, TemperatureLimit, Watcher, WatchLook, WatchRequest, replayed
 from thermid.simulation.runs import Scenario, load_scenario, simulate
-from thermid.values.store import model_standing
 
 READ_KEYS: Final = ("time", "separator", "decimal", "clock")
 """What a log may leave open, with the keys of a record."""
@@ -104,7 +103,7 @@ def watch(
         columns = BoundColumns(*_column_bindings(channel), None if model is None else fitted_model(model, values, None), read)
     else:
         columns = BoundColumns({}, {}, {}, test.model, test.options | read, dict(test.table.channels), test.bound, test.remarks)
-    standing = UNJUDGED if columns.model is None else model_standing(columns.model)
+    standing = UNJUDGED if columns.model is None else columns.model.standing
     request = _request(columns, test, stated, rule, within, limit, slowest, since)
     if log.is_char_device():
         raise RecordError(

@@ -24,7 +24,6 @@ from thermid.model.tree import UNJUDGED, Model, literal
 from thermid.qualify.steadiness import Forecast, Stability, forecast
 from thermid.qualify.watch import BoundColumns, TemperatureLimit, Watcher, WatchRequest, read_whole_lines, roles_of_paths
 from thermid.simulation.runs import Scenario, compile_network
-from thermid.values.store import model_standing
 
 WATCHED_ROLES = ("node", "boundary", "load")
 """What a column of a running log may be bound to."""
@@ -121,7 +120,7 @@ class LiveWatch:
             self._watcher = None
             out = {"advice": "declined", "because": error.message, "alarms": [], "nodes": {}, "assumed": []}
             return out | {"model": "", "like": "", "unused": unused, "bound": told_columns(query)}
-        standing = UNJUDGED if model is None else model_standing(model)
+        standing = UNJUDGED if model is None else model.standing
         content: dict[str, Any] = clean(add_codes({**look.as_object(), "standing": standing.to_dict()}))
         return content | {
             "model": "" if model is None else model.title,

@@ -29,7 +29,6 @@ from thermid.base.files import FileKinds, command, read_text, state_folder, writ
 from thermid.base.results import clean
 from thermid.base.units import ICE_POINT, Array
 from thermid.campaign.start import word
-from thermid.values.store import model_standing
 
 Body = Mapping[str, Any]
 
@@ -153,7 +152,7 @@ def desk_object(desk: Desk) -> dict[str, Any]:
         "measured": desk.problem is not None,
         "warnings": list(desk.calibration.warnings) if desk.calibration is not None else [],
         "clocks": desk.calibration.clocks if desk.calibration is not None else {},
-        "standing": (desk.calibration.standing if desk.calibration is not None else model_standing(desk.model)).to_dict(desk.title),
+        "standing": (desk.calibration.standing if desk.calibration is not None else desk.model.standing).to_dict(desk.title),
         "synthetic": desk.problem is not None and any(e.record.origin.synthetic for e in desk.problem.experiments),
         "scheduled": desk.scheduled,
         **curves_object(desk, {}),

@@ -15,7 +15,6 @@ from thermid.campaign._judge.verdict import CRITERIA, Check, Criteria, Deviation
 from thermid.fit.calibration import Calibration
 from thermid.measure.records import RULES, Record, gap_from, usual_step
 from thermid.model.tree import UNJUDGED, Standing
-from thermid.values.store import model_standing
 
 DRIFT = RULES["1 K/h"]
 """What a stretch that is named steady is held to."""
@@ -281,7 +280,7 @@ def correlate(
     """
     standing = UNJUDGED
     if isinstance(readings, Calibration):
-        pairs, standing = overlays(readings), model_standing(readings.model)
+        pairs, standing = overlays(readings), readings.model.standing
     elif isinstance(readings, list | tuple) and len(readings) == 2 and isinstance(readings[0], Record) and isinstance(readings[1], Record):
         pairs = paired(readings[0], readings[1])
     else:

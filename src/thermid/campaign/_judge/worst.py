@@ -25,7 +25,6 @@ from thermid.fit.calibration import Calibration
 from thermid.model.tree import UNJUDGED, Model, ParameterSet, Standing
 from thermid.prediction.bands import Knowledge, known_of, predict
 from thermid.simulation.runs import Network, Scenario, compile_network, simulate, steady
-from thermid.values.store import model_standing
 
 RANGE_SAMPLES: Final = 33
 """Values of the range at which every limit is evaluated before its crossings are sought between them."""
@@ -435,7 +434,7 @@ def worst_case(
     hot, cold = (task.worst(upper, runs // 2, seed) for upper in (True, False))
     if hot is None and cold is None:
         raise ScenarioError("no operating limit is finite. Give a lower one, an upper one, or both.", "limits", code="value.incomplete")
-    return WorstCases(hot, cold, task.units, task.one_way, task.searched, task.declined, task.count, model_standing(model))
+    return WorstCases(hot, cold, task.units, task.one_way, task.searched, task.declined, task.count, model.standing)
 
 
 class _Ranges:

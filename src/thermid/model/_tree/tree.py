@@ -14,7 +14,7 @@ from thermid.base.units import Dimension
 from thermid.model._laws.stores import Curve
 from thermid.model._parts.controls import Control, named_control
 from thermid.model._parts.elements import KINDS, Conductor, Enclosure, HeatLoad, Joint, MadeIn, Node, Surface
-from thermid.model._parts.parameter import LEAST_EMISSIVITY, SHARES, Parameter, StatedRange, check_bounds
+from thermid.model._parts.parameter import LEAST_EMISSIVITY, SHARES, UNJUDGED, Parameter, Standing, StatedRange, check_bounds, worst
 
 Element = Node | Conductor | Surface | Joint | Enclosure | HeatLoad | Control
 TABLES = ("nodes", "surfaces", "conductors", "joints", "enclosures", "loads", "controls")
@@ -243,6 +243,17 @@ class Tree:
         """Return the paths of the parameters that belong to no part alone: what a submodel stage tunes."""
         own_values = [name for name, _, parameter in self.own_parameters() if parameter.is_literal]
         return (*own_values, *(path for path, parameter in self.settings.items() if parameter.is_literal))
+
+    @property
+    def standing(self) -> Standing:
+        """The worst standing of the values that act in the model and of its decks; unjudged where all values are those of the decks.
+
+        A deck from which parts are missing makes it incomplete. A value that was laid over the model carries its standing; one that a [set]
+        hides does not act.
+        """
+        standings = [s for e in self.parameter_table().values() if (s := e.parameter.standing) is not None]
+        standings += [Standing("incomplete", what) for what in self.missing_parts()]
+        return worst(standings) if standings else UNJUDGED
 
     def missing_parts(self) -> Iterator[str]:
         """Yield what the model and its parts lack, each with its place."""

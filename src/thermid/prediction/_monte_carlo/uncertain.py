@@ -36,7 +36,7 @@ from thermid.simulation.runs import (
     shares_of,
     simulate,
 )
-from thermid.values.store import Choice, FittedValues, LeftOut, Source, model_standing
+from thermid.values.store import Choice, FittedValues, LeftOut, Source
 
 if TYPE_CHECKING:
     import xarray
@@ -307,7 +307,7 @@ class UncertainRuns(Result):
     @cached_property
     def standing(self) -> Standing:
         """Of the values that it rests on."""
-        return model_standing(self.job.model)
+        return self.job.model.standing
 
     @cached_property
     def assumed(self) -> tuple[str, ...]:
