@@ -33,7 +33,7 @@ from thermid.fit._error_model.kept import ERRORS_KEY, ErrorsOfFit, Keeping, with
 from thermid.fit._error_model.sizes import OUTSIDE
 from thermid.fit._inputs import inputs_of
 from thermid.fit._minimisation import Fit, KeptFit, covariances, ended, minimise
-from thermid.fit._problem.experiment import ALL_INSTANTS, CHANCE_DEVIATIONS, LEAST_NOISE, UNSAID_NOISE, role_and_target
+from thermid.fit._problem.experiment import CHANCE_DEVIATIONS, LEAST_NOISE, UNSAID_NOISE, role_and_target
 from thermid.fit._problem.gather import build_problem
 from thermid.fit._problem.request import LocalSpec, Request, counted_twice, freed, mean_of, priors_of
 from thermid.fit._problem.residuals import Bench, Predictions, Problem, Unknown, pooled, starting_point, wanders
@@ -541,10 +541,7 @@ def _warnings(problem: Problem, minimum: Fit, total: Array, spread: Autocorrelat
         cut = f", where its standard error of {short(v.shown(v.uncut))} is cut" if u.name in values and (v := values[u.name]).uncut else ""
         out.append(f"'{u.name}' ended at its {side} bound {shown}{cut}. Widen the bound, or fix the parameter.")
     for u, error in (
-        (problem.unknowns[k], float(np.sqrt(total[k, k])))
-        for i in range(len(problem.experiments))
-        for k, _, place in problem.ticking(i)
-        if place < ALL_INSTANTS
+        (problem.unknowns[k], float(np.sqrt(total[k, k]))) for i in range(len(problem.experiments)) for k, _, _ in problem.ticking(i)
     ):
         if 4.0 * error > UNKNOWN_CLOCK * (u.high - u.low):
             out.append(
@@ -632,17 +629,13 @@ def _taken_as_instants(problem: Problem, minimum: Fit) -> list[str]:
 
 def _taken_as_switched(problem: Problem, minimum: Fit, total: Array) -> list[str]:
     """Return remarks on sampled powers: unknown instants that may move a value by more than its error, and a statement of no effect."""
-    effective = {c.name for e in problem.experiments for c, _ in e.sampled(False).values()}
-    effective |= {n for e in problem.experiments for ticks in e.ticks for n in ticks.clock.channels}
+    sampled = {n: c for e in problem.experiments for n, c in e.record.channels.items() if c.prompt is False}
+    effective = {x.channel for e in problem.experiments for x in e.instants}
     out = [
         f"{FIRST}prompt = false of '{n}' has no effect, and its changes count from their samples. A fit looks for the moment of a change "
-        + (
-            "of powers and commands only, and this channel schedules a value."
-            if c.role == "schedule"
-            else "only where samples are instants, the load has no curve, flux, cycle or control, and the model is no FMU."
-        )
-        for n, c in {n: c for e in problem.experiments for n, c in e.record.channels.items() if c.prompt is False}.items()
-        if n not in effective
+        "only where samples are instants, held until the next one, and the model is no FMU."
+        for n, c in sampled.items()
+        if n not in effective and np.ptp(c.values[c.valid]) > 0.0
     ]
     switches = list(own_switches(problem, minimum))
     ratios = {

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import reduce
 from typing import overload
@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 from thermid.base.errors import DeckError, SolverError
 from thermid.base.linear_algebra import Array, Dual, Number, gradient_of, value_of
 from thermid.base.memo import Memo
-from thermid.fit._problem.experiment import ALL_INSTANTS, OFFSET, RATE, SCALE, SHIFT, SWITCH, Experiment, Observation, clock_target
-from thermid.simulation.runs import Engine, Options, Squares, Traces, Weighing, Wiring, kept_for
+from thermid.fit._problem.experiment import OFFSET, Experiment, Observation, clock_target
+from thermid.simulation.runs import INSTANT, Engine, Options, Squares, Traces, Weighing, Wiring, kept_for
 
 
 @dataclass(frozen=True)
@@ -86,9 +86,8 @@ class Unknown:
 
     @property
     def is_instant(self) -> bool:
-        """Whether it says when a power changed: it is looked for only for the sake of other values."""
-        at = [clock_target(t.name) for t in self.targets]
-        return any(of is not None and of[1] >= ALL_INSTANTS for of in at) or any(t.name.startswith(SCALE + SWITCH) for t in self.targets)
+        """Whether it says when an input changed: it is looked for only for the sake of other values."""
+        return any(t.name.startswith(INSTANT) for t in self.targets)
 
     @property
     def scale(self) -> float:
@@ -314,13 +313,13 @@ class Bench:
     memo: Memo = field(init=False, default_factory=Memo, compare=False, repr=False)
 
     @classmethod
-    def of_experiment(cls, experiment: Experiment, free: Sequence[str], at: tuple[tuple[float, ...], ...] | None = None) -> Bench:
+    def of_experiment(cls, experiment: Experiment, free: Sequence[str], at: tuple[tuple[float, float], ...] | None = None) -> Bench:
         """Return the bench of an experiment, made once, with its clocks where `at` says instead of its own: `Ticks.at` of each."""
 
         def make() -> Bench:
             """Return the model wired for the free values, on the clocks of `at` where some are fitted."""
             moved = experiment if at is None else experiment.on_clocks(at)
-            wiring = Wiring(*moved.with_switches(frozenset(free)), free)
+            wiring = Wiring(moved.network, moved.scenario, free)
             return cls(moved, tuple(free), wiring, Engine(wiring))
 
         return experiment.memo.value((tuple(free), at), make, MAX_CACHED_BENCHES)
@@ -410,26 +409,20 @@ def _parts(node: str, recover: Mapping[str, Mapping[str, Number]]) -> dict[str, 
     return out
 
 
-def clock_at(problem: Problem, i: int, fitted: Array) -> tuple[tuple[float, ...], ...]:
+def clock_at(problem: Problem, i: int, fitted: Array) -> tuple[tuple[float, float], ...]:
     """Return `Ticks.at` of every unknown clock of an experiment at some values of the unknowns."""
-    at = [list(ticks.at) for ticks in problem.experiments[i].ticks]
+    at = [[*ticks.at] for ticks in problem.experiments[i].ticks]
     for k, number, place in problem.ticking(i):
         at[number][place] = float(fitted[k])
-    return tuple(map(tuple, at))
+    return tuple((offset, rate) for offset, rate in at)
 
 
-def slopes_of_clock(problem: Problem, i: int, fitted: Array, times: Array | None = None, but: Collection[int] = ()) -> dict[int, Array]:
-    """Return position of an unknown -> derivatives (times, sensors) of the readings to offset, rate or an instant, by differences.
-
-    A switched power has no derivative with respect to its instant that a run could carry, so two runs are taken on either side; none for
-    unknowns at positions `but`.
-    """
+def slopes_of_clock(problem: Problem, i: int, fitted: Array, times: Array | None = None) -> dict[int, Array]:
+    """Return position of an unknown -> derivatives (times, sensors) of the readings to offset or rate of a clock, by differences."""
     out: dict[int, Array] = {}
     for k, number, place in problem.ticking(i):
-        if k in but:
-            continue
         ticks = problem.experiments[i].ticks[number]
-        step = {OFFSET: ticks.shift, RATE: ticks.shift / max(ticks.span, ticks.clock.step)}.get(place, SHIFT)
+        step = ticks.shift if place == OFFSET else ticks.shift / max(ticks.span, ticks.clock.step)
         sides = []
         for side in (-step, step):
             there = fitted.copy()
@@ -519,12 +512,12 @@ class Problem:
         """Return one bench per experiment, made once."""
         return self.memo.value("benches", lambda: tuple(Bench.of_experiment(e, self._names(i)) for i, e in enumerate(self.experiments)))
 
-    def bench(self, i: int, fitted: Array, more: Sequence[str] = ()) -> Bench:
-        """Return the bench of an experiment with its unknown clocks where the unknowns put them, and with `more` names free."""
+    def bench(self, i: int, fitted: Array) -> Bench:
+        """Return the bench of an experiment with its unknown clocks where the unknowns put them."""
         experiment = self.experiments[i]
         at = clock_at(self, i, fitted)
         moved = None if at == tuple(ticks.at for ticks in experiment.ticks) else at
-        return Bench.of_experiment(experiment, (*self._names(i), *more), moved)
+        return Bench.of_experiment(experiment, self._names(i), moved)
 
     def ticking(self, i: int) -> list[tuple[int, int, int]]:
         """Return, of unknowns of an experiment's clocks, position, number of the clock, and place in its `Ticks.at`."""
@@ -682,16 +675,10 @@ class Problem:
     def _slopes(self, i: int, fitted: Array, times: Array | None) -> tuple[Array, Array]:
         """Return the temperatures (times, sensors) of the sensors' nodes [K], and `slopes`."""
         x, chain = self.inputs(i, fitted)
-        names = {t.name: k for k, u in enumerate(self.unknowns) for t in u.targets if t.experiment == i}
-        instants = {n: names[n] for n in self.experiments[i].pulses if n in names}
-        bench = self.bench(i, fitted, [SCALE + name for name in instants])
-        x = np.append(x, np.zeros(len(instants)))
+        bench = self.bench(i, fitted)
         columns, derivatives = bench.temperatures(x, bool(x.size), self.options, times)
-        own = len(x) - len(instants)
-        out = _chain_product(derivatives[:, :, :own], -chain) if own else np.zeros((*columns.shape, len(self.unknowns)))
-        for n, k in enumerate(instants.values()):
-            out[:, :, k] -= derivatives[:, :, own + n]
-        for at, slope_of_clock in slopes_of_clock(self, i, fitted, times, instants.values()).items():
+        out = _chain_product(derivatives, -chain) if x.size else np.zeros((*columns.shape, len(self.unknowns)))
+        for at, slope_of_clock in slopes_of_clock(self, i, fitted, times).items():
             out[:, :, at] -= slope_of_clock
         for k, o in enumerate(bench.experiment.observations):
             _, position = self._bias(o.sensor, fitted)

@@ -143,6 +143,10 @@ def _square(fields: Mapping[str, str], values: Mapping[str, Any]) -> Signal:
     return pulses(*(value_of(values[fields[f"periodic.{k}"]]) for k in ("period", "duty")))
 
 
+INSTANT = "instant "
+"""Begin of a free name, before row and path of a load, a command or a scheduled parameter: the jump to that row is so much later. [s]"""
+
+
 ZERO_SHARE_OF_SCHEDULE = 1e-13
 """Share of its largest value below which a scheduled value is zero. [-]"""
 COURSE_TOLERANCES = (1e-9, 1e-12)
@@ -437,6 +441,7 @@ class KernelLayout:
     factors : tuple             Controls of the deck.
     driven : tuple              Inputs that follow temperatures.
     hidden : int                How many of the loads, the last, are rates of controllers' states.
+    edges : tuple               Of each jump that a free name moves: input, time in its table [s], and place of what it is later by [s].
     """
 
     nodes: tuple[str, ...]
@@ -450,6 +455,7 @@ class KernelLayout:
     factors: tuple[PlacedFactors, ...] = ()
     driven: tuple[DrivenInput, ...] = ()
     hidden: int = 0
+    edges: tuple[tuple[int, float, int], ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -502,8 +508,9 @@ class Wiring:
     ----------
     network : Network
     scenario : Scenario
-    free : tuple of str     Parameter paths, boundaries (a constant added to their signal), ``initial.<node>``, and ``scale.<load>``
-                            (a factor on its power); what acts on readings alone, ``reading.<channel>``, changes nothing here.
+    free : tuple of str     Parameter paths, boundaries (a constant added to their signal), ``initial.<node>``, ``scale.<load>`` (a
+                            factor on its power), ``instant <row> of <path>`` (what a jump is later by, in seconds); what acts on
+                            readings alone, ``reading.<channel>``, changes nothing here.
     keep : set of str       Massless nodes that are solved for, where others would be eliminated.
 
     Raises
@@ -516,6 +523,7 @@ class Wiring:
         self.scenario = normalised(network, scenario)
         self.free = tuple(free)
         self.parameters = tuple(n for n in self.free if n in network.flat.parameters.table)
+        self.instants = tuple(n for n in self.free if n.startswith(INSTANT))
         self._scales = {load.path: f"scale.{load.scale or load.path}" for load in network.flat.loads}
         self._check_free()
         self.schedule = read_schedule(network, self.scenario)
@@ -551,10 +559,10 @@ class Wiring:
         self._read_start()
 
     def _check_free(self) -> None:
-        """Refuse a name that is none of a parameter, a boundary, ``initial.<node>``, ``scale.<load>`` and ``reading.<channel>``."""
+        """Refuse a name that is none of those that may be free."""
         network, scales = self.network, {*self._scales.values()}
         names = dict.fromkeys((*network.flat.parameters.table, *network.boundaries, *(f"initial.{n}" for n in network.nodes)))
-        acting = [n for n in self.free if not n.startswith("reading.") and n not in scales]
+        acting = [n for n in self.free if not n.startswith(("reading.", INSTANT)) and n not in scales]
         refuse_unknown(acting, names, network.title, "no parameter '{}' can be free.", ScenarioError)
 
     def _numbers(self, free: Mapping[str, Number]) -> Numbers:
@@ -687,7 +695,7 @@ class Wiring:
         for control in numbers.controls:
             for rate in control.rates:
                 out += rate.of_law
-        return out
+        return [*out, *(values.get(n, 0.0) for n in self.instants)]
 
     def _lay_out(self, numbers: Numbers, reduced: Reduced, offsets: Mapping[str, Number], values: Mapping[str, Number]) -> KernelLayout:
         """Return the layout of all coefficients, in the order of `_coefficients`."""
@@ -711,8 +719,18 @@ class Wiring:
         for row in (row for control in numbers.controls for row in control.rates):
             places = [make.add(number, "", row.controls if c == 0 else ()) for c, number in enumerate(row.of_law)]
             rates.append(PlacedLoad(row, index[row.node], places, -1, index[row.follows or row.node]))
-        inputs = (tuple(make.coefficient_input), factors, tuple(make.driven), len(rates))
+        edges = tuple((k, t, place) for n in self.instants for place in [make.add(values.get(n, 0.0))] for k, t in self._jumps(n))
+        inputs = (tuple(make.coefficient_input), factors, tuple(make.driven), len(rates), edges)
         return KernelLayout(reduced.nodes, capacity, tuple(gain), tuple(offset), conductors, (*loads, *rates), controls, *inputs)
+
+    def _jumps(self, name: str) -> list[tuple[int, float]]:
+        """Return the places of the inputs that have a jump whose instant is free, and its time in their tables. [s]"""
+        row, _, path = name.removeprefix(INSTANT).partition(" of ")
+        scheduled, s = path in self.scenario.schedule, self.scenario
+        time = float(({**s.commands, **s.loads} if not scheduled else s.schedule)[path].times[int(row)])
+        mine = [n for n in self.used if ("schedule " in n if scheduled else n in (f"load {path}", f"curve {path}"))]
+        held = {n: t for n in mine if isinstance(t := self.signals[n], TableSignal) and t.hold}
+        return [(self.used[n], time) for n, t in held.items() if time in t.corners()[1:]]
 
     def _conductors(self, rows: Sequence[ConductorRow], make: _Builder, index: Mapping[str, int]) -> tuple[PlacedConductor, ...]:
         """Add the coefficients of all conductors between two different nodes, and return where each stands."""
