@@ -553,7 +553,7 @@ def at_clocks(problem: Problem, fitted: Array) -> Problem:
     experiments, unknowns = list(problem.experiments), list(problem.unknowns)
     for i, experiment in enumerate(problem.experiments):
         if experiment.ticks:
-            experiments[i] = experiment.on_clocks(clock_at(problem, i, fitted))
+            experiments[i] = experiment.on_clocks(*[clock_at(problem, i, fitted)] * 2)
             for k, _, _ in problem.ticking(i):
                 unknowns[k] = replace(unknowns[k], start=float(fitted[k]))
     return replace(problem, experiments=tuple(experiments), unknowns=tuple(unknowns))

@@ -50,8 +50,8 @@ from thermid.simulation._solver.problem import (
     refuse_unseen as refuse_unseen,
 )
 from thermid.simulation._solver.wiring import (
-    INSTANT as INSTANT,
     Assembled as Assembled,
+    Jump as Jump,
     Wiring as Wiring,
     read_schedule as read_schedule,
 )

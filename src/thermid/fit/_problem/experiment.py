@@ -18,9 +18,11 @@ from thermid.base.memo import Memo
 from thermid.base.units import Kelvin, Stamp
 from thermid.measure.records import Channel, Record, SecondClock, SensorPart
 from thermid.model.tree import Constant, Model, Names, Signal, Submodel, TableSignal, model_from_dict
-from thermid.simulation.runs import INSTANT, Engine, Network, Scenario, Wiring, compile_network
+from thermid.simulation.runs import Engine, Jump, Network, Scenario, Wiring, compile_network
 from thermid.values.store import FittedValue
 
+STEPPED = ("loads", "commands", "schedule")
+"""Tables of a scenario whose signals may change by steps at instants that a fit looks for."""
 DRIVEN = ("loads", "commands", "gains", "schedule")
 """Tables of a scenario that channels lie over, beside its boundaries."""
 
@@ -619,8 +621,8 @@ class Instant(NamedTuple):
 
     @property
     def name(self) -> str:
-        """Its name in the wiring, which says by how much it is later than the middle. [s]"""
-        return f"{INSTANT}{self.row} of {self.path}"
+        """Its name in the wiring, which says by which part of the interval it is later than the middle."""
+        return f"{SWITCH} {self.row} of {self.path}"
 
 
 @dataclass(frozen=True)
@@ -670,9 +672,11 @@ class Ticks:
 SHIFT = 0.1
 """Shift over which differences are taken, in samples of the second log: smaller ones drown in the integrator's own error."""
 SWITCH = "switch"
-"""Begin of the name of an instant among the unknowns of a record."""
+"""Begin of the names of instants in the wiring, and among the unknowns of a record."""
 MAX_SWITCHES = 24
 """The largest changes of the powers of a record that have an instant of their own."""
+MAX_JUMPS = 1000
+"""Steps on a clock up to which a run gives what its offset does; of more it is found by differences."""
 LAST_INSTANT = 0.499
 """The farthest from the middle of its interval that a change lies. [-]"""
 MIN_SWITCHED, MIN_SWITCHED_NOISES = 0.05, 6.0
@@ -747,21 +751,39 @@ class Experiment:
             if load.path in of_load and isinstance(signal := signals.get(load.path), TableSignal) and signal.held
         }
 
-    def on_clocks(self, at: Sequence[tuple[float, float]]) -> Experiment:
-        """Return the experiment with what follows its unknown clocks where they stand otherwise: `Ticks.at` of each clock."""
+    def on_clocks(self, at: Sequence[tuple[float, float]], steps_at: Sequence[tuple[float, float]]) -> Experiment:
+        """Return the experiment with its unknown clocks where they stand otherwise, `Ticks.at` of each, for steps at `steps_at`."""
         tables = {name: dict(getattr(self.scenario, name)) for name in ("boundaries", *DRIVEN)}
-        for ticks, there in zip(self.ticks, at, strict=True):
+        for ticks, there, steps in zip(self.ticks, at, steps_at, strict=True):
             for name, path in ticks.driven:
-                tables[name][path] = ticks.moved(path, tables[name][path], there)
+                signal = tables[name][path]
+                tables[name][path] = ticks.moved(path, signal, steps if name in STEPPED and signal.held else there)
         moved = tuple(replace(ticks, at=there) for ticks, there in zip(self.ticks, at, strict=True))
         return replace(self, scenario=self.scenario.with_(**tables), ticks=moved)
 
+    @property
+    def jumps(self) -> dict[str, tuple[Jump, ...]]:
+        """Name in the wiring -> the jumps of inputs that it moves: an instant its own, offset and rate of a clock all of its steps."""
+        rates = {n: ticks.at[RATE] for ticks in self.ticks for n in ticks.clock.channels}
+        out: dict[str, tuple[Jump, ...]] = {
+            x.name: (Jump(x.table, x.path, x.row, x.interval * rates.get(x.channel, 1.0)),) for x in self.instants
+        }
+        for k, ticks in enumerate(self.ticks):
+            of_clock = [(n, p, getattr(self.scenario, n)[p]) for n, p in ticks.driven if n in STEPPED]
+            tables = [(n, p, t) for n, p, t in of_clock if isinstance(t, TableSignal) and t.held]
+            rows = [(n, p, int(r)) for n, p, t in tables for r in np.flatnonzero(np.diff(t.values))]
+            rows = rows if len(rows) <= MAX_JUMPS else []
+            out[f"{CLOCK} {k} {OFFSET}"] = tuple(Jump(n, p, r + 1, 1.0) for n, p, r in rows)
+            out[f"{CLOCK} {k} {RATE}"] = tuple(Jump(n, p, r + 1, float(ticks.samples[p][r + 1])) for n, p, r in rows)
+        return out
+
     def changed_at(self, later: Mapping[str, float], scenario: Scenario | None = None) -> Scenario:
-        """Return its scenario, or one of it with other values, with changes so much later than in the middle: `Instant.name` -> [s]."""
+        """Return its scenario, or one of it with other values, with changes later than in the middle: `Instant.name` -> [intervals]."""
         whole = scenario or self.scenario
-        tables = {name: dict(getattr(whole, name)) for name in ("loads", "commands", "schedule")}
+        tables = {name: dict(getattr(whole, name)) for name in STEPPED}
         for x in self.instants:
-            tables[x.table][x.path] = tables[x.table][x.path].with_row_later(x.row, later.get(x.name, 0.0))
+            (jump,) = self.jumps[x.name]
+            tables[x.table][x.path] = tables[x.table][x.path].with_row_later(x.row, jump.later * later.get(x.name, 0.0))
         return whole.with_(**tables) if self.instants else whole
 
     @property

@@ -377,7 +377,7 @@ def instant_unknowns(experiments: Sequence[Experiment]) -> list[Unknown]:
         groups: dict[tuple[str, bool], list[tuple[str, Influence]]] = {}
         for x in e.instants:
             alike = groups.setdefault((suffixes.get(x.channel, ""), x.stated), [])
-            alike.append((f"{x.row} of {x.path}", Influence(i, x.name, 0.0, x.interval)))
+            alike.append((f"{x.row} of {x.path}", Influence(i, x.name)))
         for (of, stated), alike in groups.items():
             every, (common, own) = ("all", BETWEEN_SAMPLES) if stated else ("every", SOME_SAMPLE)
             parts = [(every, tuple(act for _, act in alike), common), *((name, (act,), own) for name, act in alike)]

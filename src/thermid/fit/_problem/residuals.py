@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import reduce
-from typing import overload
+from typing import TypeAlias, overload
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 from thermid.base.errors import DeckError, SolverError
 from thermid.base.linear_algebra import Array, Dual, Number, gradient_of, value_of
 from thermid.base.memo import Memo
-from thermid.fit._problem.experiment import OFFSET, Experiment, Observation, clock_target
-from thermid.simulation.runs import INSTANT, Engine, Options, Squares, Traces, Weighing, Wiring, kept_for
+from thermid.fit._problem.experiment import CLOCK, OFFSET, STEPPED, SWITCH, Experiment, Observation, clock_target
+from thermid.simulation.runs import Engine, Options, Squares, Traces, Weighing, Wiring, kept_for
 
 
 @dataclass(frozen=True)
@@ -87,7 +87,7 @@ class Unknown:
     @property
     def is_instant(self) -> bool:
         """Whether it says when an input changed: it is looked for only for the sake of other values."""
-        return any(t.name.startswith(INSTANT) for t in self.targets)
+        return any(t.name.startswith(SWITCH) for t in self.targets)
 
     @property
     def scale(self) -> float:
@@ -302,6 +302,10 @@ MAX_CACHED_BENCHES = 32
 """Benches of one experiment that are kept: a search for a second clock asks for many."""
 
 
+ClockPlaces: TypeAlias = tuple[tuple[float, float], ...]
+"""Offset [s] and rate of every unknown clock of an experiment."""
+
+
 @dataclass(frozen=True, eq=False)
 class Bench:
     """An experiment wired to the kernel, with the names that are free in it."""
@@ -313,16 +317,16 @@ class Bench:
     memo: Memo = field(init=False, default_factory=Memo, compare=False, repr=False)
 
     @classmethod
-    def of_experiment(cls, experiment: Experiment, free: Sequence[str], at: tuple[tuple[float, float], ...] | None = None) -> Bench:
-        """Return the bench of an experiment, made once, with its clocks where `at` says instead of its own: `Ticks.at` of each."""
+    def of_experiment(cls, experiment: Experiment, free: Sequence[str], at: ClockPlaces = (), steps_at: ClockPlaces = ()) -> Bench:
+        """Return the bench of an experiment, made once, with its clocks where `at` says, steps `steps_at`: `Ticks.at` of each."""
 
         def make() -> Bench:
             """Return the model wired for the free values, on the clocks of `at` where some are fitted."""
-            moved = experiment if at is None else experiment.on_clocks(at)
-            wiring = Wiring(moved.network, moved.scenario, free)
+            moved = experiment.on_clocks(at, steps_at or at) if at else experiment
+            wiring = Wiring(moved.network, moved.scenario, free, jumps=moved.jumps)
             return cls(moved, tuple(free), wiring, Engine(wiring))
 
-        return experiment.memo.value((tuple(free), at), make, MAX_CACHED_BENCHES)
+        return experiment.memo.value((tuple(free), at, steps_at), make, MAX_CACHED_BENCHES)
 
     def temperatures(
         self, x: Array, gradients: bool, options: Options | None, times: Array | None = None, *, from_rest: bool = False
@@ -409,7 +413,7 @@ def _parts(node: str, recover: Mapping[str, Mapping[str, Number]]) -> dict[str, 
     return out
 
 
-def clock_at(problem: Problem, i: int, fitted: Array) -> tuple[tuple[float, float], ...]:
+def clock_at(problem: Problem, i: int, fitted: Array) -> ClockPlaces:
     """Return `Ticks.at` of every unknown clock of an experiment at some values of the unknowns."""
     at = [[*ticks.at] for ticks in problem.experiments[i].ticks]
     for k, number, place in problem.ticking(i):
@@ -418,17 +422,25 @@ def clock_at(problem: Problem, i: int, fitted: Array) -> tuple[tuple[float, floa
 
 
 def slopes_of_clock(problem: Problem, i: int, fitted: Array, times: Array | None = None) -> dict[int, Array]:
-    """Return position of an unknown -> derivatives (times, sensors) of the readings to offset or rate of a clock, by differences."""
+    """Return position of an unknown -> what offset or rate of a clock does to readings (times, sensors), but for steps of inputs.
+
+    By differences; none for a clock that nothing but steps are on.
+    """
     out: dict[int, Array] = {}
+    experiment, here = problem.experiments[i], clock_at(problem, i, fitted)
     for k, number, place in problem.ticking(i):
-        ticks = problem.experiments[i].ticks[number]
+        ticks = experiment.ticks[number]
+        stepped = bool(experiment.jumps[f"{CLOCK} {number} {place}"])
+        smooth = [p for name, p in ticks.driven if name not in STEPPED or not getattr(experiment.scenario, name)[p].held]
+        if stepped and not (ticks.read or smooth):
+            continue
         step = ticks.shift if place == OFFSET else ticks.shift / max(ticks.span, ticks.clock.step)
         sides = []
         for side in (-step, step):
             there = fitted.copy()
             there[k] += side
             x, _ = problem.inputs(i, there)
-            sides.append(problem.bench(i, there).temperatures(x, False, problem.options, times)[0])
+            sides.append(problem.bench(i, there, steps_at=here if stepped else ()).temperatures(x, False, problem.options, times)[0])
         out[k] = (sides[1] - sides[0]) / (2.0 * step)
     return out
 
@@ -512,12 +524,12 @@ class Problem:
         """Return one bench per experiment, made once."""
         return self.memo.value("benches", lambda: tuple(Bench.of_experiment(e, self._names(i)) for i, e in enumerate(self.experiments)))
 
-    def bench(self, i: int, fitted: Array) -> Bench:
-        """Return the bench of an experiment with its unknown clocks where the unknowns put them."""
+    def bench(self, i: int, fitted: Array, more: Sequence[str] = (), steps_at: ClockPlaces = ()) -> Bench:
+        """Return the bench of an experiment with its unknown clocks where the unknowns put them, and with `more` names free."""
         experiment = self.experiments[i]
         at = clock_at(self, i, fitted)
-        moved = None if at == tuple(ticks.at for ticks in experiment.ticks) else at
-        return Bench.of_experiment(experiment, self._names(i), moved)
+        still = at == tuple(ticks.at for ticks in experiment.ticks) and steps_at in ((), at)
+        return Bench.of_experiment(experiment, (*self._names(i), *more), *(() if still else (at, steps_at)))
 
     def ticking(self, i: int) -> list[tuple[int, int, int]]:
         """Return, of unknowns of an experiment's clocks, position, number of the clock, and place in its `Ticks.at`."""
@@ -675,9 +687,13 @@ class Problem:
     def _slopes(self, i: int, fitted: Array, times: Array | None) -> tuple[Array, Array]:
         """Return the temperatures (times, sensors) of the sensors' nodes [K], and `slopes`."""
         x, chain = self.inputs(i, fitted)
-        bench = self.bench(i, fitted)
+        clocks = [(k, f"{CLOCK} {number} {place}") for k, number, place in self.ticking(i)]
+        bench, own = self.bench(i, fitted, [name for _, name in clocks]), x.size
+        x = np.append(x, np.zeros(len(clocks)))
         columns, derivatives = bench.temperatures(x, bool(x.size), self.options, times)
-        out = _chain_product(derivatives, -chain) if x.size else np.zeros((*columns.shape, len(self.unknowns)))
+        out = _chain_product(derivatives[:, :, :own], -chain) if own else np.zeros((*columns.shape, len(self.unknowns)))
+        for n, (k, _) in enumerate(clocks, own):
+            out[:, :, k] -= derivatives[:, :, n]
         for at, slope_of_clock in slopes_of_clock(self, i, fitted, times).items():
             out[:, :, at] -= slope_of_clock
         for k, o in enumerate(bench.experiment.observations):

@@ -143,8 +143,13 @@ def _square(fields: Mapping[str, str], values: Mapping[str, Any]) -> Signal:
     return pulses(*(value_of(values[fields[f"periodic.{k}"]]) for k in ("period", "duty")))
 
 
-INSTANT = "instant "
-"""Begin of a free name, before row and path of a load, a command or a scheduled parameter: the jump to that row is so much later. [s]"""
+class Jump(NamedTuple):
+    """A jump of a held input: table of the scenario, path and row; a unit of what is free moves it by `later` seconds."""
+
+    table: str
+    path: str
+    row: int
+    later: float
 
 
 ZERO_SHARE_OF_SCHEDULE = 1e-13
@@ -441,7 +446,7 @@ class KernelLayout:
     factors : tuple             Controls of the deck.
     driven : tuple              Inputs that follow temperatures.
     hidden : int                How many of the loads, the last, are rates of controllers' states.
-    edges : tuple               Of each jump that a free name moves: input, time in its table [s], and place of what it is later by [s].
+    edges : tuple               Of each jump that a free name moves: input, time in its table, by how much a unit moves it [s], place.
     """
 
     nodes: tuple[str, ...]
@@ -455,7 +460,7 @@ class KernelLayout:
     factors: tuple[PlacedFactors, ...] = ()
     driven: tuple[DrivenInput, ...] = ()
     hidden: int = 0
-    edges: tuple[tuple[int, float, int], ...] = ()
+    edges: tuple[tuple[int, float, float, int], ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -509,21 +514,29 @@ class Wiring:
     network : Network
     scenario : Scenario
     free : tuple of str     Parameter paths, boundaries (a constant added to their signal), ``initial.<node>``, ``scale.<load>`` (a
-                            factor on its power), ``instant <row> of <path>`` (what a jump is later by, in seconds); what acts on
-                            readings alone, ``reading.<channel>``, changes nothing here.
+                            factor on its power), names in `jumps`; what acts on readings alone, ``reading.<channel>``, changes
+                            nothing here.
     keep : set of str       Massless nodes that are solved for, where others would be eliminated.
+    jumps : dict            Free name -> the jumps of inputs that it moves.
 
     Raises
     ------
     ThermidError   When names do not fit, or a boundary has no temperature.
     """
 
-    def __init__(self, network: Network, scenario: Scenario, free: Sequence[str] = (), keep: frozenset[str] = frozenset()) -> None:
+    def __init__(
+        self,
+        network: Network,
+        scenario: Scenario,
+        free: Sequence[str] = (),
+        keep: frozenset[str] = frozenset(),
+        jumps: Mapping[str, Sequence[Jump]] | None = None,
+    ) -> None:
         self.network = network = network.with_powers_alone(scenario.metered)
         self.scenario = normalised(network, scenario)
         self.free = tuple(free)
         self.parameters = tuple(n for n in self.free if n in network.flat.parameters.table)
-        self.instants = tuple(n for n in self.free if n.startswith(INSTANT))
+        self.jumps = {n: moved for n, moved in (jumps or {}).items() if n in self.free}
         self._scales = {load.path: f"scale.{load.scale or load.path}" for load in network.flat.loads}
         self._check_free()
         self.schedule = read_schedule(network, self.scenario)
@@ -562,7 +575,7 @@ class Wiring:
         """Refuse a name that is none of those that may be free."""
         network, scales = self.network, {*self._scales.values()}
         names = dict.fromkeys((*network.flat.parameters.table, *network.boundaries, *(f"initial.{n}" for n in network.nodes)))
-        acting = [n for n in self.free if not n.startswith(("reading.", INSTANT)) and n not in scales]
+        acting = [n for n in self.free if not n.startswith("reading.") and n not in scales and n not in self.jumps]
         refuse_unknown(acting, names, network.title, "no parameter '{}' can be free.", ScenarioError)
 
     def _numbers(self, free: Mapping[str, Number]) -> Numbers:
@@ -695,7 +708,7 @@ class Wiring:
         for control in numbers.controls:
             for rate in control.rates:
                 out += rate.of_law
-        return [*out, *(values.get(n, 0.0) for n in self.instants)]
+        return [*out, *(values.get(n, 0.0) for n in self.jumps)]
 
     def _lay_out(self, numbers: Numbers, reduced: Reduced, offsets: Mapping[str, Number], values: Mapping[str, Number]) -> KernelLayout:
         """Return the layout of all coefficients, in the order of `_coefficients`."""
@@ -719,18 +732,20 @@ class Wiring:
         for row in (row for control in numbers.controls for row in control.rates):
             places = [make.add(number, "", row.controls if c == 0 else ()) for c, number in enumerate(row.of_law)]
             rates.append(PlacedLoad(row, index[row.node], places, -1, index[row.follows or row.node]))
-        edges = tuple((k, t, place) for n in self.instants for place in [make.add(values.get(n, 0.0))] for k, t in self._jumps(n))
+        edges = tuple(
+            (*e, place) for n in self.jumps for place in [make.add(values.get(n, 0.0))] for j in self.jumps[n] for e in self._edges(j)
+        )
         inputs = (tuple(make.coefficient_input), factors, tuple(make.driven), len(rates), edges)
         return KernelLayout(reduced.nodes, capacity, tuple(gain), tuple(offset), conductors, (*loads, *rates), controls, *inputs)
 
-    def _jumps(self, name: str) -> list[tuple[int, float]]:
-        """Return the places of the inputs that have a jump whose instant is free, and its time in their tables. [s]"""
-        row, _, path = name.removeprefix(INSTANT).partition(" of ")
-        scheduled, s = path in self.scenario.schedule, self.scenario
-        time = float(({**s.commands, **s.loads} if not scheduled else s.schedule)[path].times[int(row)])
-        mine = [n for n in self.used if ("schedule " in n if scheduled else n in (f"load {path}", f"curve {path}"))]
-        held = {n: t for n in mine if isinstance(t := self.signals[n], TableSignal) and t.hold}
-        return [(self.used[n], time) for n, t in held.items() if time in t.corners()[1:]]
+    def _edges(self, jump: Jump) -> list[tuple[int, float, float]]:
+        """Return the places of the inputs that have a jump, its time in their tables, and how much later a unit makes it. [s]"""
+        time = float(getattr(self.scenario, jump.table)[jump.path].times[jump.row])
+        scheduled, of_load = jump.table == "schedule", (f"load {jump.path}", f"curve {jump.path}")
+        mine = {n: self.signals[n] for n in self.used if ("schedule " in n if scheduled else n in of_load)}
+        rows = [(n, t, int(np.searchsorted(t.times, time))) for n, t in mine.items() if isinstance(t, TableSignal) and t.hold]
+        there = [n for n, t, k in rows if 0 < k < t.times.size and t.times[k] == time and t.values[k] != t.values[k - 1]]
+        return [(self.used[n], time, jump.later) for n in there]
 
     def _conductors(self, rows: Sequence[ConductorRow], make: _Builder, index: Mapping[str, int]) -> tuple[PlacedConductor, ...]:
         """Add the coefficients of all conductors between two different nodes, and return where each stands."""
