@@ -975,6 +975,19 @@ def _refuse_without_errors(request: Request, problem: Problem, total: Array) -> 
         )
 
 
+def with_found_instants(problem: Problem) -> Problem:
+    """Return a problem whose inputs change when a fit says, and which looks for these instants no more."""
+    if not any(u.is_instant for u in problem.unknowns):
+        return problem
+    rough = minimise(problem)
+    weighed = replace(problem, noise=_measured_noise(problem, rough, "linear"))
+    at = minimise(weighed, start=rough.fitted).fitted
+    found = [dict(zip(bench.free, problem.inputs(i, at)[0].tolist(), strict=True)) for i, bench in enumerate(problem.benches())]
+    settled = tuple(replace(e, scenario=e.changed_at(x), instants=()) for e, x in zip(problem.experiments, found, strict=True))
+    # instants are the last of the unknowns, so that joint priors keep their places
+    return replace(problem, experiments=settled, unknowns=tuple(u for u in problem.unknowns if not u.is_instant))
+
+
 def _measured_noise(problem: Problem, minimum: Fit, loss: str) -> dict[str, float]:
     """Return sensor -> noise: as stated, or the RMS of its residuals where nothing was stated. [K]
 

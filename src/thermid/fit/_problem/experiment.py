@@ -673,7 +673,7 @@ SHIFT = 0.1
 """Shift over which differences are taken, in samples of the second log: smaller ones drown in the integrator's own error."""
 SWITCH = "switch"
 """Begin of the names of instants in the wiring, and among the unknowns of a record."""
-MAX_SWITCHES = 24
+MAX_SWITCHES = 200
 """The largest changes of the powers of a record that have an instant of their own."""
 MAX_JUMPS = 1000
 """Steps on a clock up to which a run gives what its offset does; of more it is found by differences."""
@@ -951,7 +951,7 @@ def _instants(record: Record, inputs: Inputs) -> tuple[Instant, ...]:
         kind = "schedule" if channel.role == "schedule" else "loads" if path in inputs.tables["loads"] else "commands"
         table = inputs.tables[kind].get(path)
         sampled = channel.prompt is False or (channel.prompt is None and name in later and kind != "schedule")
-        if not (sampled and channel.held and channel.samples != "average" and isinstance(table, TableSignal) and table.held):
+        if not (sampled and channel.samples != "average" and isinstance(table, TableSignal) and table.held):
             continue
         # as logged: errors that a fit found, and how a power was summed, change no order
         logged = float(np.abs(channel.values[channel.valid]).max()) / float(np.abs(table.values).max() or 1.0)

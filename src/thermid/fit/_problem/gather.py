@@ -78,8 +78,8 @@ def problem_of(request: Request, experiments: Sequence[Experiment], opened: Sequ
         *(_parameter(group, experiments) for group in opened),
         *_locals(request, experiments),
         *clock_unknowns(experiments),
-        *instant_unknowns(experiments),
         *_nuisances(request, experiments),
+        *instant_unknowns(experiments),
     ]
     starts = [_starts(request, e) for e in experiments]
     unknowns = _reaching(unknowns, starts, request.held_bias)
