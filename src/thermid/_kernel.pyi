@@ -125,6 +125,7 @@ class Problem:
         tables: Sequence[tuple[_Reals, _Reals, _Reals]],
         inputs: Sequence[tuple[int, _Reals, _Reals]],
         follow: Mapping[str, Any] | None = None,
+        edges: Sequence[tuple[int, float, float, int]] = (),
     ) -> None: ...
     @property
     def nodes(self) -> int: ...

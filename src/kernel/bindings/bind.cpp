@@ -20,7 +20,7 @@ struct PyResult {
 void make_problem(Problem* self, Ints capacity, Ints coef_input, Ints gain, Ints offset, Ints ckind, Ints ca, Ints cb,
                   In<int32_t, 2> ccoef, Ints ctable, Ints lkind, Ints lnode, In<int32_t, 2> lcoef, Ints lsensor, Ints ltable,
                   Ints lcontrol, Ints kkind, Ints ksensor, In<int32_t, 2> kcoef,
-                  nb::list tables, nb::list inputs, std::optional<nb::dict> follow) {
+                  nb::list tables, nb::list inputs, std::optional<nb::dict> follow, nb::list edges) {
     auto p = std::make_unique<Problem>();
     p->n = static_cast<int>(capacity.size());
     p->nb = static_cast<int>(gain.size());
@@ -61,6 +61,10 @@ void make_problem(Problem* self, Ints capacity, Ints coef_input, Ints gain, Ints
     p->tables = read_tables(tables);
     p->inputs = read_inputs(inputs);
     if (follow) read_controls(*p, *follow);
+    for (nb::handle h : edges) {
+        const auto [input, time, interval, coef] = nb::cast<std::tuple<int, double, double, int>>(h);
+        p->edges.push_back({input, time, interval, coef});
+    }
     p->prepare();
     new (self) Problem(std::move(*p));
 }
@@ -97,7 +101,8 @@ PyResult integrate(const Problem& p, Reals coef, Reals T0, double t0, double t_e
     Result r;
     r.traces = to;
     r.sens = slopes;
-    Integrator run(p, coef.data(), d, o);
+    const At at(p, coef.data());
+    Integrator run(at.problem, coef.data(), d, o);
     {
         nb::gil_scoped_release others;  // threads of the caller go on; what the run reads is its own, or fixed
         run.run(T0.data(), dT0 ? dT0->data() : nullptr, t0, t_end, times.data(), static_cast<long>(nt), nodes.data(), static_cast<int>(no), r);
@@ -223,7 +228,7 @@ NB_MODULE(_kernel, m) {
     nb::class_<Problem>(m, "Problem")
         .def("__init__", &make_problem, "capacity"_a, "coef_input"_a, "boundary_gain"_a, "boundary_offset"_a, "conductor_kind"_a,
              "conductor_a"_a, "conductor_b"_a, "conductor_coef"_a, "conductor_table"_a, "load_kind"_a, "load_node"_a, "load_coef"_a,
-             "load_sensor"_a, "load_table"_a, "load_control"_a, "control_kind"_a, "control_sensor"_a, "control_coef"_a, "tables"_a, "inputs"_a, "follow"_a = nb::none())
+             "load_sensor"_a, "load_table"_a, "load_control"_a, "control_kind"_a, "control_sensor"_a, "control_coef"_a, "tables"_a, "inputs"_a, "follow"_a = nb::none(), "edges"_a = nb::list())
         .def("integrate", &integrate, "coef"_a, "T0"_a, "t0"_a, "t_end"_a, "output_times"_a, "output_nodes"_a, nb::kw_only(),
              "dcoef"_a = nb::none(), "dT0"_a = nb::none(), "energy"_a = true, "on"_a = nb::none(), "sums"_a = nb::none(), "options"_a)
         .def("rhs", &rhs, "coef"_a, "T"_a, "t"_a, "dcoef"_a = nb::none(), "on"_a = nb::none())

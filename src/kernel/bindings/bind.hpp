@@ -171,6 +171,13 @@ inline std::vector<Input> read_inputs(const nb::list& inputs) {
     return out;
 }
 
+// A problem with its edges where coefficients put them; itself where it has none.
+struct At {
+    std::optional<Problem> moved;
+    const Problem& problem;
+    At(const Problem& p, const double* coef) : moved(p.edges.empty() ? std::nullopt : std::optional<Problem>(p.at_edges(coef))), problem(moved ? *moved : p) {}
+};
+
 // Lets the interrupt key end a long run, which goes on without the interpreter's lock.
 inline void poll_interrupt() {
     nb::gil_scoped_acquire held;

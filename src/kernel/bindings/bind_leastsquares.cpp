@@ -90,7 +90,8 @@ PySquares least_squares(const Problem& p, const Readings& readings, Reals coef, 
     o.on = thermostats_of(p, on);
     LeastSquares squares(readings, w, d.np);
     Result r;
-    Integrator run(p, coef.data(), d, o, &squares);
+    const At at(p, coef.data());
+    Integrator run(at.problem, coef.data(), d, o, &squares);
     run.run(T0.data(), dT0 ? dT0->data() : nullptr, t0, t_end, readings.times.data(), static_cast<long>(readings.times.size()), nullptr, 0, r);
     squares.finish();
     const size_t n = squares.columns();

@@ -135,6 +135,8 @@ void Integrator::advance(double t_end, OutputList& out) {
         std::copy_if(o_.mesh.begin(), o_.mesh.end(), std::back_inserter(stops), [&](double b) { return b > state_.t && b < t_end; });
         step_.slack = 15.0;
     }
+    for (const Edge& e : p_.edges)
+        if (e.time > state_.t && e.time < t_end) stops.push_back(e.time);
     stops.push_back(t_end);
     std::sort(stops.begin(), stops.end());
     size_t stop = 0;
@@ -219,6 +221,7 @@ void Integrator::take(OutputList& out, double& next) {
         state_.S.swap(step_.S1);
         state_.t = step_.end;
     }
+    if (np_ > 0) pass_edges();
     if (!p_.samplers.empty()) sample();
     seen();
     r_->mesh.push_back(state_.t);

@@ -184,4 +184,25 @@ void Integrator::apply_event(int l, double rate) {
     }
 }
 
+// At the instant of a jump that is looked for S jumps too, by (dT/dt before - after) dt*/dp.
+void Integrator::pass_edges() {
+    for (const Edge& g : p_.edges) {
+        if (g.time != state_.t || !d_.any(g.coef)) continue;
+        const Input& in = p_.inputs[g.input];
+        const int at = in.segment(g.time, -1);
+        if (at < 1) continue;  // nothing was there before
+        std::fill(when_.begin(), when_.end(), 0.0);
+        for (int q = d_.indptr[g.coef]; q < d_.indptr[g.coef + 1]; ++q) when_[d_.indices[q]] = d_.data[q] * g.interval;
+        for (const double sign : {1.0, -1.0}) {
+            for (int k : p_.moving) step_.e.u[k] = p_.inputs[k].at(state_.t);
+            if (sign > 0.0) step_.e.u[g.input] = in.mean + in.seg[at - 1].u;
+            step_.e.move_inputs();
+            std::copy(state_.T.begin(), state_.T.end(), step_.e.t.begin());
+            if (!slaved_.massless.nodes.empty()) slaved_.solve(slaved_.massless, step_.e);
+            step_.e.rows();
+            for (int i = 0; i < n_; ++i) axpy(state_.S.data() + static_cast<size_t>(i) * np_, sign * step_.e.f[i] * setup_.inv_cap[i], when_.data(), np_);
+        }
+    }
+}
+
 }  // namespace thermid

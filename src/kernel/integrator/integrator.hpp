@@ -90,6 +90,7 @@ class Integrator {
     bool find_event(double& s, int& l);
     void apply_events();
     void apply_event(int l, double rate);
+    void pass_edges();
 
     // samples.cpp
     void begin_samples();

@@ -31,6 +31,10 @@ void Input::set_samples(const double* times, const double* values, int m) {
         if (!seg.empty() && s == seg.back().s && (s == 0.0 ? u == seg.back().u : false)) continue;
         seg.push_back({times[i], u, s});
     }
+    sum_blocks();
+}
+
+void Input::sum_blocks() {
     block.clear();
     block_square.clear();
     for (size_t b = 0; (b + 1) * BLOCK < seg.size(); ++b) {

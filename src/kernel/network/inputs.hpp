@@ -27,6 +27,7 @@ class Input {
     int kind = 3;
     double mean = 0.0, amplitude = 0.0, period = 1.0, phase = 0.0;  // CONSTANT uses mean; sampled: mean is the reference level, their median
     void set_samples(const double* times, const double* values, int m);
+    void sum_blocks();  // after segments have changed
     bool sampled() const { return kind <= 1; }
     double at(double t) const;     // value, right-continuous
     double slope(double t) const;  // derivative of a smooth input; 0 for a sampled one

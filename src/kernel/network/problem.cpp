@@ -15,8 +15,30 @@ void require(bool ok, const std::string& message) {
 std::string at(const char* what, int i) { return std::string(what) + " " + std::to_string(i); }
 }  // namespace
 
+Problem Problem::at_edges(const double* coef) const {
+    constexpr double LEAST = 1e-6;  // time between two jumps of an input [s]
+    Problem out = *this;
+    std::vector<std::pair<size_t, size_t>> places;
+    for (const Edge& e : edges) {
+        auto& seg = out.inputs[e.input].seg;
+        const size_t i = std::lower_bound(inputs[e.input].seg.begin(), inputs[e.input].seg.end(), e.time, [](const auto& x, double t) { return x.t < t; }) - inputs[e.input].seg.begin();
+        seg[i].t += coef[e.coef] * e.interval;
+        places.push_back({e.input, i});
+    }
+    for (Input& in : out.inputs)
+        for (size_t i = 1; i < in.seg.size() && in.kind == 1; ++i) in.seg[i].t = std::max(in.seg[i].t, in.seg[i - 1].t + LEAST);
+    for (size_t k = 0; k < edges.size(); ++k) out.edges[k].time = out.inputs[places[k].first].seg[places[k].second].t;
+    for (const Edge& e : edges) out.inputs[e.input].sum_blocks();
+    return out;
+}
+
 void Problem::prepare() {
     require(n > 0, "a problem needs at least one node");
+    for (const Edge& e : edges) {
+        require(e.input >= 0 && e.input < static_cast<int>(inputs.size()) && e.coef >= 0 && e.coef < nc, "edges: no such input or coefficient");
+        const auto& seg = inputs[e.input].seg;
+        require(inputs[e.input].kind == 1 && std::any_of(seg.begin(), seg.end(), [&](const auto& x) { return x.t == e.time; }), "edges: no jump of a held input there");
+    }
     for (int j = 0; j < nc; ++j)
         require(coef_input[j] >= -1 && coef_input[j] < static_cast<int>(inputs.size()), at("coef_input: no such input, coefficient", j));
     for (int i = 0; i < n; ++i) {

@@ -73,6 +73,9 @@ struct Sampler { double period; int node, factor; };
 // An input that moves a boundary: fu[place] += factor * (qa, qb)[at].
 struct Push { int place, at; double factor; };
 
+// A jump of a held input whose instant is looked for: it lies the coefficient times `interval` after `time`, where the input's table has it.
+struct Edge { int input; double time, interval; int coef; };
+
 struct Problem {
     int n = 0, nb = 0, nc = 0;  // unknowns, boundaries, coefficients
     int states = 0;             // the last so many unknowns are states of controls: no temperatures
@@ -82,6 +85,9 @@ struct Problem {
     Controls control;
     std::vector<Table> tables;
     std::vector<Input> inputs;
+    std::vector<Edge> edges;
+    // The problem with its edges where coefficients put them, none of them before the one that it follows.
+    Problem at_edges(const double* coef) const;
 
     // Derived: where coefficients enter, which coefficients follow an input, nodes without capacity and their rows.
     std::vector<Entry> con_entry, load_entry;

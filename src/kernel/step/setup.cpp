@@ -21,6 +21,8 @@ Setup::Setup(const Problem& problem, const double* coefficients, const CoefJacob
     for (size_t c = 0; np > 0 && c + 1 < d.indptr.size(); ++c)
         for (int k = d.indptr[c]; k < d.indptr[c + 1]; ++k)
             if (coef[c] != 0.0) faint[d.indices[k]] = std::min(faint[d.indices[k]], std::fabs(d.data[k] / coef[c]));
+    for (const Edge& e : p.edges)  // what moves an instant is no size
+        for (int k = np > 0 ? d.indptr[e.coef] : 0; np > 0 && k < d.indptr[e.coef + 1]; ++k) faint[d.indices[k]] = 0.0;
     for (double& each : faint)
         if (!std::isfinite(each)) each = 0.0;
     for (int k : p.con.kind) curved |= !is(k, STRAIGHT);

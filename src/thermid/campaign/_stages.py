@@ -63,8 +63,6 @@ def mistakes_of(fit: Calibration) -> Mistakes:
         return Mistakes(fit.stage)
     if fit.request is None or not fit.request.records or not fit.values.parameters:
         return Mistakes(fit.stage)
-    if fit.problem is not None and any(len(e.ticks) > len(e.record.clocks) for e in fit.problem.experiments):
-        return Mistakes(fit.stage)  # rough fits leave changes at their samples, and would blame what is late
     if stray_readings(fit.request.records):  # said first: what looks like another mistake may be their doing
         return Mistakes(fit.stage)
     try:

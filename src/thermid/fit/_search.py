@@ -22,7 +22,7 @@ from thermid.base.errors import IdentificationError, ScenarioError, SolverError,
 from thermid.base.linear_algebra import NOTHING, pseudo_inverse
 from thermid.base.units import Array, counted, format_value
 from thermid.fit._minimisation import Fit, ended, minimise
-from thermid.fit._problem.experiment import ALL_INSTANTS, OFFSET, SCALE, Experiment
+from thermid.fit._problem.experiment import OFFSET, SCALE, Experiment
 from thermid.fit._problem.residuals import Problem, Unknown, clock_at, loss_of, starting_point
 from thermid.fit._uncertainty.noise import autocorrelation
 from thermid.model.tree import TableSignal
@@ -553,7 +553,7 @@ def at_clocks(problem: Problem, fitted: Array) -> Problem:
     experiments, unknowns = list(problem.experiments), list(problem.unknowns)
     for i, experiment in enumerate(problem.experiments):
         if experiment.ticks:
-            experiments[i] = experiment.on_clocks(clock_at(problem, i, fitted))
+            experiments[i] = experiment.on_clocks(*[clock_at(problem, i, fitted)] * 2)
             for k, _, _ in problem.ticking(i):
                 unknowns[k] = replace(unknowns[k], start=float(fitted[k]))
     return replace(problem, experiments=tuple(experiments), unknowns=tuple(unknowns))
@@ -579,7 +579,7 @@ def widened_by_noise_of_powers(problem: Problem, fitted: Array) -> Array:
     out = np.ones(len(problem.unknowns))
     for i, e in enumerate(problem.experiments):
         calm = _calm(e)
-        ticking = [k for k, _, place in problem.ticking(i) if place < ALL_INSTANTS]
+        ticking = [k for k, _, _ in problem.ticking(i)]
         if calm is None or not ticking:
             continue
         quiet = replace(problem, experiments=tuple(calm if j == i else other for j, other in enumerate(problem.experiments)))
@@ -613,7 +613,7 @@ def _grid(problem: Problem, i: int, fitted: Array, number: int) -> Iterator[Arra
     for offset, rate in product(offsets, rates):
         point = fitted.copy()
         for k, of, place in problem.ticking(i):
-            if of == number and place < ALL_INSTANTS:
+            if of == number:
                 point[k] = offset if place == OFFSET else rate
         yield point
 

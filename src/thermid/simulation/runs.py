@@ -49,6 +49,11 @@ from thermid.simulation._solver.problem import (
     kept_for as kept_for,
     refuse_unseen as refuse_unseen,
 )
-from thermid.simulation._solver.wiring import Assembled as Assembled, Wiring as Wiring, read_schedule as read_schedule
+from thermid.simulation._solver.wiring import (
+    Assembled as Assembled,
+    Jump as Jump,
+    Wiring as Wiring,
+    read_schedule as read_schedule,
+)
 from thermid.simulation._steady import Steady as Steady, steady as steady, steady_levels as steady_levels
 from thermid.simulation._transient import simulate as simulate

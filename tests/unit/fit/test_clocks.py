@@ -351,7 +351,7 @@ def test_a_held_rate_and_a_robust_loss() -> None:
 def test_errors_of_powers_that_are_held_do_not_change_which_instants_are_open() -> None:
     """Of more changes than have an instant of their own: a verdict asked for one that its bands did not have, and ended in a KeyError."""
     model = td.model_from_dict({**DECK, "loads": {n: {"into": "case", "power": "10 [W]"} for n in ("heat", "more")}})
-    on = 10.0 * (np.arange(FAST.size) // 40 % 2)
+    on = 10.0 * (np.arange(FAST.size) // 2 % 2)
     powers = {
         n: td.Channel.from_array(n, on, quantity="power", role="load", target=n, accuracy=0.1, prompt=False) for n in ("heat", "more")
     }
@@ -361,7 +361,7 @@ def test_errors_of_powers_that_are_held_do_not_change_which_instants_are_open() 
         {u.name for u in build_problem(Request(model, (joint,), (), {"*": AIR}, held_errors=h)).unknowns if "switch" in u.name}
         for h in held
     ]
-    assert len(names[0]) == 24
+    assert len(names[0]) == 201  # what all have in common is one more
     assert names[0] == names[1] == names[2]
 
 
@@ -385,9 +385,11 @@ def test_derivatives_of_a_clock_are_those_of_the_residuals() -> None:
     assert found.slopes.T @ found.rows == pytest.approx(slopes.T @ full, rel=1e-5)
     step = np.zeros(at.size)
     step[1] = 0.5
-    assert (problem.residuals(at + step) - problem.residuals(at - step)) == pytest.approx(
-        slopes[:, 1], abs=0.02 * np.abs(slopes[:, 1]).max()
-    )
+    # a reading at the instant of a change has two derivatives, before it and after
+    changes = 150.0 + 1.05 * FAST[1:][np.diff(POWER) != 0.0]
+    apart = np.abs(SLOW[:, None] - changes).min(axis=1) > 0.5
+    difference = problem.residuals(at + step) - problem.residuals(at - step)
+    assert difference[apart] == pytest.approx(slopes[apart, 1], abs=0.02 * np.abs(slopes[:, 1]).max())
 
 
 PAIR = td.model_from_dict(

@@ -134,8 +134,7 @@ class Dynamics:
             )
         if self.experiment.ticks:
             raise IdentificationError(
-                "the offset of a second clock, or when a power changed between two far samples (prompt = false), is not known, which is "
-                "not supported with process noise. Find it by a fit without first.",
+                "the offset of a second clock is not known, which is not supported with process noise. Find it by a fit without first.",
                 where,
                 code="model.element-not-supported",
             )

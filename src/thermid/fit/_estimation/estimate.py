@@ -13,7 +13,7 @@ import numpy as np
 from thermid.base.errors import IdentificationError
 from thermid.base.linear_algebra import one_thread, symmetric_inverse
 from thermid.base.units import Array, amount, duration_text, short
-from thermid.fit._calibrate import differing
+from thermid.fit._calibrate import differing, with_found_instants
 from thermid.fit._estimation.estimation import OUTPUT, PROCESS, EstimatedNumber, Estimation, Estimator, whiteness_of
 from thermid.fit._estimation.likelihood import Likelihood, Maximum, likelihood_of
 from thermid.fit._estimation.outlook import OpenLoopScore, foresight, outlooks, starts_sd
@@ -94,7 +94,8 @@ def estimated(request: Request, process_noise: Mapping[str, Any], start_sd: Mapp
 def _estimated(request: Request, noise_table: Mapping[str, Any], start_sd: Mapping[str, str], horizon: str | float) -> Estimation:
     """Return the estimation of a request: sizes of process noise by maximum likelihood, then what they give."""
     refuse_unseen(request.model, "a filter")
-    problem = build_problem(request)
+    whole = build_problem(request)
+    problem = with_found_instants(whole)
     noises = read_process(noise_table, problem.experiments[0].network, request.name)
     starts = starts_sd(problem, start_sd, noises, request.name)
     spans = [float(e.times[-1]) for e in problem.experiments]
@@ -108,7 +109,7 @@ def _estimated(request: Request, noise_table: Mapping[str, Any], start_sd: Mappi
         )
     split = [min(FITTED_SHARE * s, s - ahead) for s in spans]
     earlier = replace(request, records=tuple(r.trim("start", float(r.times[0]) + t) for r, t in zip(request.records, split, strict=True)))
-    train = build_problem(earlier)
+    train = with_found_instants(build_problem(earlier))
     estimators = {}
     # without its noise a walk is a constant that nobody knows: output error is process noise with every size at zero
     still = tuple(replace(p, size=0.0, free=False) for p in noises if p.walks)
@@ -124,9 +125,9 @@ def _estimated(request: Request, noise_table: Mapping[str, Any], start_sd: Mappi
         for p in still
         if p.target not in starts and any(d.level_sd(p) > 0.0 for d in full.dynamics)
     )
-    return _compared(
-        request, estimators[PROCESS], estimators[OUTPUT], ahead, ((*levels, *_uncounted_noise(problem, noises)), starts, differing(problem))
-    )
+    held = ("inputs that were sampled change when a fit without process noise says; errors of these instants are not counted",)
+    remarks = (*levels, *_uncounted_noise(problem, noises), *(held if problem is not whole else ()))
+    return _compared(request, estimators[PROCESS], estimators[OUTPUT], ahead, (remarks, starts, differing(problem)))
 
 
 def _uncounted_noise(problem: Problem, noises: Sequence[ProcessNoise]) -> list[str]:

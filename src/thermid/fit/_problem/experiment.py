@@ -17,9 +17,11 @@ from thermid.base.memo import Memo
 from thermid.base.units import Array, Kelvin, Stamp
 from thermid.measure.records import Channel, Record, SecondClock, SensorPart
 from thermid.model.tree import Constant, Model, Names, Signal, Submodel, TableSignal, model_from_dict
-from thermid.simulation.runs import Engine, Network, Scenario, Wiring, compile_network
+from thermid.simulation.runs import Engine, Jump, Network, Scenario, Wiring, compile_network
 from thermid.values.store import FittedValue
 
+STEPPED = ("loads", "commands", "schedule")
+"""Tables of a scenario whose signals may change by steps at instants that a fit looks for."""
 DRIVEN = ("loads", "commands", "gains", "schedule")
 """Tables of a scenario that channels lie over, beside its boundaries."""
 
@@ -582,7 +584,7 @@ class InputNoise:
 
 CLOCK = "clock"
 """Begin of the names in the wiring of what a fit has to find of a second clock, before its number and a place in `Ticks.at`."""
-OFFSET, RATE, ALL_INSTANTS, FIRST_INSTANT = 0, 1, 2, 3
+OFFSET, RATE = 0, 1
 """Places in `Ticks.at`."""
 
 
@@ -595,12 +597,24 @@ def clock_target(name: str) -> tuple[int, int] | None:
     return number, place
 
 
-class SampledChange(NamedTuple):
-    """A change of a sampled power: its load, the row that shows it in the load's table, and the interval in which it happened. [s]"""
+class Instant(NamedTuple):
+    """When a held input changed: somewhere in the interval before the sample that shows it, in whose middle the scenario has it.
 
+    `table` and `path` are those of the scenario, `row` that of the signal, `channel` and `stated` (whether somebody said that it was
+    sampled) those of the log; the interval is in seconds.
+    """
+
+    table: str
     path: str
     row: int
     interval: float
+    channel: str
+    stated: bool
+
+    @property
+    def name(self) -> str:
+        """Its name in the wiring, which says by which part of the interval it is later than the middle."""
+        return f"{SWITCH} {self.row} of {self.path}"
 
 
 @dataclass(frozen=True)
@@ -612,58 +626,34 @@ class Ticks:
     clock : SecondClock             Where its offset and rate are looked for.
     driven : tuple of (str, str)    Table of the scenario and path of every signal that was logged on it.
     zero : float                    Time on the record's own clock at which the experiment begins. [s]
-    at : tuple of float             Offset [s] and rate [-] at which the scenario holds these signals, how far all `unstated` changes are
-                                    from the middles of their intervals, and the first of `changes` beside that. [-]
-    changes : tuple of SampledChange       Changes of powers and commands that were sampled, the largest first. A sum of their instants is
-                                    what the offset is, so that a fit looks for them beside it.
+    at : (offset, rate)             At which the scenario holds these signals. [s], [-]
     read : tuple of str             Channels on it whose readings are compared.
-    middles : dict                  Path -> times of its table on the clock, changes in the middle of their intervals (samples,). [s]
-    unstated : frozenset of str     Paths of powers of which nobody states whether they were logged as they changed.
+    samples : dict                  Path -> times of its table on the clock (samples,). [s]
     """
 
     clock: SecondClock
     driven: tuple[tuple[str, str], ...]
     zero: float
-    at: tuple[float, ...]
-    changes: tuple[SampledChange, ...] = ()
+    at: tuple[float, float]
     read: tuple[str, ...] = ()
-    middles: Mapping[str, Array] = field(default_factory=dict)
-    unstated: frozenset[str] = frozenset()
+    samples: Mapping[str, Array] = field(default_factory=dict)
 
     def read_at(self, times: Array) -> Array:
         """Return when readings happened that the experiment holds at some times, as if its clock were right (times,). [s]"""
         ticks = (times + self.zero - self.clock.at[0]) / self.clock.at[1]
         return np.round(self.at[0] + self.at[1] * ticks - self.zero, 9)
 
-    def moved(self, path: str, signal: Signal, at: tuple[float, ...]) -> Signal:
-        """Return the tabled signal of a path where a second clock and the instants of changes stand otherwise; any other as it is."""
+    def moved(self, path: str, signal: Signal, at: tuple[float, float]) -> Signal:
+        """Return the tabled signal of a path where a second clock stands otherwise; any other as it is."""
         if not isinstance(signal, TableSignal):
             return signal
-        ticks, order = self.middles[path].copy(), LEAST_TICK * np.arange(self.middles[path].size)
-        for k, change in enumerate(self.changes):
-            if change.path == path:
-                common = at[ALL_INSTANTS] if path in self.unstated else 0.0
-                ticks[change.row] += (common + (at[FIRST_INSTANT + k] if FIRST_INSTANT + k < len(at) else 0.0)) * change.interval
-        ticks = np.maximum.accumulate(ticks - order) + order  # a late change does not pass the sample after it
         # to the nanosecond, so that rounding does not part an instant from the start of the run or from a reading
-        return signal.retimed(lambda _: np.round(at[OFFSET] + at[RATE] * ticks - self.zero, 9))
+        return signal.retimed(lambda _: np.round(at[OFFSET] + at[RATE] * self.samples[path] - self.zero, 9))
 
     @property
     def shift(self) -> float:
         """Time to either side over which derivatives to instants, offset and rate are taken. [s]"""
         return SHIFT * self.clock.step * self.at[RATE]
-
-    def pulses(self, number: int, tables: Mapping[str, Any]) -> dict[str, tuple[str, TableSignal]]:
-        """Return the name of each change -> its load and the power that stands for it: what a later change takes off, in a short pulse.
-
-        A change dP that is later by dt takes dP dt off. The same energy in a pulse from `shift` before to `shift` after the instant gives
-        the derivative to u, its place in the interval, as that to the scale of the pulse: dT/du = interval dT/dt. The difference of two
-        runs with the offset `shift` earlier and later is the same, so that the offset is the sum of its instants and no more.
-        """
-        return {
-            f"{CLOCK} {number} {FIRST_INSTANT + k}": (path, tables[path].pulse(row, self.shift, self.at[RATE] * interval))
-            for k, (path, row, interval) in enumerate(self.changes[: len(self.at) - FIRST_INSTANT])
-        }
 
     @property
     def span(self) -> float:
@@ -671,71 +661,23 @@ class Ticks:
         return max(abs(t - self.at[0]) for t in self.clock.times) / self.at[1]
 
 
-LEAST_TICK = 1e-6
-"""Least time between two samples of a table on another clock. [s]"""
 SHIFT = 0.1
 """Shift over which differences are taken, in samples of the second log: smaller ones drown in the integrator's own error."""
 SWITCH = "switch"
-"""Begin of the name of a load that stands for what an instant does to a power."""
-MAX_SWITCHES = 24
+"""Begin of the names of instants in the wiring, and among the unknowns of a record."""
+MAX_SWITCHES = 200
 """The largest changes of the powers of a record that have an instant of their own."""
-INSTANT_SD, LAST_INSTANT = 12.0**-0.5, 0.499
-"""Standard deviation, and the farthest from the middle, of a change that is anywhere in its interval as likely. [-]"""
+MAX_JUMPS = 1000
+"""Steps on a clock up to which a run gives what its offset does; of more it is found by differences."""
+LAST_INSTANT = 0.499
+"""The farthest from the middle of its interval that a change lies. [-]"""
 MIN_SWITCHED, MIN_SWITCHED_NOISES = 0.05, 6.0
 """Of the largest power, and of the noise of one sample, what a change exceeds whose instant matters. [-]"""
+BETWEEN_SAMPLES = (0.0, 24.0**-0.5), (0.0, 24.0**-0.5)
+"""Mean and standard deviation of what all instants of a logger have in common, and of each beside it, in intervals from the middle: each
+is anywhere in its interval as likely (1/12 is the sum of both variances), and half of that is a habit of who switches and logs."""
 SOME_SAMPLE = (0.25, 0.25), (0.0, (0.5 / 3.0 - 0.125) ** 0.5)
-"""Mean and standard deviation of what all instants of a logger have in common, and of each beside it, in intervals: half of all loggers
-switch as they write, which is no interval before the sample, and of half each instant is anywhere in it."""
-
-
-@dataclass(frozen=True, eq=False)
-class Switch:
-    """What powers have more where they changed an interval before the samples that show it; a part of the interval gives its part of it.
-
-    Parameters
-    ----------
-    name : str              Says which changes: all of a record, or those that one sample shows.
-    mean, sd : float        Of the part of the interval, before the readings are asked. [-]
-    more : dict             Path of the load -> what it has more, as a power or a command.
-    """
-
-    name: str
-    mean: float
-    sd: float
-    more: Mapping[str, TableSignal]
-
-    def beside(self, path: str) -> str:
-        """Return the name of the load that stands beside one of these."""
-        return f"{SWITCH} {self.name} of {path}"
-
-    @property
-    def scales(self) -> tuple[str, ...]:
-        """Names in the wiring of the parts of the interval, all of which are one."""
-        return tuple(SCALE + self.beside(path) for path in self.more)
-
-
-def _changes(channel: Channel, table: TableSignal) -> Array:
-    """Return the changes from sample to sample of a power whose instants matter, zero where they do not (samples - 1,)."""
-    return table.steps_above(MIN_SWITCHED, MIN_SWITCHED_NOISES * _input_noise(channel).white)
-
-
-def _switches(powers: Mapping[str, tuple[Channel, TableSignal]]) -> tuple[Switch, ...]:
-    """Return what is unknown of when sampled powers changed, from load -> its channel and its table."""
-    steps = {p: (t, np.append(_changes(c, t), 0.0), np.append(t.times[1:], np.inf)) for p, (c, t) in powers.items()}
-
-    def more(time: float | None) -> dict[str, TableSignal]:
-        """Return path -> what the steps of tables add, of all or of those at one time. [s]"""
-        parts = {p: (t, change if time is None else np.where(at == time, change, 0.0)) for p, (t, change, at) in steps.items()}
-        return {path: replace(table, values=change) for path, (table, change) in parts.items() if change.any()}
-
-    largest: dict[float, float] = {}
-    for _, change, at in steps.values():
-        for k in np.flatnonzero(change):
-            largest[float(at[k])] = max(largest.get(float(at[k]), 0.0), abs(float(change[k])))
-    common, own = SOME_SAMPLE
-    chosen = sorted(sorted(largest, key=lambda t: -largest[t])[:MAX_SWITCHES])
-    every = (Switch("every", *common, more(None)),) if chosen else ()
-    return (*every, *(Switch(f"at {t:.10g} s", *own, more(t)) for t in chosen))
+"""The same of a logger of which nobody says whether it logs as it switches: half of all do, which is half an interval after the middle."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -757,6 +699,7 @@ class Experiment:
     hidden : dict               Node without a sensor -> its start, where nothing gives it and the log does not begin at rest.
     tips : dict                 Tip of a sensor -> the node on which it sits, at whose temperature it starts.
     ticks : tuple of Ticks      What was logged on clocks that are known within a range only, of each clock.
+    instants : tuple            Changes of held inputs somewhere between two samples.
     noisy : dict                Logged boundary, or scale of a logged power -> noise of its samples.
     means : dict                The same -> standard deviation of an error that is one in all samples of this record. [K], [-]
     memo : Memo                 Benches, by what is free in them and where the second clock stands.
@@ -776,6 +719,7 @@ class Experiment:
     noisy: Mapping[str, InputNoise] = field(default_factory=dict)
     means: Mapping[str, float] = field(default_factory=dict)
     hidden: Mapping[str, HiddenStart] = field(default_factory=dict)
+    instants: tuple[Instant, ...] = ()
     memo: Memo = field(init=False, default_factory=Memo, compare=False, repr=False)
 
     def first_readings(self, window: float = 0.0) -> dict[str, float]:
@@ -783,67 +727,56 @@ class Experiment:
         return {sensor: value for read in first_readings(self.record, self.observations, window).values() for sensor, value in read.items()}
 
     @property
-    def switches(self) -> tuple[Switch, ...]:
-        """What is unknown of when powers and commands changed whose `prompt` is false, on the record's own clock; nothing of an FMU's."""
-        return self.memo.value("switches", lambda: _switches(self.sampled(False)))
+    def promptly(self) -> dict[str, tuple[Channel, TableSignal]]:
+        """Load -> channel and signal of what counts from its samples, although nobody says that it was logged as it changed.
 
-    def sampled(self, prompt: bool | None) -> dict[str, tuple[Channel, TableSignal]]:
-        """Return load -> channel and signal of what is held between samples on the record's own clock, powers and commands of a `prompt`.
-
-        None of an FMU's, and none whose load has a curve, a flux, a cycle or a control: for those no power is added in an interval.
+        None of an FMU's, and none whose load has a curve, a flux, a cycle or a control.
         """
         later = {n for ticks in self.ticks for n in ticks.clock.channels}
-        channels = [c for n, c in self.record.channels.items() if c.held and c.prompt is prompt and n not in later]
+        channels = [c for n, c in self.record.channels.items() if c.held and c.prompt is None and n not in later]
         of_load = {self.network.flat.names.model.canonical(c.target or c.name): c for c in channels if c.samples != "average"}
         signals = {**self.scenario.commands, **self.scenario.loads}
         return {
-            path: (of_load[path], signal)
-            for path in self.plain_loads
-            if path in of_load and isinstance(signal := signals.get(path), TableSignal) and signal.held
-        }
-
-    @property
-    def plain_loads(self) -> tuple[str, ...]:
-        """Loads whose power is that of their table, so that a load beside them can add to it."""
-        return tuple(
-            load.path
+            load.path: (of_load[load.path], signal)
             for load in self.network.flat.loads
             if not (self.model.runner or load.curve or load.flux or load.cycle or load.controls or "periodic.period" in load.fields)
-        )
+            if load.path in of_load and isinstance(signal := signals.get(load.path), TableSignal) and signal.held
+        }
 
-    @property
-    def pulses(self) -> dict[str, tuple[str, TableSignal]]:
-        """Name of each change on an unknown clock -> its load and the pulse that stands for a later one, see `Ticks.pulses`."""
-        tables, plain = {**self.scenario.loads, **self.scenario.commands}, self.plain_loads
-        every = {name: of for n, ticks in enumerate(self.ticks) for name, of in ticks.pulses(n, tables).items()}
-        return {name: (path, pulse) for name, (path, pulse) in every.items() if path in plain}
-
-    def on_clocks(self, at: Sequence[tuple[float, ...]]) -> Experiment:
-        """Return the experiment with what follows its unknown clocks where they stand otherwise: `Ticks.at` of each clock."""
+    def on_clocks(self, at: Sequence[tuple[float, float]], steps_at: Sequence[tuple[float, float]]) -> Experiment:
+        """Return the experiment with its unknown clocks where they stand otherwise, `Ticks.at` of each, for steps at `steps_at`."""
         tables = {name: dict(getattr(self.scenario, name)) for name in ("boundaries", *DRIVEN)}
-        for ticks, there in zip(self.ticks, at, strict=True):
+        for ticks, there, steps in zip(self.ticks, at, steps_at, strict=True):
             for name, path in ticks.driven:
-                tables[name][path] = ticks.moved(path, tables[name][path], there)
+                signal = tables[name][path]
+                tables[name][path] = ticks.moved(path, signal, steps if name in STEPPED and signal.held else there)
         moved = tuple(replace(ticks, at=there) for ticks, there in zip(self.ticks, at, strict=True))
         return replace(self, scenario=self.scenario.with_(**tables), ticks=moved)
 
-    def with_switches(self, free: frozenset[str]) -> tuple[Network, Scenario]:
-        """Return network and scenario with a load for every part of an interval, and every pulse, that is among some free names."""
-        network, scenario = self.network, self.scenario
-        loads = {load.path: load for load in network.flat.loads}
-        tables: dict[str, dict[str, Any]] = {name: dict(getattr(scenario, name)) for name in ("loads", "commands", "gains")}
-        added, beside = [], {s.beside(path): (path, more) for s in self.switches for path, more in s.more.items()} | self.pulses
-        for name, (path, signal) in beside.items():
-            if SCALE + name not in free:
-                continue
-            added.append(replace(loads[path], path=name, scale=""))
-            tables["loads" if path in tables["loads"] else "commands"][name] = signal
-            if path in tables["gains"]:
-                tables["gains"][name] = tables["gains"][path]
-        if not added:
-            return network, scenario
-        flat = replace(network.flat, loads=(*network.flat.loads, *added))
-        return replace(network, flat=flat), scenario.with_(**tables)
+    @property
+    def jumps(self) -> dict[str, tuple[Jump, ...]]:
+        """Name in the wiring -> the jumps of inputs that it moves: an instant its own, offset and rate of a clock all of its steps."""
+        rates = {n: ticks.at[RATE] for ticks in self.ticks for n in ticks.clock.channels}
+        out: dict[str, tuple[Jump, ...]] = {
+            x.name: (Jump(x.table, x.path, x.row, x.interval * rates.get(x.channel, 1.0)),) for x in self.instants
+        }
+        for k, ticks in enumerate(self.ticks):
+            of_clock = [(n, p, getattr(self.scenario, n)[p]) for n, p in ticks.driven if n in STEPPED]
+            tables = [(n, p, t) for n, p, t in of_clock if isinstance(t, TableSignal) and t.held]
+            rows = [(n, p, int(r)) for n, p, t in tables for r in np.flatnonzero(np.diff(t.values))]
+            rows = rows if len(rows) <= MAX_JUMPS else []
+            out[f"{CLOCK} {k} {OFFSET}"] = tuple(Jump(n, p, r + 1, 1.0) for n, p, r in rows)
+            out[f"{CLOCK} {k} {RATE}"] = tuple(Jump(n, p, r + 1, float(ticks.samples[p][r + 1])) for n, p, r in rows)
+        return out
+
+    def changed_at(self, later: Mapping[str, float], scenario: Scenario | None = None) -> Scenario:
+        """Return its scenario, or one of it with other values, with changes later than in the middle: `Instant.name` -> [intervals]."""
+        whole = scenario or self.scenario
+        tables = {name: dict(getattr(whole, name)) for name in STEPPED}
+        for x in self.instants:
+            (jump,) = self.jumps[x.name]
+            tables[x.table][x.path] = tables[x.table][x.path].with_row_later(x.row, jump.later * later.get(x.name, 0.0))
+        return whole.with_(**tables) if self.instants else whole
 
     @property
     def bare(self) -> Scenario:
@@ -863,7 +796,7 @@ class Experiment:
         fitted_values : dict  Name in the wiring -> value, as in `corrected`, and the lags of sensors [s].
         sensors : bool      Whether sensors that touch the hardware are on the model, with their lags.
         """
-        scenario = self._switched(corrected(self.scenario, fitted_values), fitted_values)
+        scenario = self.changed_at(fitted_values, corrected(self.scenario, fitted_values))
         driven = [b for b in self.network.boundaries if b not in self.network.flat.names.boundaries]
         if driven:
             undriven = {b: s for b, s in scenario.boundaries.items() if b not in driven}
@@ -872,16 +805,6 @@ class Experiment:
             return model, self._without_tips(scenario)
         lags = {o.lag: f"{fitted_values[o.lag]!r} [s]" for o in self.observations if o.lag in fitted_values}
         return attached(model, self.record)[0].with_values(lags, "found by the fit"), scenario
-
-    def _switched(self, scenario: Scenario, fitted_values: Mapping[str, float]) -> Scenario:
-        """Return a scenario whose sampled powers changed when a fit says."""
-        tables: dict[str, dict[str, Any]] = {name: dict(getattr(scenario, name)) for name in ("loads", "commands")}
-        for switch in self.switches:
-            for path, more in switch.more.items():
-                held = tables["loads" if path in tables["loads"] else "commands"]
-                part = fitted_values.get(SCALE + switch.beside(path), 0.0)
-                held[path] = replace(held[path], values=held[path].values + part * more.values)
-        return scenario.with_(**tables) if self.switches else scenario
 
 
 def role_and_target(record: Record, channel: Channel, network: Network) -> tuple[str, str]:
@@ -974,12 +897,12 @@ def bind(
     start, initial, readings, loose = starts_of(record, base, network, first, begun, window)
     tips = {o.node: o.seat for o in observations if o.node != o.seat}
     initial |= {tip: initial[seat] for tip, seat in tips.items() if seat in initial and tip not in initial}
-    clocks = (*record.clocks, *_own_clock(record, inputs, times + zero))
-    ticks = tuple(_ticks(record, clock, zero, inputs, tuple(c.name for c, _ in observed)) for clock in clocks)
+    instants = _instants(record, inputs) if model.runner is None else ()
+    ticks = tuple(_ticks(clock, zero, inputs, tuple(c.name for c, _ in observed)) for clock in record.clocks)
     full = replace(base, title=record.name, **inputs.tables, start=start, initial=initial, duration=last - zero, metered=(*inputs.metered,))
     hidden = _hidden_starts(full, network, first, record, inputs.driven, observations, tips) if base.start == "" else {}
     full = replace(full, initial={**full.initial, **{n: Kelvin(h.mean) for n, h in hidden.items()}})
-    notes = (inputs.noisy, inputs.means, hidden)
+    notes = (inputs.noisy, inputs.means, hidden, instants)
     return Experiment(record, model, network, full, times, observations, inputs.shared, readings, loose, tips, ticks, *notes)
 
 
@@ -1006,42 +929,52 @@ def _hidden_starts(
     return hidden_starts(bound_scenario, network, first, by_place, tuple(tips))
 
 
-def _own_clock(record: Record, inputs: Inputs, read: Array) -> tuple[SecondClock, ...]:
-    """Return the clock of a record itself, which is known, for powers that changed at some instant between their samples.
+def _instants(record: Record, inputs: Inputs) -> tuple[Instant, ...]:
+    """Return the largest changes between samples of inputs, which are laid in the middles of their intervals.
 
-    Where temperatures are `read` between these samples too, a change spread over the interval has another course than one at its instant;
-    where they are not, what counts is its energy, see `Switch`.
+    They are those of channels that were not logged as they changed, and those on another clock of which nobody says so. Of all others of a
+    power with n such steps dP in intervals h the energy is known to (sum (dP h)^2 / 12)^(1/2): an error of its mean.
     """
     later = {n for clock in record.clocks for n in clock.channels}
-    several = {n: c for n in inputs.driven if n not in later for c in (record.channels[n],) if c.held and c.prompt is False}
-    sampled = tuple(n for n, c in several.items() if c.samples != "average" and not np.isin(read, record.times[c.valid]).all())
-    if not sampled:
-        return ()
-    step = float(np.median(np.diff(record.times)))
-    return (SecondClock(sampled, (0.0, 0.0), (1.0, 1.0), (0.0, 1.0), record.ends, step, record.name),)
+    found: list[tuple[float, Instant]] = []
+    steps: dict[Instant, float] = {}
+    for name, path in inputs.driven.items():
+        channel = record.channels[name]
+        kind = "schedule" if channel.role == "schedule" else "loads" if path in inputs.tables["loads"] else "commands"
+        table = inputs.tables[kind].get(path)
+        sampled = channel.prompt is False or (channel.prompt is None and name in later and kind != "schedule")
+        if not (sampled and channel.samples != "average" and isinstance(table, TableSignal) and table.held):
+            continue
+        # as logged: errors that a fit found, and how a power was summed, change no order
+        logged = float(np.abs(channel.values[channel.valid]).max()) / float(np.abs(table.values).max() or 1.0)
+        change = table.steps_above(MIN_SWITCHED, MIN_SWITCHED_NOISES * _input_noise(channel).white)
+        for k in np.flatnonzero(change).tolist():
+            instant = Instant(kind, path, k + 1, table.gaps(k + 1)[0], name, channel.prompt is False)
+            steps[instant] = float(change[k])
+            found.append((float(f"{-abs(change[k]) * logged:.9g}"), instant))
+        inputs.tables[kind][path] = table.changed_within()
+    ordered = [instant for _, instant in sorted(found)]
+    energies: dict[tuple[str, str], float] = {}
+    for x in (x for x in ordered[MAX_SWITCHES:] if x.table != "schedule"):
+        energies[x.table, x.path] = energies.get((x.table, x.path), 0.0) + (steps[x] * x.interval) ** 2 / 12.0
+    for (kind, path), square in energies.items():
+        whole = inputs.tables[kind][path].mapped(np.abs)
+        energy = whole.mean_over(*record.ends) * (record.ends[1] - record.ends[0])
+        inputs.means[SCALE + path] = float(np.hypot(inputs.means.get(SCALE + path, 0.0), np.sqrt(square) / energy))
+    return tuple(ordered[:MAX_SWITCHES])
 
 
-def _ticks(record: Record, second: SecondClock, zero: float, inputs: Inputs, observed: tuple[str, ...]) -> Ticks:
+def _ticks(second: SecondClock, zero: float, inputs: Inputs, observed: tuple[str, ...]) -> Ticks:
     """Return which inputs and which of the compared readings follow a clock that the fit has yet to find."""
     tables = [(name, held) for name, held in inputs.tables.items() if name != "gains"]
     followed = tuple((name, p) for c, p in inputs.driven.items() if c in second.channels for name, held in tables if p in held)
-    sampled: list[tuple[float, SampledChange]] = []
-    for channel, path in inputs.driven.items():
-        driving_channel = record.channels[channel]
-        instants = driving_channel.held and not driving_channel.prompt and driving_channel.role != "schedule"
-        for _, held in tables if channel in second.channels and instants else ():
-            if path in held and isinstance(table := held[path], TableSignal) and table.held:
-                change, intervals = _changes(driving_channel, table), np.diff(table.times) / second.at[RATE]
-                # as logged: errors that a fit found, and how a power was summed, change no order
-                logged = float(np.abs(driving_channel.values[driving_channel.valid]).max())
-                sizes = [float(f"{-abs(x) * logged / np.abs(table.values).max():.9g}") if x else 0.0 for x in change]
-                sampled += [(sizes[k], SampledChange(path, int(k) + 1, float(intervals[k]))) for k in np.flatnonzero(change)]
-                held[path] = table.changed_within()
-    changes = tuple(change for _, change in sorted(sampled))
-    at = (*second.at, 0.0, *(0.0 for _ in changes[:MAX_SWITCHES]))
-    unstated = frozenset(p for c, p in inputs.driven.items() if record.channels[c].prompt is None)
-    middles = {p: (held[p].times + zero - at[OFFSET]) / at[RATE] for name, held in tables for n, p in followed if n == name}
-    return Ticks(second, followed, zero, at, changes, tuple(n for n in observed if n in second.channels), middles, unstated)
+    samples = {
+        p: (table.times + zero - second.at[OFFSET]) / second.at[RATE]
+        for name, held in tables
+        for n, p in followed
+        if n == name and isinstance(table := held[p], TableSignal)
+    }
+    return Ticks(second, followed, zero, second.at, tuple(n for n in observed if n in second.channels), samples)
 
 
 def _read_within(channel: Channel, record: Record) -> Channel:

@@ -11,10 +11,8 @@ from typing import Any
 from thermid.base.errors import IdentificationError, RecordError, nearest, refuse_unknown
 from thermid.base.units import TEMPERATURE, Kelvin, require
 from thermid.fit._problem.experiment import (
-    ALL_INSTANTS,
+    BETWEEN_SAMPLES,
     CLOCK,
-    FIRST_INSTANT,
-    INSTANT_SD,
     LAST_INSTANT,
     OFFSET,
     RATE,
@@ -23,7 +21,6 @@ from thermid.fit._problem.experiment import (
     SWITCH,
     UNKNOWN_START_SD,
     Experiment,
-    Switch,
     bind,
     first_reading,
     gain_of,
@@ -82,6 +79,7 @@ def problem_of(request: Request, experiments: Sequence[Experiment], opened: Sequ
         *_locals(request, experiments),
         *clock_unknowns(experiments),
         *_nuisances(request, experiments),
+        *instant_unknowns(experiments),
     ]
     starts = [_starts(request, e) for e in experiments]
     unknowns = _reaching(unknowns, starts, request.held_bias)
@@ -178,7 +176,6 @@ def _locals(request: Request, experiments: Sequence[Experiment]) -> list[Unknown
                 out.append(Unknown(f"{experiment.record.name}: {name}", "local", targets, start, prior=prior, unit="degC"))
         out += _hidden(i, experiment, named) if request.fit_start else []
         sought = {target for target, _ in experiment.shared.values()} if request.held_errors is None else set()
-        out += [_part(i, experiment, switch) for switch in experiment.switches if request.held_errors is None]
         out += [_mean(i, experiment, name, sd, name in sought) for name, sd in experiment.means.items() if name not in named]
     return out
 
@@ -189,12 +186,6 @@ def _mean(i: int, experiment: Experiment, name: str, sd: float, instrument: bool
     target = Influence(i, name, 1.0 if power and not instrument else 0.0, 1.0)
     label = f"{experiment.record.name}: error of the mean of {name.removeprefix(SCALE)}"
     return Unknown(label, "local", (target,), 0.0, prior=Prior(0.0, sd), unit="1" if power else "K")
-
-
-def _part(i: int, experiment: Experiment, switch: Switch) -> Unknown:
-    """Return the part of the interval before their samples for which powers had changed already."""
-    targets = tuple(Influence(i, name) for name in switch.scales)
-    return Unknown(f"{experiment.record.name}: {SWITCH} {switch.name}", "local", targets, switch.mean, prior=Prior(switch.mean, switch.sd))
 
 
 def _hidden(i: int, experiment: Experiment, named: Collection[str]) -> list[Unknown]:
@@ -363,7 +354,7 @@ def clock_suffix(record: Record, clock: SecondClock) -> str:
 
 
 def clock_unknowns(experiments: Sequence[Experiment]) -> list[Unknown]:
-    """Return offset and rate of every second clock that is known within a range only, and the instants of the changes on it."""
+    """Return offset and rate of every second clock that is known within a range only."""
     out = []
     for i, e in enumerate(experiments):
         for n, ticks in enumerate(e.ticks):
@@ -375,11 +366,22 @@ def clock_unknowns(experiments: Sequence[Experiment]) -> list[Unknown]:
                 if low < high:
                     acts = (Influence(i, f"{CLOCK} {n} {place}"),)
                     out.append(Unknown(f"{e.record.name}: {name}{of}", "local", acts, at, low=low, high=high, unit=unit))
-            instants = [(ALL_INSTANTS, "every", Prior(*SOME_SAMPLE[0]))] if any(c.path in ticks.unstated for c in ticks.changes) else []
-            for k, change in enumerate(ticks.changes[: len(ticks.at) - FIRST_INSTANT], FIRST_INSTANT):
-                beside = Prior(0.0, SOME_SAMPLE[1][1] if change.path in ticks.unstated else INSTANT_SD)
-                instants.append((k, f"{change.row} of {change.path}", beside))
-            for place, name, prior in instants:
-                acts, last = (Influence(i, f"{CLOCK} {n} {place}"),), LAST_INSTANT
-                out.append(Unknown(f"{e.record.name}: {SWITCH} {name}{of}", "local", acts, 0.0, low=-last, high=last, prior=prior))
+    return out
+
+
+def instant_unknowns(experiments: Sequence[Experiment]) -> list[Unknown]:
+    """Return when held inputs changed, in intervals from their middles: what all changes of a logger have in common, and each beside it."""
+    out, last = [], LAST_INSTANT
+    for i, e in enumerate(experiments):
+        suffixes = {n: clock_suffix(e.record, clock) for clock in e.record.clocks for n in clock.channels}
+        groups: dict[tuple[str, bool], list[tuple[str, Influence]]] = {}
+        for x in e.instants:
+            alike = groups.setdefault((suffixes.get(x.channel, ""), x.stated), [])
+            alike.append((f"{x.row} of {x.path}", Influence(i, x.name)))
+        for (of, stated), alike in groups.items():
+            every, (common, own) = ("all", BETWEEN_SAMPLES) if stated else ("every", SOME_SAMPLE)
+            parts = [(every, tuple(act for _, act in alike), common), *((name, (act,), own) for name, act in alike)]
+            names = [f"{e.record.name}: {SWITCH} {name}{of}" for name, _, _ in parts]
+            priors = [(acts, Prior(*law)) for _, acts, law in parts]
+            out += [Unknown(n, "local", a, 0.0, low=-last, high=last, prior=p) for n, (a, p) in zip(names, priors, strict=True)]
     return out

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import reduce
-from typing import overload
+from typing import TypeAlias, overload
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from thermid.base.errors import DeckError, SolverError
 from thermid.base.memo import Memo
 from thermid.base.units import Array, Dual, Number, gradient_of, value_of
-from thermid.fit._problem.experiment import ALL_INSTANTS, OFFSET, RATE, SCALE, SHIFT, SWITCH, Experiment, Observation, clock_target
+from thermid.fit._problem.experiment import CLOCK, OFFSET, STEPPED, SWITCH, Experiment, Observation, clock_target
 from thermid.simulation.runs import Engine, Options, Squares, Traces, Weighing, Wiring, kept_for
 
 
@@ -86,9 +86,8 @@ class Unknown:
 
     @property
     def is_instant(self) -> bool:
-        """Whether it says when a power changed: it is looked for only for the sake of other values."""
-        at = [clock_target(t.name) for t in self.targets]
-        return any(of is not None and of[1] >= ALL_INSTANTS for of in at) or any(t.name.startswith(SCALE + SWITCH) for t in self.targets)
+        """Whether it says when an input changed: it is looked for only for the sake of other values."""
+        return any(t.name.startswith(SWITCH) for t in self.targets)
 
     @property
     def scale(self) -> float:
@@ -303,6 +302,10 @@ MAX_CACHED_BENCHES = 32
 """Benches of one experiment that are kept: a search for a second clock asks for many."""
 
 
+ClockPlaces: TypeAlias = tuple[tuple[float, float], ...]
+"""Offset [s] and rate of every unknown clock of an experiment."""
+
+
 @dataclass(frozen=True, eq=False)
 class Bench:
     """An experiment wired to the kernel, with the names that are free in it."""
@@ -314,16 +317,16 @@ class Bench:
     memo: Memo = field(init=False, default_factory=Memo, compare=False, repr=False)
 
     @classmethod
-    def of_experiment(cls, experiment: Experiment, free: Sequence[str], at: tuple[tuple[float, ...], ...] | None = None) -> Bench:
-        """Return the bench of an experiment, made once, with its clocks where `at` says instead of its own: `Ticks.at` of each."""
+    def of_experiment(cls, experiment: Experiment, free: Sequence[str], at: ClockPlaces = (), steps_at: ClockPlaces = ()) -> Bench:
+        """Return the bench of an experiment, made once, with its clocks where `at` says, steps `steps_at`: `Ticks.at` of each."""
 
         def make() -> Bench:
             """Return the model wired for the free values, on the clocks of `at` where some are fitted."""
-            moved = experiment if at is None else experiment.on_clocks(at)
-            wiring = Wiring(*moved.with_switches(frozenset(free)), free)
+            moved = experiment.on_clocks(at, steps_at or at) if at else experiment
+            wiring = Wiring(moved.network, moved.scenario, free, jumps=moved.jumps)
             return cls(moved, tuple(free), wiring, Engine(wiring))
 
-        return experiment.memo.value((tuple(free), at), make, MAX_CACHED_BENCHES)
+        return experiment.memo.value((tuple(free), at, steps_at), make, MAX_CACHED_BENCHES)
 
     def temperatures(
         self, x: Array, gradients: bool, options: Options | None, times: Array | None = None, *, from_rest: bool = False
@@ -410,32 +413,34 @@ def _parts(node: str, recover: Mapping[str, Mapping[str, Number]]) -> dict[str, 
     return out
 
 
-def clock_at(problem: Problem, i: int, fitted: Array) -> tuple[tuple[float, ...], ...]:
+def clock_at(problem: Problem, i: int, fitted: Array) -> ClockPlaces:
     """Return `Ticks.at` of every unknown clock of an experiment at some values of the unknowns."""
-    at = [list(ticks.at) for ticks in problem.experiments[i].ticks]
+    at = [[*ticks.at] for ticks in problem.experiments[i].ticks]
     for k, number, place in problem.ticking(i):
         at[number][place] = float(fitted[k])
-    return tuple(map(tuple, at))
+    return tuple((offset, rate) for offset, rate in at)
 
 
-def slopes_of_clock(problem: Problem, i: int, fitted: Array, times: Array | None = None, but: Collection[int] = ()) -> dict[int, Array]:
-    """Return position of an unknown -> derivatives (times, sensors) of the readings to offset, rate or an instant, by differences.
+def slopes_of_clock(problem: Problem, i: int, fitted: Array, times: Array | None = None) -> dict[int, Array]:
+    """Return position of an unknown -> what offset or rate of a clock does to readings (times, sensors), but for steps of inputs.
 
-    A switched power has no derivative with respect to its instant that a run could carry, so two runs are taken on either side; none for
-    unknowns at positions `but`.
+    By differences; none for a clock that nothing but steps are on.
     """
     out: dict[int, Array] = {}
+    experiment, here = problem.experiments[i], clock_at(problem, i, fitted)
     for k, number, place in problem.ticking(i):
-        if k in but:
+        ticks = experiment.ticks[number]
+        stepped = bool(experiment.jumps[f"{CLOCK} {number} {place}"])
+        smooth = [p for name, p in ticks.driven if name not in STEPPED or not getattr(experiment.scenario, name)[p].held]
+        if stepped and not (ticks.read or smooth):
             continue
-        ticks = problem.experiments[i].ticks[number]
-        step = {OFFSET: ticks.shift, RATE: ticks.shift / max(ticks.span, ticks.clock.step)}.get(place, SHIFT)
+        step = ticks.shift if place == OFFSET else ticks.shift / max(ticks.span, ticks.clock.step)
         sides = []
         for side in (-step, step):
             there = fitted.copy()
             there[k] += side
             x, _ = problem.inputs(i, there)
-            sides.append(problem.bench(i, there).temperatures(x, False, problem.options, times)[0])
+            sides.append(problem.bench(i, there, steps_at=here if stepped else ()).temperatures(x, False, problem.options, times)[0])
         out[k] = (sides[1] - sides[0]) / (2.0 * step)
     return out
 
@@ -519,12 +524,12 @@ class Problem:
         """Return one bench per experiment, made once."""
         return self.memo.value("benches", lambda: tuple(Bench.of_experiment(e, self._names(i)) for i, e in enumerate(self.experiments)))
 
-    def bench(self, i: int, fitted: Array, more: Sequence[str] = ()) -> Bench:
+    def bench(self, i: int, fitted: Array, more: Sequence[str] = (), steps_at: ClockPlaces = ()) -> Bench:
         """Return the bench of an experiment with its unknown clocks where the unknowns put them, and with `more` names free."""
         experiment = self.experiments[i]
         at = clock_at(self, i, fitted)
-        moved = None if at == tuple(ticks.at for ticks in experiment.ticks) else at
-        return Bench.of_experiment(experiment, (*self._names(i), *more), moved)
+        still = at == tuple(ticks.at for ticks in experiment.ticks) and steps_at in ((), at)
+        return Bench.of_experiment(experiment, (*self._names(i), *more), *(() if still else (at, steps_at)))
 
     def ticking(self, i: int) -> list[tuple[int, int, int]]:
         """Return, of unknowns of an experiment's clocks, position, number of the clock, and place in its `Ticks.at`."""
@@ -682,16 +687,14 @@ class Problem:
     def _slopes(self, i: int, fitted: Array, times: Array | None) -> tuple[Array, Array]:
         """Return the temperatures (times, sensors) of the sensors' nodes [K], and `slopes`."""
         x, chain = self.inputs(i, fitted)
-        names = {t.name: k for k, u in enumerate(self.unknowns) for t in u.targets if t.experiment == i}
-        instants = {n: names[n] for n in self.experiments[i].pulses if n in names}
-        bench = self.bench(i, fitted, [SCALE + name for name in instants])
-        x = np.append(x, np.zeros(len(instants)))
+        clocks = [(k, f"{CLOCK} {number} {place}") for k, number, place in self.ticking(i)]
+        bench, own = self.bench(i, fitted, [name for _, name in clocks]), x.size
+        x = np.append(x, np.zeros(len(clocks)))
         columns, derivatives = bench.temperatures(x, bool(x.size), self.options, times)
-        own = len(x) - len(instants)
         out = _chain_product(derivatives[:, :, :own], -chain) if own else np.zeros((*columns.shape, len(self.unknowns)))
-        for n, k in enumerate(instants.values()):
-            out[:, :, k] -= derivatives[:, :, own + n]
-        for at, slope_of_clock in slopes_of_clock(self, i, fitted, times, instants.values()).items():
+        for n, (k, _) in enumerate(clocks, own):
+            out[:, :, k] -= derivatives[:, :, n]
+        for at, slope_of_clock in slopes_of_clock(self, i, fitted, times).items():
             out[:, :, at] -= slope_of_clock
         for k, o in enumerate(bench.experiment.observations):
             _, position = self._bias(o.sensor, fitted)

@@ -224,7 +224,7 @@ def own_switches(problem: Problem, minimum: Fit) -> Iterator[OwnSwitches]:
     """
     weights = covariances(minimum)[2]
     for i, e in enumerate(problem.experiments if any(u.kind == "parameter" for u in problem.unknowns) else ()):
-        powers = {SCALE + p: c.name for p, (c, table) in e.sampled(None).items() if c.role == "load" and np.ptp(table.levels) > 0.0}
+        powers = {SCALE + p: c.name for p, (c, table) in e.promptly.items() if c.role == "load" and np.ptp(table.levels) > 0.0}
         slopes = problem.slopes(i, minimum.fitted) if powers else np.zeros(0)
         for path, table, answers in _answers(problem, i, minimum.fitted, list(powers), [e.times]) if powers else ():
             gradients, longest = [], 0.0

@@ -98,8 +98,7 @@ class FleetUnit:
             )
         if problem.clocked:
             raise IdentificationError(
-                "a record has a second clock, or a power with prompt = false between far samples, whose instants are looked for. Give "
-                "offset and rate, and two samples at each change.",
+                "a record has a second clock, whose offset and rate are looked for. Give them.",
                 name,
                 code="fleet.second-clock",
             )

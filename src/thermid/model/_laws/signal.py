@@ -296,10 +296,16 @@ class TableSignal:
         return replace(self, times=law(self.times), before="hold", after=self.after or "hold")
 
     def changed_within(self) -> TableSignal:
-        """Return the signal with each sample that differs from the one before moved half an interval earlier."""
+        """Return the signal with each sample that differs from the one before moved half an interval earlier; first and last value hold."""
         times, change = self.times.copy(), 1 + np.flatnonzero(np.diff(self.values))
         times[change] -= 0.5 * (self.times[change] - self.times[change - 1])
-        return replace(self, times=times)
+        return self.retimed(lambda _: times)
+
+    def with_row_later(self, row: int, by: float) -> TableSignal:
+        """Return the signal with one row later by some time, and those that it would pass right behind it. [s]"""
+        order = JUMP_TIME * np.arange(self.times.size)
+        times = self.times + np.where(np.arange(self.times.size) == row, by, 0.0)
+        return replace(self, times=np.maximum.accumulate(times - order) + order)
 
     def largest_changes(self, most: int) -> list[int]:
         """Return the indices of the samples after its `most` largest steps, the largest first; none below `SMALL_CHANGE` of that."""
@@ -321,12 +327,6 @@ class TableSignal:
         """Return the steps between samples (samples - 1,), zero where they are below a share of the largest value or `least`. [SI]"""
         steps = np.diff(self.values)
         return np.where(np.abs(steps) > max(share * float(np.abs(self.values).max()), least), steps, 0.0)
-
-    def pulse(self, place: int, half: float, later: float) -> TableSignal:
-        """Return what the step to the sample of index `place` takes off when it comes `later`, in a pulse of `half` to either side. [s]"""
-        times = self.times[place] + half * np.array([-2.0, -1.0, 1.0])
-        power = (self.values[place - 1] - self.values[place]) * later / (2.0 * half)
-        return TableSignal(times, np.array([0.0, power, 0.0]), True, before="hold", after="hold")
 
     def mapped(self, law: Callable[[Array], Array]) -> TableSignal:
         """Return the signal with `law` applied to its values; lines between samples, or steps, stay so."""

@@ -294,6 +294,8 @@ def _obstacle(wiring: Wiring) -> str:
     s = wiring.structure
     named: Mapping[int, str] = {k: name for name, k in wiring.used.items()}
 
+    if s.edges:
+        return "the instants of jumps are free"
     if s.driven:
         return f"a control, '{s.factors[0].row.name}', follows a temperature"
 

@@ -189,6 +189,8 @@ def refusal(problem: KernelProblem) -> str:
     """Return in words why a model cannot be run by the methods of large networks; empty where it can."""
     s = problem.wiring.structure
     follows, n = s.coefficient_input, len(problem.nodes)
+    if s.edges:
+        return "the instants of jumps are free"
     if s.factors:
         return f"the control '{s.factors[0].row.name}' follows a temperature"
     for row, a, _, places in s.conductors:

@@ -490,6 +490,7 @@ class KernelProblem:
             "tables": tables,
             "inputs": [kernel_input(signal) for signal in self.inputs],
             "follow": follow,
+            "edges": list(s.edges),
         }
 
     def _followed(self, tables: list[tuple[Array, Array, Array]]) -> dict[str, Any]:

@@ -142,6 +142,15 @@ def _square(fields: Mapping[str, str], values: Mapping[str, Any]) -> Signal:
     return pulses(*(value_of(values[fields[f"periodic.{k}"]]) for k in ("period", "duty")))
 
 
+class Jump(NamedTuple):
+    """A jump of a held input: table of the scenario, path and row; a unit of what is free moves it by `later` seconds."""
+
+    table: str
+    path: str
+    row: int
+    later: float
+
+
 ZERO_SHARE_OF_SCHEDULE = 1e-13
 """Share of its largest value below which a scheduled value is zero. [-]"""
 COURSE_TOLERANCES = (1e-9, 1e-12)
@@ -436,6 +445,7 @@ class KernelLayout:
     factors : tuple             Controls of the deck.
     driven : tuple              Inputs that follow temperatures.
     hidden : int                How many of the loads, the last, are rates of controllers' states.
+    edges : tuple               Of each jump that a free name moves: input, time in its table, by how much a unit moves it [s], place.
     """
 
     nodes: tuple[str, ...]
@@ -449,6 +459,7 @@ class KernelLayout:
     factors: tuple[PlacedFactors, ...] = ()
     driven: tuple[DrivenInput, ...] = ()
     hidden: int = 0
+    edges: tuple[tuple[int, float, float, int], ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -501,20 +512,30 @@ class Wiring:
     ----------
     network : Network
     scenario : Scenario
-    free : tuple of str     Parameter paths, boundaries (a constant added to their signal), ``initial.<node>``, and ``scale.<load>``
-                            (a factor on its power); what acts on readings alone, ``reading.<channel>``, changes nothing here.
+    free : tuple of str     Parameter paths, boundaries (a constant added to their signal), ``initial.<node>``, ``scale.<load>`` (a
+                            factor on its power), names in `jumps`; what acts on readings alone, ``reading.<channel>``, changes
+                            nothing here.
     keep : set of str       Massless nodes that are solved for, where others would be eliminated.
+    jumps : dict            Free name -> the jumps of inputs that it moves.
 
     Raises
     ------
     ThermidError   When names do not fit, or a boundary has no temperature.
     """
 
-    def __init__(self, network: Network, scenario: Scenario, free: Sequence[str] = (), keep: frozenset[str] = frozenset()) -> None:
+    def __init__(
+        self,
+        network: Network,
+        scenario: Scenario,
+        free: Sequence[str] = (),
+        keep: frozenset[str] = frozenset(),
+        jumps: Mapping[str, Sequence[Jump]] | None = None,
+    ) -> None:
         self.network = network = network.with_powers_alone(scenario.metered)
         self.scenario = normalised(network, scenario)
         self.free = tuple(free)
         self.parameters = tuple(n for n in self.free if n in network.flat.parameters.table)
+        self.jumps = {n: moved for n, moved in (jumps or {}).items() if n in self.free}
         self._scales = {load.path: f"scale.{load.scale or load.path}" for load in network.flat.loads}
         self._check_free()
         self.schedule = read_schedule(network, self.scenario)
@@ -550,10 +571,10 @@ class Wiring:
         self._read_start()
 
     def _check_free(self) -> None:
-        """Refuse a name that is none of a parameter, a boundary, ``initial.<node>``, ``scale.<load>`` and ``reading.<channel>``."""
+        """Refuse a name that is none of those that may be free."""
         network, scales = self.network, {*self._scales.values()}
         names = dict.fromkeys((*network.flat.parameters.table, *network.boundaries, *(f"initial.{n}" for n in network.nodes)))
-        acting = [n for n in self.free if not n.startswith("reading.") and n not in scales]
+        acting = [n for n in self.free if not n.startswith("reading.") and n not in scales and n not in self.jumps]
         refuse_unknown(acting, names, network.title, "no parameter '{}' can be free.", ScenarioError)
 
     def _numbers(self, free: Mapping[str, Number]) -> Numbers:
@@ -686,7 +707,7 @@ class Wiring:
         for control in numbers.controls:
             for rate in control.rates:
                 out += rate.of_law
-        return out
+        return [*out, *(values.get(n, 0.0) for n in self.jumps)]
 
     def _lay_out(self, numbers: Numbers, reduced: Reduced, offsets: Mapping[str, Number], values: Mapping[str, Number]) -> KernelLayout:
         """Return the layout of all coefficients, in the order of `_coefficients`."""
@@ -710,8 +731,20 @@ class Wiring:
         for row in (row for control in numbers.controls for row in control.rates):
             places = [make.add(number, "", row.controls if c == 0 else ()) for c, number in enumerate(row.of_law)]
             rates.append(PlacedLoad(row, index[row.node], places, -1, index[row.follows or row.node]))
-        inputs = (tuple(make.coefficient_input), factors, tuple(make.driven), len(rates))
+        edges = tuple(
+            (*e, place) for n in self.jumps for place in [make.add(values.get(n, 0.0))] for j in self.jumps[n] for e in self._edges(j)
+        )
+        inputs = (tuple(make.coefficient_input), factors, tuple(make.driven), len(rates), edges)
         return KernelLayout(reduced.nodes, capacity, tuple(gain), tuple(offset), conductors, (*loads, *rates), controls, *inputs)
+
+    def _edges(self, jump: Jump) -> list[tuple[int, float, float]]:
+        """Return the places of the inputs that have a jump, its time in their tables, and how much later a unit makes it. [s]"""
+        time = float(getattr(self.scenario, jump.table)[jump.path].times[jump.row])
+        scheduled, of_load = jump.table == "schedule", (f"load {jump.path}", f"curve {jump.path}")
+        mine = {n: self.signals[n] for n in self.used if ("schedule " in n if scheduled else n in of_load)}
+        rows = [(n, t, int(np.searchsorted(t.times, time))) for n, t in mine.items() if isinstance(t, TableSignal) and t.hold]
+        there = [n for n, t, k in rows if 0 < k < t.times.size and t.times[k] == time and t.values[k] != t.values[k - 1]]
+        return [(self.used[n], time, jump.later) for n in there]
 
     def _conductors(self, rows: Sequence[ConductorRow], make: _Builder, index: Mapping[str, int]) -> tuple[PlacedConductor, ...]:
         """Add the coefficients of all conductors between two different nodes, and return where each stands."""
