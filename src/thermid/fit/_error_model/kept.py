@@ -21,6 +21,7 @@ from thermid.base.results import Result, Row
 from thermid.fit._calibration import FIRST, Calibration, contradicted, far_from_sheet
 from thermid.fit._error_model.courses import FREE_AIR, OperatingPoint
 from thermid.fit._error_model.elements import (
+    AS_BUILT,
     ANOTHER,
     BEND_OF,
     CONDUCTANCE_OF,
@@ -363,6 +364,13 @@ class ErrorModel(Result):
         return cls(fit.stage, fitted_values, tuple(ways), misfit, gain=gain, spot=spot)
 
     @property
+    def departing(self) -> ErrorModel:
+        """What it says where some element departs from its law."""
+        ways = [w for w in self.ways if w.name != AS_BUILT] or self.ways
+        whole = sum(w.weight for w in ways)
+        return replace(self, ways=tuple(replace(w, weight=w.weight / whole) for w in ways))
+
+    @property
     def carriers(self) -> dict[str, float]:
         """What may carry the heat of surfaces, and with which finish -> its probability by the readings, whatever the deck lacks. [-]"""
         names = [w.name.removesuffix(WITH_PATHS).removesuffix(WITH_ENTRIES) for w in self.ways]
@@ -528,8 +536,9 @@ class ErrorsOfFit:
             errors = ErrorModel.of_fit(self.fit)
         except (ThermidError, np.linalg.LinAlgError) as error:
             errors = errors_of_values(self.fit, getattr(error, "message", "its runs leave the sizes of departures open"))
-        moved = {n: float(x - self.fit.fitted[n]) for n, x in zip(errors.unknowns, errors.mean.tolist(), strict=True)}
-        return {"table": errors.to_dict(), "moved": moved, "covariance": errors.covariance.tolist(), "gain": float(errors.gain)}
+        departing = errors.departing
+        moved = {n: float(x - self.fit.fitted[n]) for n, x in zip(errors.unknowns, departing.mean.tolist(), strict=True)}
+        return {"table": errors.to_dict(), "moved": moved, "covariance": departing.covariance.tolist(), "gain": float(errors.gain)}
 
     def table(self) -> Mapping[str, Any]:
         """Return the table for files."""
