@@ -24,7 +24,6 @@ from thermid.fit._error_model.courses import (
     laws_of,
 )
 from thermid.fit._error_model.sizes import (
-    DEPARTURE_ODDS,
     FINISH,
     FLOWLESS,
     FREE_EXPONENT,
@@ -231,7 +230,8 @@ def ways_of(
     """Return what may carry the heat of a network's surfaces: one way where the deck says it, free air and a stream where it does not.
 
     Finishes that the deck states, and nobody measured, may be others: then any emissivity is as likely, in a way of their own. Each is
-    there as it is, with a path to a boundary that the deck lacks, and with parts that it lacks through which heat enters.
+    there as it is, with a path to a boundary that the deck lacks, and with parts that it lacks through which heat enters. The last is that
+    no element departs from its law.
 
     Parameters
     ----------
@@ -276,7 +276,7 @@ def ways_of(
             laws = {**laws, **{p: law for p, (law, _) in paths.items()}}
             sizes = {**sizes, **{(p, CONDUCTANCE_OF): ("", sd) for p, (_, sd) in paths.items()}}
             out.append(Way(carrier + finish + WITH_PATHS, laws, sizes, before * LACK_ODDS))
-    return (*out, Way(AS_BUILT, before=sum(w.before for w in out) / DEPARTURE_ODDS))
+    return (*out, Way(AS_BUILT))
 
 
 def paths_of(network: Network, courses: Sequence[ElementCourse]) -> dict[str, tuple[PathLaw, float]]:
