@@ -131,8 +131,8 @@ Benches: a heated core in a shell in a room, {families} families. Two runs are f
 asked, the last two in a room 10 K warmer, of some families without gas. *right* is fitted with the law of the truth, *half* with a
 constant contact, the others with a constant contact and one constant coefficient of the shell (*finish*: with a stated emissivity of
 0.8; in *wrong finish* it is 0.3). *strong* has a contact that grows three times faster and a hidden mass, *mirror* blown air, a bright
-skin and a contact that falls, *hidden mass* one that the right deck lacks. The room wanders by 0.2 K unless a row says otherwise, which
-is stated to the rule as a spread of the room.
+skin and a contact that falls, *hidden mass* one that the right deck lacks. The room wanders by 0.2 K unless a row says otherwise, of
+which the rule has the prior of all logged rooms; every run begins at its room's temperature.
 
 Logs: runs of one condition (of the motor and the boards of another maker: a run; of the cube: a pressure) are left out at a time.
 *Oracle* knows the law and all distributions. *Persistence* holds the first temperature. The *constant width of hindsight* is the one

@@ -154,8 +154,7 @@ def question(made: b.Benches, index: int, name: str) -> Question:
     logs, course = made.runs[name], b.COURSES[name]
     room, heat = TableSignal(logs.times, logs.room[:, index]), TableSignal(logs.times, logs.power[:, index], hold=True)
     gas = {"*": td.simulation.Environment("0 [Pa]")} if course.vacuum else {}
-    start = f"{logs.room[0, index]} [K]"
-    asked = Scenario(name, boundaries={"room": room}, loads={"heat": heat}, environment=gas, start=start, duration=float(logs.times[-1]))
+    asked = Scenario(name, boundaries={"room": room}, loads={"heat": heat}, environment=gas, start="room", duration=float(logs.times[-1]))
     spread = {"room": f"{made.family.drift} [K]"} if made.family.drift else {}
     spread |= {"skin.emissivity": str(b.EMISSIVITY_SPREAD)} if course.vacuum and made.family.stated_emissivity else {}
     return Question(name, logs.times[:: b.THIN], asked, spread)

@@ -17,6 +17,7 @@ from thermid.fit._error_model.discrepancy import (
     told_first as told_first,
 )
 from thermid.fit._error_model.elements import (
+    AS_BUILT as AS_BUILT,
     DepartureHeat as DepartureHeat,
     with_heats as with_heats,
     with_laws as with_laws,

@@ -28,7 +28,7 @@ from thermid.fit.error_model import (
     told_first,
 )
 from thermid.inference.criticism import asks
-from thermid.model.tree import UNJUDGED, Model, Standing
+from thermid.model.tree import UNJUDGED, Constant, Model, Standing
 from thermid.prediction._known import Knowledge, Rows, known_of, normal_sources, rows_of
 from thermid.prediction._split import split_values
 from thermid.simulation.runs import Network, Scenario, Simulator, compile_network, network_for, prepare, read_schedule
@@ -540,6 +540,7 @@ class Budget:
         target_names = {t.name for t in out.targets}
         driven = {*self.scenario.boundaries, *(f"scale.{n}" for n in self.scenario.loads)} if as_logged else set()
         acting = dict.fromkeys(n for e in errors for v in e.seen.values() for n, _, _ in v.acts if n in driven - target_names)
+        acting |= dict.fromkeys(b for b in (network.boundaries if as_logged else ()) if b not in target_names)
         out = out.beside([], BandCause.VALUES, [Target(n, "add") for n in acting], np.zeros((len(acting), 0)))
         for cause, name in _departures_of_run(errors, network, self.scenario, as_logged):
             out = out.beside([Source(name, "structural", Normal(), name)], cause, [Target(name, "heat")], 1.0)
@@ -562,6 +563,10 @@ class Budget:
         """Return a way of carrying heat, from that of every model of error: its probability, means, and gain (targets, sources)."""
         gain, at = self.gain.copy(), dict[str, float]()
         place = {s.name: k for k, s in enumerate(self.sources)}
+        for row, t in zip(gain, self.targets, strict=True):
+            if (begun := f"{t.name} wanders 0") in place:  # what a room is off by at the beginning: what starts at its temperature is too
+                still = isinstance(self.scenario.boundaries.get(t.name, Constant(0.0)), Constant)
+                row[place[begun]] = several[0][1].sizes["unlogged" if still else "room"]
         for e, way in several:
             unknown, begin, end = way.places, place[f"errors of {e.stage}: 0"], place[f"expected of {e.stage}"]
             means = dict(zip((c.name for c in way.columns), way.mean.tolist(), strict=True))

@@ -20,7 +20,7 @@ from thermid.base.files import FileKinds, replacing
 from thermid.base.results import Named, PlottedTrace, Result, Row
 from thermid.base.units import ICE_POINT, Array, Bools, duration_text, seconds, short
 from thermid.fit.calibration import Calibration
-from thermid.fit.error_model import LACK_ODDS, BandCause, NormalMixture
+from thermid.fit.error_model import AS_BUILT, LACK_ODDS, BandCause, NormalMixture
 from thermid.inference.criticism import ExplainedFit, explained, summary
 from thermid.model.tree import UNJUDGED, Model, Standing, worst
 from thermid.prediction._budget import (
@@ -53,7 +53,7 @@ MEANING = {
     BandCause.RUN: "coefficients, masses and powers differ from one test to the next",
     BandCause.ROOM: "a room drifts about what is logged of it",
     BandCause.UNEXPLAINED: "residuals that no departure of an element follows",
-    AVERAGED: "whether free air or a fan carries the heat of surfaces, and how much of it is radiated",
+    AVERAGED: "whether free air or a fan carries the heat of surfaces, and how much of it is radiated; whether elements depart at all",
     STATED_RANGES: "finishes, materials and parts differ from one to the next within the range that their catalogue or data sheet prints",
     GAS_IN_JOINTS: "no log shows how much of a joint is conduction through the gas between its faces",
 }
@@ -469,7 +469,9 @@ def carrier_words(budget: Budget, bands: Mapping[str, Band]) -> list[str]:
     share = max((b.final.shares.get(AVERAGED, 0.0) for b in bands.values()), default=0.0)
     if share < MIN_CARRIER_PROBABILITY:
         return []
-    carriers = {w.kept[0].carrier: sum(x.weight for x in budget.ways if x.kept[0].carrier == w.kept[0].carrier) for w in budget.ways}
+    weights = {w.kept[0].carrier: sum(x.weight for x in budget.ways if x.kept[0].carrier == w.kept[0].carrier) for w in budget.ways}
+    departs = 1.0 - weights.pop(AS_BUILT, 0.0)
+    carriers = {name: weight / departs for name, weight in weights.items()}
     finish, *lacks = np.sum([w.weight * np.array(w.kept[0].beside_deck) for w in budget.ways], axis=0).tolist()
     path, entry = (x * (x > LACK_ODDS / (1.0 + 2.0 * LACK_ODDS)) for x in lacks)  # where readings made it likelier
     named = ", ".join(f"{name} {100 * weight:.0f} %" for name, weight in carriers.items())

@@ -106,7 +106,7 @@ class Setting:
             rest = ready.settled(ready.with_units(at))[0]
         except SolverError:
             rest = None
-        if not any(kept_way.departures.smooth for kept_way in way.kept):
+        if not any(any(kept_way.sizes.values()) for kept_way in way.kept):
             return cls(budget, ready, carriers, at, ready)
         course = course_of(wiring, ready.engine, x, ready.options, rest)
         wanted = {t.name: t for t in budget.targets if t.form == "heat"}
@@ -114,7 +114,7 @@ class Setting:
         sizes: dict[Target, float] = {}
         for kept_way in way.kept:
             beyond = kept_way.departures.beyond(network, course)
-            alone = kept_way.departures.of_run(network, course)
+            alone = kept_way.departures.of_run(network, course, begun=True)
             for c, h in (*kept_way.departures.shared(network, course, kept_way.way, laws), *alone):
                 if h.name in wanted and h.name not in heats:
                     heats[h.name] = h

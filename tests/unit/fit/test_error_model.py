@@ -13,7 +13,7 @@ from by_code import raises_code
 from thermid.base.errors import IdentificationError
 from thermid.base.units import ICE_POINT
 from thermid.fit._error_model.courses import OperatingPoint
-from thermid.fit._error_model.elements import JointLaw, SurfaceLaw, Way, class_of, with_laws
+from thermid.fit._error_model.elements import AS_BUILT, JointLaw, SurfaceLaw, Way, class_of, with_laws
 from thermid.fit._error_model.gaussian import log_sum
 from thermid.fit._error_model.model import GROUPS, RunsOfFit, left_prior
 from thermid.fit._error_model.runs import Departures
@@ -195,6 +195,44 @@ def test_nothing_depends_on_whether_logs_are_called_synthetic(fit: td.Calibratio
     other = _band(measured, 6.0)
     assert other.kelvin == pytest.approx(_band(fit, 6.0).kelvin, abs=1e-6)
     assert other.half_width == pytest.approx(_band(fit, 6.0).half_width, rel=1e-6)
+
+
+@pytest.fixture(scope="module")
+def right() -> td.Calibration:
+    """A box whose deck has the law of the truth, in a room that its log has."""
+    bare = log(box(), {}, {"T": "case"}, loads={"heat": 4.0}, noise=0.05, accuracy=0.1, samples=61)
+    return td.calibrate(box(), [metered(bare, "heat", 4.0, 0.04)], [HTC, MASS], search="local")
+
+
+def test_a_law_that_holds_is_one_more_way_and_the_room_wanders_there_too(model: ErrorModel, right: td.Calibration) -> None:
+    holds = ErrorModel.of_fit(right)
+    as_built = holds.ways[-1]
+    assert (as_built.name, as_built.weight > 0.5) == (AS_BUILT, True)
+    assert AS_BUILT not in [w.name for w in (*model.ways, *holds.departing.ways)]
+    assert sum(w.weight for w in holds.departing.ways) == pytest.approx(1.0)
+    band = _band(right, 6.0, as_logged=True)
+    assert band.parts["room"][-1] > 0.3 * as_built.sizes["unlogged"] ** 2  # an hour's wander, before a box of 1.25 h
+
+
+def test_what_starts_at_a_logged_room_is_off_by_what_that_is(right: td.Calibration) -> None:
+    """Before, the band of the first instant was that of what no element explains."""
+    scenario = _asked(6.0)
+    begun, given = (td.predict(right, s, nodes=["case"], as_logged=True)["case"].parts for s in (scenario.with_(start="air"), scenario))
+    assert begun["room"][0] ** 0.5 > 0.3  # 0.72 K of one temperature that stands for a room
+    assert given["room"][0] == 0.0
+    assert begun["room"][-1] == pytest.approx(given["room"][-1], rel=0.01)
+
+
+def test_a_node_that_one_way_alone_reaches_without_gas_has_no_band() -> None:
+    """Air in a box has no temperature in vacuum, but where a path that the deck lacks may join it to the room."""
+    sides = {n: {"of": n, "to": "inside", "area": "0.02 [m^2]", "htc": "5 [W/(m^2 K)]", "emissivity": 0} for n in ("case", "lid")}
+    parts = {"nodes/inside/capacitance": "20 [J/K]", "nodes/lid/capacitance": "300 [J/K]", "surfaces/skin/emissivity": 0.8}
+    web = {"conductors/web": {"kind": "conduction", "between": ["case", "lid"], "conductance": "0.1 [W/K]"}}
+    hollow = box({**parts, **web, **{f"surfaces/in {n}".replace(" ", "_"): side for n, side in sides.items()}})
+    bare = log(hollow, {}, {"T": "case"}, loads={"heat": 4.0}, noise=0.05, accuracy=0.1, samples=31)
+    told = td.predict(td.calibrate(hollow, [metered(bare, "heat", 4.0)], [HTC], search="local"), _asked(4.0).vacuum())
+    assert {"case", "lid"} <= {*told.bands}
+    assert "inside" not in told
 
 
 def test_the_error_of_a_meter_cancels_where_the_scenario_is_what_it_reads(fit: td.Calibration) -> None:

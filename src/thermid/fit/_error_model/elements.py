@@ -48,6 +48,8 @@ EXPONENT_OF, SHARE_OF, TREND_OF, BEND_OF, CONDUCTANCE_OF = "exponent", "radiatio
 ANOTHER, WITH_PATHS, WITH_ENTRIES = ", another finish", ", with a path", ", through a part"
 """What is added to the name of a way in which a finish is not the deck's, and of one with what the deck lacks: a path to a boundary, or
 parts through which heat enters."""
+AS_BUILT = "as built"
+"""Name of the way in which no element departs from its law."""
 SOLIDS = ("conduction", "contact", "bolted", "wedge_lock")
 """Kinds of conductor whose constant conductance may grow with its level."""
 SURFACE, JOINT, LAW = "surface", "joint", "law"
@@ -227,7 +229,8 @@ def ways_of(
     """Return what may carry the heat of a network's surfaces: one way where the deck says it, free air and a stream where it does not.
 
     Finishes that the deck states, and nobody measured, may be others: then any emissivity is as likely, in a way of their own. Each is
-    there as it is, with a path to a boundary that the deck lacks, and with parts that it lacks through which heat enters.
+    there as it is, with a path to a boundary that the deck lacks, and with parts that it lacks through which heat enters. The last is that
+    no element departs from its law.
 
     Parameters
     ----------
@@ -272,7 +275,7 @@ def ways_of(
             laws = {**laws, **{p: law for p, (law, _) in paths.items()}}
             sizes = {**sizes, **{(p, CONDUCTANCE_OF): ("", sd) for p, (_, sd) in paths.items()}}
             out.append(Way(carrier + finish + WITH_PATHS, laws, sizes, before * LACK_ODDS))
-    return tuple(out)
+    return (*out, Way(AS_BUILT))
 
 
 def paths_of(network: Network, courses: Sequence[ElementCourse]) -> dict[str, tuple[PathLaw, float]]:
@@ -433,13 +436,17 @@ def gradient(name: str, network: Network, course: ElementCourse, node: str) -> D
     return DepartureHeat(name, tuple((n, TableSignal(t, w, False)) for n, w in into.items() if n not in network.boundaries))
 
 
-def room_heats(network: Network, course: ElementCourse, boundary: str, time: float) -> list[DepartureHeat]:
-    """Return what a room puts into nodes that departs as an Ornstein-Uhlenbeck process, per independent normal number. [1 K]"""
+def room_heats(network: Network, course: ElementCourse, boundary: str, time: float, begun: bool = False) -> list[DepartureHeat]:
+    """Return what a room puts into nodes that departs as an Ornstein-Uhlenbeck process, per independent normal number. [1 K]
+
+    With `begun` the first of them lacks what the room is off by at the beginning, for as long as the run lasts.
+    """
     # instants of hats that hold a process with a time constant: two a time constant, at most `ROOM_KNOTS` a run. [s]
     end = float(course.times[-1])
     knots = np.linspace(0.0, end, int(np.clip(np.ceil(2.0 * end / time), 2, ROOM_KNOTS)) + 1)
     root = np.linalg.cholesky(np.exp(-np.abs(knots[:, None] - knots) / time) + 1e-12 * np.eye(knots.size))
     shapes = np.array([np.interp(course.times, knots, column) for column in root.T])
+    shapes[0] -= begun  # the others begin at zero
     ends = {c.path: c for c in network.flat.conductors}
     gains: dict[str, Array] = {}
     for path, slope in course.follows[boundary].items():

@@ -22,6 +22,7 @@ from thermid.fit._calibration import FIRST, Calibration, contradicted, far_from_
 from thermid.fit._error_model.courses import FREE_AIR, OperatingPoint
 from thermid.fit._error_model.elements import (
     ANOTHER,
+    AS_BUILT,
     BEND_OF,
     CONDUCTANCE_OF,
     EXPONENT_OF,
@@ -42,6 +43,7 @@ from thermid.fit._error_model.model import GROUPS, FittedWay, before, course_in_
 from thermid.fit._error_model.runs import Departures, Smooth, UnknownColumn
 from thermid.fit._error_model.sizes import (
     COUNTED,
+    DEPARTURE_ODDS,
     FAR_SIZE,
     KEPT_OF_PRIOR,
     MIN_LOG_BAYES_FACTOR,
@@ -339,7 +341,7 @@ class ErrorModel(Result):
         courses = [course_in_fit(problem, i, e.network, fitted) for i, e in enumerate(problem.experiments)]
         (points, paths), network = points_of(problem, courses), problem.experiments[0].network
         values = network.numbers({p: v.value for p, v in fit.values.assignments.items()}).values
-        fitted_ways = [fitted_way(problem, fitted, w, points) for w in ways_of(network, points, values, paths)]
+        *fitted_ways, as_built = [fitted_way(problem, fitted, w, points) for w in ways_of(network, points, values, paths)]
         total = sum(w.way.before for w in fitted_ways)
         logs = np.concatenate([w.members.log_evidence + math.log(w.way.before / total) for w in fitted_ways])
         every = weights_of(logs)
@@ -350,7 +352,10 @@ class ErrorModel(Result):
         named = {u.name: u for u in problem.unknowns}
         ways = [KeptWay.of_fitted(w, share) for w, share in zip(fitted_ways, shares, strict=True) if share.sum() > COUNTED]
         whole = sum(w.weight for w in ways)
-        ways = [replace(w, weight=w.weight / whole) for w in ways]
+        departs, holds = weights_of([log_sum(logs) + math.log(DEPARTURE_ODDS), log_sum(as_built.members.log_evidence)]).tolist()
+        ways = [replace(w, weight=departs * w.weight / whole) for w in ways]
+        if holds > COUNTED:
+            ways.append(KeptWay.of_fitted(as_built, holds * weights_of(as_built.members.log_evidence)))
         fitted_values = {n: SeenValue.of_unknown(named[n]) for n in ways[0].values}
         gain, spot = log_sum(logs) - evidence_of_structure(problem, fitted, courses), ""
         heated = {node for course in courses for node, _ in course.powers.values() if node in course.stores}
@@ -363,20 +368,27 @@ class ErrorModel(Result):
         return cls(fit.stage, fitted_values, tuple(ways), misfit, gain=gain, spot=spot)
 
     @property
+    def departing(self) -> ErrorModel:
+        """What it says where some element departs from its law."""
+        ways = [w for w in self.ways if w.name != AS_BUILT] or self.ways
+        whole = sum(w.weight for w in ways)
+        return replace(self, ways=tuple(replace(w, weight=w.weight / whole) for w in ways))
+
+    @property
     def carriers(self) -> dict[str, float]:
         """What may carry the heat of surfaces, and with which finish -> its probability by the readings, whatever the deck lacks. [-]"""
-        names = [w.name.removesuffix(WITH_PATHS).removesuffix(WITH_ENTRIES) for w in self.ways]
-        return {n: sum(w.weight * (other == n) for w, other in zip(self.ways, names, strict=True)) for n in names}
+        names = [w.name.removesuffix(WITH_PATHS).removesuffix(WITH_ENTRIES) for w in self.departing.ways]
+        return {n: sum(w.weight * (other == n) for w, other in zip(self.departing.ways, names, strict=True)) for n in names}
 
     @property
     def sizes(self) -> dict[str, float]:
         """Size of a departure -> its root mean square by prior and readings."""
-        return {g: float(np.sqrt(sum(w.weight * w.sizes[g] ** 2 for w in self.ways))) for g in GROUPS} if self.ways else {}
+        return {g: float(np.sqrt(sum(w.weight * w.sizes[g] ** 2 for w in self.departing.ways))) for g in GROUPS} if self.ways else {}
 
     @property
     def contradiction(self) -> str:
         """What of the readings no departure of a possible size explains, in words; empty where all is explained."""
-        sizes = {**self.sizes, "left": float(np.sqrt(sum(w.weight * w.left_over**2 for w in self.ways)))}
+        sizes = {**self.sizes, "left": float(np.sqrt(sum(w.weight * w.left_over**2 for w in self.departing.ways)))}
         times, name = max((size / SIZES[n].value, n) for n, size in sizes.items())
         if times > FAR_SIZE:
             asked = f"{sizes[name]:.2g} {SIZES[name].unit} beside {SIZES[name].value:g}".replace(" 1 ", " ")
@@ -392,7 +404,7 @@ class ErrorModel(Result):
     @property
     def exponents(self) -> dict[str, float]:
         """Surface -> exponent of the temperature difference in its coefficient, where free air is the likeliest carrier. [-]"""
-        likeliest = max(self.ways, key=lambda w: w.weight)
+        likeliest = max(self.departing.ways, key=lambda w: w.weight)
         return {p: law.exponent for p, law in likeliest.laws.items() if isinstance(law, SurfaceLaw) and law.exponent > 0.0}
 
     @property
@@ -528,8 +540,9 @@ class ErrorsOfFit:
             errors = ErrorModel.of_fit(self.fit)
         except (ThermidError, np.linalg.LinAlgError) as error:
             errors = errors_of_values(self.fit, getattr(error, "message", "its runs leave the sizes of departures open"))
-        moved = {n: float(x - self.fit.fitted[n]) for n, x in zip(errors.unknowns, errors.mean.tolist(), strict=True)}
-        return {"table": errors.to_dict(), "moved": moved, "covariance": errors.covariance.tolist(), "gain": float(errors.gain)}
+        departing = errors.departing
+        moved = {n: float(x - self.fit.fitted[n]) for n, x in zip(errors.unknowns, departing.mean.tolist(), strict=True)}
+        return {"table": errors.to_dict(), "moved": moved, "covariance": departing.covariance.tolist(), "gain": float(errors.gain)}
 
     def table(self) -> Mapping[str, Any]:
         """Return the table for files."""

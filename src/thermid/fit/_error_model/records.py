@@ -174,7 +174,7 @@ class RecordRun:
         plain = problem.experiments[0].network
         laws = way.laws_in(plain)
         network = with_laws(plain, laws)
-        course = course_in_fit(problem, 0, network, fitted) if way.departures.smooth else None
+        course = course_in_fit(problem, 0, network, fitted) if any(way.sizes.values()) else None
         shared = way.departures.shared(network, course, way.way, laws) if course is not None else []
         alone = way.departures.of_run(network, course) if course is not None else []
         heat_of_column = {c.name: h for c, h in shared}

@@ -206,7 +206,7 @@ class Departures:
             out.append((UnknownColumn(name, "", GRADIENT, node), gradient(name, network, course, node)))
         return out
 
-    def of_run(self, network: Network, course: ElementCourse) -> list[tuple[UnknownColumn, DepartureHeat]]:
+    def of_run(self, network: Network, course: ElementCourse, begun: bool = False) -> list[tuple[UnknownColumn, DepartureHeat]]:
         """Return the departures that belong to one run alone, each with its heats: of conductors, heat stores, powers and boundaries."""
         out: list[tuple[UnknownColumn, DepartureHeat]] = []
         for path, c in ((p, c) for p, c in conductors_of(network, course).items() if p in self.smooth):
@@ -217,13 +217,13 @@ class Departures:
             powers = ((node, power.scaled(-1.0)) for at, power in course.powers.values() if at == node)
             taken = DepartureHeat(name, ((node, TableSignal(course.times, -through, False)), *powers))
             out.append((UnknownColumn(name, "run", 1.0, node), taken))
-        for load, (node, power) in course.powers.items():
+        for load, (node, power) in course.powers.items() if self.nodes else ():
             name = f"{load} in this run"
             out.append((UnknownColumn(name, "run", 0.5, load), DepartureHeat(name, ((node, power),))))
         for boundary in course.follows:
             if course.follows[boundary]:
                 group = "room" if np.ptp(course.kelvin[boundary]) > 0.0 else "unlogged"
-                heats = room_heats(network, course, boundary, ROOM_TIME)
+                heats = room_heats(network, course, boundary, ROOM_TIME, begun)
                 out += [(UnknownColumn(h.name, group, 1.0, boundary), h) for h in heats]
         return out
 
