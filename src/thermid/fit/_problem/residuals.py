@@ -712,7 +712,7 @@ class Problem:
 def _chain_product(derivatives: Array, chain: Array) -> Array:
     """Return the product of derivatives (times, sensors, names) and slopes (names, unknowns), most of which act on one name alone."""
     places, several = np.abs(chain).argmax(axis=0), np.count_nonzero(chain, axis=0) > 1
-    out = np.take(derivatives, places, axis=2)
+    out: Array = np.take(derivatives, places, axis=2)
     out *= chain[places, np.arange(places.size)]
     out[:, :, several] = derivatives @ chain[:, several]
     return out
