@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from thermid.base.errors import IdentificationError, ScenarioError, SolverError, foretell, refuse_unknown, spoken
 from thermid.base.linear_algebra import NOTHING, pseudo_inverse
 from thermid.base.units import Array, counted, format_value
-from thermid.fit._minimisation import Fit, ended, minimise
+from thermid.fit._minimisation import MOST_EVALUATIONS, Fit, ended, minimise
 from thermid.fit._problem.experiment import OFFSET, SCALE, Experiment
 from thermid.fit._problem.residuals import Problem, Unknown, clock_at, loss_of, starting_point
 from thermid.fit._uncertainty.noise import autocorrelation
@@ -45,9 +45,11 @@ PROVED = 9.0
 GENERATIONS = 300
 BATCH = 16
 """Members that run at once; the interrupt key acts between batches."""
-UNASKED = 6e9
-"""What further descents may take that nobody asked for, in temperatures and derivatives of integrator steps: some ten minutes of a
-processor, whichever computes."""
+UNASKED, UNASKED_ROUNDS = 6e8, 15
+"""What further descents may take that nobody asked for, in temperatures and derivatives of integrator steps: some minute of a processor,
+whichever computes; and the evaluations of each of them, in each of its two parts. The best goes on to its end. Of the valleys that other
+starts found in benches with right decks, all cost less than the first one by then; where a deck lacks a part, none does, and each descent
+takes a hundred evaluations."""
 USUAL = 12
 """Evaluations of a descent, as most need."""
 
@@ -181,7 +183,12 @@ def doubts(problem: Problem, minimum: Fit) -> str:
     if not minimum.converged:
         return "the first descent did not converge"
     times = _level(problem, minimum)
-    return f"the residuals are {np.sqrt(times):.2g} times the stated noise" if _noise_is_stated(problem) and times > TWICE else ""
+    if not _noise_is_stated(problem) or times <= TWICE:
+        return ""
+    noise = {(e.record.name, o.sensor): o.sigma(problem.noise) for e in problem.experiments for o in e.observations}
+    record, sensor, sums = max(minimum.sums, key=lambda of: of[2].mean_square / noise[of[:2]] ** 2)
+    rms = f"{math.sqrt(sums.mean_square):.2g} K RMS"
+    return f"the residuals are {math.sqrt(times):.2g} times the stated noise, most at '{sensor}' in {record} ({rms})"
 
 
 def at_bound(problem: Problem, minimum: Fit) -> str:
@@ -268,8 +275,8 @@ class Search:
     executor: Workers = None
     spent: list[float] = field(default_factory=list)
 
-    def descent(self, start: Array | None) -> Fit:
-        """Return the end of one descent, and note what it took."""
+    def descent(self, start: Array | None, rounds: int = MOST_EVALUATIONS) -> Fit:
+        """Return the end of one descent, after `rounds` in each of its two parts in any case, and note what it took."""
         p, begun = self.population, time.perf_counter()
 
         def priced(count: int, rms: float) -> None:
@@ -280,7 +287,7 @@ class Search:
             if self.progress is not None:
                 self.progress(count, rms)
 
-        end = minimise(p.problem, p.loss, p.loss_scale, start, priced, stoppable=self.stoppable)
+        end = minimise(p.problem, p.loss, p.loss_scale, start, priced, rounds=rounds, stoppable=self.stoppable)
         self.spent.append(time.perf_counter() - begun)
         return end
 
@@ -298,20 +305,20 @@ class Search:
     def affordable(self, first: Fit, why: str) -> Fit:
         """Return the best of as many descents as an automatic search makes; a first one that took long is said to stand alone."""
         many = min(DESCENTS, self._further(first))
-        best = self.descents([first], why, many) if many else first
+        best = self.descents([first], why, many, UNASKED_ROUNDS) if many else first
         if many == DESCENTS or best.stopped:
             return best
         extra = "no further one was" if not many else "one further was" if many == 1 else f"{many} further ones were"
-        words = f"{why}, so a descent may have ended in the wrong valley. One takes {counted(first.evaluations, 'evaluation')}, so {extra} "
+        words = f"{why}, so a descent may have ended in the wrong valley. One takes {2 * UNASKED_ROUNDS} evaluations, so {extra} "
         words += f"made unasked. search = 'multistart' makes {DESCENTS}."
         return replace(best, remarks=(*best.remarks, words))
 
     def _further(self, first: Fit) -> int:
-        """Return how many descents like the first one may be made unasked; no clock is asked, so that answers are the same everywhere."""
+        """Return how many descents may be made unasked; no clock is asked, so that answers are the same everywhere."""
         problem = self.population.problem
         meshes = problem.compressed(first.fitted, self.population.loss, self.population.loss_scale).meshes
         steps = sum(len(e.network.nodes) * (m.size or e.times.size) for e, m in zip(problem.experiments, meshes, strict=True))
-        return int(UNASKED / (first.evaluations * steps * (1 + len(problem.unknowns))))
+        return int(UNASKED / (2 * UNASKED_ROUNDS * steps * (1 + len(problem.unknowns))))
 
     def confirmed(self, first: Fit, why: str) -> Fit:
         """Return the better of a descent and one from the other side of its start; the best of several where these two differ."""
@@ -337,12 +344,15 @@ class Search:
                 first, evaluations=total, search=f"{why}: a second descent, from the other side of the start, ended at the same values"
             )
         if contradictions(problem, best):
-            return self.descents([first, second], why, DESCENTS - 1, proved=True)
+            return self.descents([first, second], why, DESCENTS - 1, UNASKED_ROUNDS, proved=True)
         words, remarks = _valleys(problem, best, [first, second], first)
         return replace(best, evaluations=total, search=f"{why}: {words}", remarks=(*best.remarks, *remarks))
 
-    def descents(self, ends: list[Fit], why: str, many: int, proved: bool = False) -> Fit:
-        """Return the best of the descents so far and of so many more, from the best points of the box; see `preferred` for `proved`."""
+    def descents(self, ends: list[Fit], why: str, many: int, rounds: int = MOST_EVALUATIONS, proved: bool = False) -> Fit:
+        """Return the best of the descents so far and of so many more, from the best points of the box; see `preferred` for `proved`.
+
+        Those of few `rounds` that have not ended by then are left, but the best of all.
+        """
         population, first = self.population, ends[0]
         count = sum(end.evaluations for end in ends)
         ends, taken = [*ends], [population.share(population.start), *(population.share(end.fitted) for end in ends)]
@@ -352,11 +362,15 @@ class Search:
             count += costs.size
             ranked = iter(shares[np.argsort(costs)[: int(np.isfinite(costs).sum())]])
             while len(ends) < wanted and (starts := list(islice(_apart(ranked, taken), wanted - len(ends)))):
-                for end in self.from_all(population.placed(np.array(starts))):
+                for end in self.from_all(population.placed(np.array(starts)), rounds):
                     ends.append(end)
                     count += end.evaluations
                     if end.stopped:
                         return _stopped(first, ends, count)
+            best = min(ends, key=lambda f: f.cost)
+            if rounds < MOST_EVALUATIONS and not best.converged and best is not first:
+                ends.append(self.descent(best.fitted))
+                count += ends[-1].evaluations
         except KeyboardInterrupt:
             if not self.stoppable:
                 raise
@@ -366,11 +380,11 @@ class Search:
         words = f"multistart, {why}: {costs.size} points, {words}"
         return replace(best, evaluations=count, search=words, remarks=(*best.remarks, *remarks))
 
-    def from_all(self, starts: Array) -> Iterator[Fit]:
+    def from_all(self, starts: Array, rounds: int) -> Iterator[Fit]:
         """Yield the ends of descents from starts (starts, unknowns), in their order; those that the model cannot be run at have none."""
         alone = self.executor is None
         worker = self if alone else replace(self, progress=None, stoppable=False, executor=None, spent=[])
-        tasks = [(f"the descent from start {k + 1}", (worker, start)) for k, start in enumerate(starts)]
+        tasks = [(f"the descent from start {k + 1}", (worker, start, rounds)) for k, start in enumerate(starts)]
         numbered_ends = in_tasks(_end_of, tasks, self.executor, seconds=len(tasks) * float(np.mean(self.spent)))
         for _, end in numbered_ends if alone else sorted(numbered_ends, key=itemgetter(0)):
             if end is not None:
@@ -385,7 +399,8 @@ class Search:
         shares = np.asarray(qmc.Sobol(self.population.at.size, rng=np.random.default_rng(1)).random(SCREENED))
         costs = [self.population.costs(shares[:BATCH])]
         seconds = (time.perf_counter() - begun) * (SCREENED / BATCH - 1.0) + many * float(np.mean(self.spent))
-        self.tell(f"up to {counted(many, 'descent')} from the best of {SCREENED} points ({why})", seconds)
+        missing = ". No start helps where a part or a path is missing: `thermid criticise` looks for it" * ("noise, most" in why)
+        self.tell(f"up to {counted(many, 'descent')} from the best of {SCREENED} points ({why}){missing}", seconds)
         costs += [self.population.costs(shares[at : at + BATCH]) for at in range(BATCH, SCREENED, BATCH)]
         return shares, np.concatenate(costs)
 
@@ -410,10 +425,10 @@ def _stopped(first: Fit, ends: list[Fit], count: int) -> Fit:
     return replace(best, evaluations=count, message=message, converged=False, stopped=True, search="")
 
 
-def _end_of(search: Search, start: Array) -> Fit | None:
+def _end_of(search: Search, start: Array, rounds: int) -> Fit | None:
     """Return the end of a descent, None where the model cannot be run at its start."""
     try:
-        return search.descent(start)
+        return search.descent(start, rounds)
     except SolverError:
         return None
 

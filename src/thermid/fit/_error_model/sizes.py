@@ -139,9 +139,10 @@ NO_SAY: Final = 1e-9
 """Probability beside the likeliest below which larger sizes of what no element explains are not tried. [-]"""
 READINGS: Final = 200
 """Readings of a sensor in a run; more are averaged over equal stretches."""
-NEWTON_POINTS, ARRIVED, WORTH_A_POINT = 8, 0.2, 0.1
+NEWTON_POINTS, ARRIVED, WORTH_A_POINT = 8, 0.2, 0.5
 """Points at most at which Newton's steps in values, exponents and shares are taken; they end where the next step is below so many standard
-errors, or where two points made the evidence likelier by less than this in its logarithm, which no probability shows."""
+errors, or where a point made the evidence likelier by less than this in its logarithm, or two points after one another did not: the
+logarithm wanders by as much from point to point where values are hardly determined."""
 UNBOUNDED: Final = 3.0
 """Standard deviation of a logarithm without a prior or bounds. [-]"""
 OUTSIDE: Final = 2.0

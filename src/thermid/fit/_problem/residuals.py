@@ -714,9 +714,11 @@ class Problem:
 
 def _chain_product(derivatives: Array, chain: Array) -> Array:
     """Return the product of derivatives (times, sensors, names) and slopes (names, unknowns), most of which act on one name alone."""
-    places, alone = np.abs(chain).argmax(axis=0), np.count_nonzero(chain, axis=0) <= 1
-    scaled = derivatives[:, :, places] * chain[places, np.arange(places.size)]
-    return scaled if alone.all() else np.where(alone, scaled, derivatives @ chain)
+    places, several = np.abs(chain).argmax(axis=0), np.count_nonzero(chain, axis=0) > 1
+    out: Array = np.take(derivatives, places, axis=2)
+    out *= chain[places, np.arange(places.size)]
+    out[:, :, several] = derivatives @ chain[:, several]
+    return out
 
 
 def prior_rows(
