@@ -157,10 +157,12 @@ def _check_kinds(written: Any, where: str) -> None:
     refuse_unknown(written, _KEYS, where)
     for word in ("column", *ROLES, "gain", "unit"):
         if word in written and not (isinstance(written[word], str) and written[word].strip()):
-            raise RecordError(f"{word} = {written[word]!r} is not a text.", where, code="value.wrong-kind")
+            raise RecordError(f"{word} = {written[word]!r} must be text in quotes, and not empty.", where, code="value.wrong-kind")
     for word in ("full_scale", "noise", "accuracy", "resolution"):
         if word in written and (isinstance(written[word], bool) or not isinstance(written[word], str | int | float)):
-            raise RecordError(f"{word} = {written[word]!r} is neither a text with a unit nor a number.", where, code="value.wrong-kind")
+            raise RecordError(
+                f"{word} = {written[word]!r} is neither a value with its unit in quotes nor a number.", where, code="value.wrong-kind"
+            )
     if not isinstance(written.get("prompt", False), bool):
         raise RecordError(f"prompt = {written['prompt']!r} is neither true nor false.", where, code="value.wrong-kind")
 
