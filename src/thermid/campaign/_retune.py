@@ -289,7 +289,7 @@ def plan_retune(
     places = places_of(source, levels, top)
     swapped, what = above.replaced(part, model)
     swapped = what.starting(swapped)
-    seats = {Names(old).find(a): Names(model).find(b) for a, b in (sensors or {}).items()}
+    seats = _seats(old, model, sensors)
     plans: list[StagePlan] = []
     touched: list[Touch] = []
     for level in levels:
@@ -305,10 +305,20 @@ def plan_retune(
     )
 
 
+def _seats(old: Model, new: Model, sensors: Mapping[str, str] | None) -> dict[str, str]:
+    """Return node of a part where a sensor sat -> node of its replacement where it sits."""
+    return {Names(old).find(a): Names(new).find(b) for a, b in (sensors or {}).items()}
+
+
 def check_replacement(
-    campaign: str | os.PathLike[str], part: str, new: str | os.PathLike[str], logs: CampaignSource | None = None, part_only: bool = False
+    campaign: str | os.PathLike[str],
+    part: str,
+    new: str | os.PathLike[str],
+    logs: CampaignSource | None = None,
+    part_only: bool = False,
+    sensors: Mapping[str, str] | None = None,
 ) -> None:
-    """Refuse a part that does not fit its place in the model of a campaign's last stage, before any stage runs.
+    """Refuse a part that does not fit its place in the model of a campaign's last stage, or has no such nodes, before any stage runs.
 
     Of new `logs` one must be there of each stage that is due whatever the stages find: of the tests of the part alone, and of the last
     stage where it fits values of the part.
@@ -322,6 +332,7 @@ def check_replacement(
     above = source.model(top.model, source.where(f"stages.{len(below)}.model"))
     path = above.canonical(part)
     swapped = above.replaced(path, model)[0]
+    _seats(above.submodel(path), model, sensors)
     with errors_at(f"'{model.title}' at {path}", ": "):
         compile_network(swapped)
     if logs is None:

@@ -385,7 +385,7 @@ class Search:
         shares = np.asarray(qmc.Sobol(self.population.at.size, rng=np.random.default_rng(1)).random(SCREENED))
         costs = [self.population.costs(shares[:BATCH])]
         seconds = (time.perf_counter() - begun) * (SCREENED / BATCH - 1.0) + many * float(np.mean(self.spent))
-        self.tell(f"up to {counted(many, 'search')} from the best of {SCREENED} points ({why})", seconds)
+        self.tell(f"up to {counted(many, 'further start')}, the best of {SCREENED} points ({why})", seconds)
         costs += [self.population.costs(shares[at : at + BATCH]) for at in range(BATCH, SCREENED, BATCH)]
         return shares, np.concatenate(costs)
 
@@ -406,7 +406,7 @@ def _stopped(first: Fit, ends: list[Fit], count: int) -> Fit:
     """Return the best end so far of a search that the interrupt key ended."""
     best = min(ends, key=lambda f: (round(f.cost, 6), f is not first))
     whole = sum(not end.stopped for end in ends)
-    message = f"stopped by the user after {counted(whole, 'search')}, at the best values so far"
+    message = f"stopped by the user after {counted(whole, 'start')}, at the best values so far"
     return replace(best, evaluations=count, message=message, converged=False, stopped=True, search="")
 
 

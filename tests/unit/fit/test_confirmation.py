@@ -139,7 +139,7 @@ class TestPrice:
         told = Told()
         fit(requested(chain(), (log(TRUTH),), FREE, scenario=BENCH, search="multistart"), told)
         (_, first), (words, whole) = told.words
-        assert words.startswith("up to 5 searches from the best of 64 points (as asked), about ")
+        assert words.startswith("up to 5 further starts, the best of 64 points (as asked), about ")
         assert words.endswith("The interrupt key ends it without values.")  # nobody asked this fit to keep them
         assert 0.0 < first < whole
 
@@ -196,7 +196,7 @@ class TestInterrupt:
         problem = problem_of(log(TRUTH))
         whole = searched(problem, "local", "linear", 1.0)
         found = searched(problem, "multistart", "linear", 1.0, Told(whole.evaluations + 3), stoppable=True)
-        assert found.message == "stopped by the user after 1 search, at the best values so far"
+        assert found.message == "stopped by the user after 1 start, at the best values so far"
         assert found.chi_square == whole.chi_square
         assert not found.converged
 

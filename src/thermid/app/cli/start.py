@@ -162,6 +162,7 @@ def improve(
     stage: Annotated[str, typer.Option("--stage", help="The stage; the last one by default.")] = "",
     evaluations: Annotated[int, typer.Option("--evaluations", help="Budget of the search of a structure, in runs.")] = EVALUATIONS,
     data: Data = None,
+    results: Results = None,
     executor: Workers = None,
     as_json: Json = False,
 ) -> None:
@@ -170,7 +171,7 @@ def improve(
     Deck and campaign are written beside the old ones, with a comparison before and after.
     """
     with working("searching for a structure"):
-        improved_model = improved.improve(campaign, stage, evaluations, data, executor=executor)
+        improved_model = improved.improve(campaign, stage, evaluations, data, results, executor=executor)
     content = {
         "changes": list(improved_model.changes),
         "gain": improved_model.search.likelihood(improved_model.search.proposed),
