@@ -1,6 +1,7 @@
-"""A power that no column holds: a formula of columns with units, volts and amperes, a counter of energy.
+"""What no column holds: a formula of columns with units, a power of volts and amperes, or of a counter of energy.
 
-In: what `power` of a channel says, and the columns of its log. Out: watts (samples,), which of them are none, and how they count in time.
+In: what `power` or `temperature` of a channel says, and the columns of its log. Out: values (samples,), which of them are none, and how
+they count in time.
 """
 
 from __future__ import annotations
@@ -8,6 +9,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from types import MappingProxyType
 from typing import Any, Final
 
 import numpy as np
@@ -68,13 +70,14 @@ def power_readings(entry: object, column: ColumnOf, times: FloatArray, where: st
     """
     with errors_at(f"{where}, power"):
         if isinstance(entry, str):
-            return _of_formula(entry, column, {}, times)
+            return PowerReadings(formula_values(entry, column), np.zeros(times.shape, dtype=bool))
         if not isinstance(entry, Mapping):
             raise RecordError(f"{entry!r} is neither a formula of columns nor a table.", code="value.wrong-kind")
         refuse_unknown(entry, (*POWER_KEYS, "units"))
         if "formula" in entry:
             refuse_unknown(entry, ("formula", "units"), refusal="'{}' does not go with a formula, which takes {known}.")
-            return _of_formula(str(entry["formula"]), column, dict(entry.get("units", {})), times)
+            watts = formula_values(str(entry["formula"]), column, dict(entry.get("units", {})))
+            return PowerReadings(watts, np.zeros(times.shape, dtype=bool))
         if "energy" in entry:
             refuse_unknown(entry, ("energy", "share"), refusal="'{}' does not go with a counter of energy, which takes {known}.")
             return _of_counter(_slot("energy", entry, column), _slot("share", entry, column), times)
@@ -132,12 +135,19 @@ def _column_with_unit(name: str, column: ColumnOf, usual: Mapping[str, str]) -> 
     return values, unit(text)
 
 
-def _of_formula(text: str, column: ColumnOf, units: Mapping[str, str], times: FloatArray) -> PowerReadings:
-    """Return the value of a formula of columns, each in SI by its unit. [W]
+def formula_values(text: str, column: ColumnOf, units: Mapping[str, str] = MappingProxyType({}), of: str = "W") -> FloatArray:
+    """Return the values (samples,) of a formula of columns, each in SI by its unit.
+
+    Parameters
+    ----------
+    text : str          The formula.
+    column : callable   As in `power_readings`.
+    units : mapping     Column -> unit, where the log has none; a column of a temperature is in degC then.
+    of : str            W for a power, K for a temperature.
 
     Raises
     ------
-    RecordError   When it names no column, or is no power.
+    RecordError   When it names no column, or is of another quantity.
     """
     quoted = {f"column{k}": name for k, name in enumerate(dict.fromkeys(_QUOTED.findall(text)))}
     plain = text
@@ -149,13 +159,16 @@ def _of_formula(text: str, column: ColumnOf, units: Mapping[str, str], times: Fl
         rule = "Write a column whose name holds a blank, a sign or a digit first in backticks: `CH1 Voltage` * `CH1 Current`."
         raise error.reworded(f"{error.message} {rule}") from None
     if not expression.names:
-        raise RecordError(f"'{text}' names no column. State a constant power in the deck or in the scenario.", code="value.wrong-kind")
-    readings = {name: _column_with_unit(quoted.get(name, name), column, units) for name in expression.names}
+        raise RecordError(f"'{text}' names no column. State a constant in the deck or in the scenario.", code="value.wrong-kind")
+    columns = {name: quoted.get(name, name) for name in expression.names}
+    usual = {**dict.fromkeys(columns.values(), "degC"), **units} if of == "K" else units
+    readings = {name: _column_with_unit(written, column, usual) for name, written in columns.items()}
     dimension = expression.dimension(lambda name: readings[name][1].dimension)
-    if dimension != unit("W").dimension:
-        raise RecordError(f"'{text}' is {describe(dimension)}, so it is not a power.", code="unit.wrong-dimension")
-    values = expression.evaluate({name: in_si(v, of) for name, (v, of) in readings.items()}.__getitem__)
-    return PowerReadings(np.asarray(values, dtype=float), np.zeros(times.shape, dtype=bool))
+    if dimension != unit(of).dimension:
+        wanted = "power" if of == "W" else "temperature"
+        raise RecordError(f"'{text}' is {describe(dimension)}, so it is not a {wanted}.", code="unit.wrong-dimension")
+    values = expression.evaluate({name: in_si(v, own) for name, (v, own) in readings.items()}.__getitem__)
+    return np.asarray(values, dtype=float)
 
 
 def _of_counter(joules: FloatArray, share: float, times: FloatArray) -> PowerReadings:
