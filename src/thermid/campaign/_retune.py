@@ -289,7 +289,7 @@ def plan_retune(
     places = places_of(source, levels, top)
     swapped, what = above.replaced(part, model)
     swapped = what.starting(swapped)
-    seats = _seats(old, model, sensors)
+    seats = {Names(old).find(a): Names(model).find(b) for a, b in (sensors or {}).items()}
     plans: list[StagePlan] = []
     touched: list[Touch] = []
     for level in levels:
@@ -303,11 +303,6 @@ def plan_retune(
     return RetunePlan(
         part, old.title, model.title, tuple(plans), tuple(touched), before, after, watts, _powered(above, part), what, campaign, model
     )
-
-
-def _seats(old: Model, new: Model, sensors: Mapping[str, str] | None) -> dict[str, str]:
-    """Return node of a part where a sensor sat -> node of its replacement where it sits."""
-    return {Names(old).find(a): Names(new).find(b) for a, b in (sensors or {}).items()}
 
 
 def check_replacement(
@@ -332,9 +327,9 @@ def check_replacement(
     above = source.model(top.model, source.where(f"stages.{len(below)}.model"))
     path = above.canonical(part)
     swapped = above.replaced(path, model)[0]
-    _seats(above.submodel(path), model, sensors)
     with errors_at(f"'{model.title}' at {path}", ": "):
         compile_network(swapped)
+        [(Names(above.submodel(path)).find(a), Names(model).find(b)) for a, b in (sensors or {}).items()]
     if logs is None:
         return
     alone = {n for p, i in top.inherit.items() if above.canonical(p) == path for n in i.stages}

@@ -23,7 +23,7 @@ from typing import Any
 from thermid.base.errors import DeckError, ExpressionError, ThermidError, UnitError, cap, raising
 from thermid.base.files import read_text
 from thermid.base.results import Shown
-from thermid.base.units import DIMENSIONLESS, Dimension, counted, describe, in_si, parse, unit
+from thermid.base.units import DIMENSIONLESS, Dimension, describe, in_si, parse, unit
 from thermid.model.tree import Parameter, parameter
 
 _CELSIUS = re.compile(r"(deg\.?\s*|degrees?\s+|°\s*)?(C|celsius)\Z", re.IGNORECASE)
@@ -279,23 +279,14 @@ def read_initfcn(source: str | os.PathLike[str]) -> InitFcn:
         except ThermidError as error:
             faults.append(error)
             reader.failed.add(statement.name)
-    _refuse(faults, another=not any(_cut(line)[0].rstrip().endswith(";") for line in text.splitlines()))
+    if faults:
+        first, *rest = sorted(faults, key=lambda e: int(e.where.rpartition(":")[2]))
+        raise type(first)("\n  ".join([first.message, *(f"{e.where}: {e.message}" for e in rest)]), first.where, code=first.code)
     if not reader.parameters:
         raise ExpressionError(
             "the script sets no name. It needs lines such as 'Acc_m = 0.054; % Mass [kg].'", file, code="import.not-understood"
         )
     return InitFcn(reader.parameters, reader.numbers, tuple(reader.remarks), file)
-
-
-def _refuse(faults: list[ThermidError], another: bool) -> None:
-    """Raise the faults of a script as one error by line; of a file without statements that end with ';' only the first."""
-    if not faults:
-        return
-    first, *rest = sorted(faults, key=lambda e: int(e.where.rpartition(":")[2]))
-    if another and rest:
-        raise type(first)(f"{first.message} {counted(len(rest), 'more statement')} cannot be read either.", first.where, code=first.code)
-    text = "\n  ".join([first.message, *(f"{e.where}: {e.message}" for e in rest)])
-    raise type(first)(text, first.where, code=first.code)
 
 
 def _source(source: str | os.PathLike[str]) -> tuple[str, str]:

@@ -17,7 +17,7 @@ from thermid.measure._readers.columns import NumberColumn, decimal_sign, find_co
 from thermid.measure._readers.formats import log_cells
 from thermid.measure._readers.guess import Column, columns_of
 from thermid.measure._readers.headers import LETTERED, NO_NUMBER, name_and_unit
-from thermid.measure._readers.power_of_columns import RESTARTED, PowerReadings, formula_values, power_readings
+from thermid.measure._readers.power_of_columns import RESTARTED, power_readings
 from thermid.measure._readers.questions import begins_again, board_restarts, hidden_switches, lost_hour, repeated_stamps, unit_question
 from thermid.measure._readers.stamps import Clock, Times, clock_column, read_times
 from thermid.measure._readers.textfile import Cells, decoded, read_bytes
@@ -248,18 +248,14 @@ def _computed(cells: Cells, binding: Binding, parsed: list[FloatArray | int], ti
         return _samples(cells, parsed, at), name_and_unit(cells.header[at])[1]
 
     quantity, of = ("power", "W") if binding.temperature is None else ("temperature", "K")
-    if binding.temperature is None:
-        read = power_readings(binding.power, column, times, where)
-    else:
-        with errors_at(f"{where}, temperature"):
-            read = PowerReadings(formula_values(binding.temperature, column, of=of), np.zeros(times.shape, dtype=bool))
+    read = power_readings(binding.temperature or binding.power, column, times, where, quantity)
     sizes: dict[str, Any] = {
         word: amount(written, of, f"{where}, {word}") for word in STATED_SIZES if (written := getattr(binding, word)) is not None
     }
     return Channel(
         binding.name,
-        read.watts,
-        np.isfinite(read.watts),
+        read.values,
+        np.isfinite(read.values),
         quantity=quantity,
         role=binding.role,
         target=binding.target,

@@ -9,7 +9,6 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from types import MappingProxyType
 from typing import Any, Final
 
 import numpy as np
@@ -38,22 +37,22 @@ RESTARTED: Final = "counter restarted"
 
 @dataclass(frozen=True, eq=False)
 class PowerReadings:
-    """A power computed from columns.
+    """A power, or a temperature, computed from columns.
 
     Parameters
     ----------
-    watts : array (samples,)        NaN where a column has no reading. [W]
+    values : array (samples,)       NaN where a column has no reading. [W, K]
     restarted : array (samples,)    Where a counter of energy began again, so that the interval before says nothing.
     samples : str                   'average' for a counter: the mean since the stamp before; empty for readings of an instant.
     """
 
-    watts: FloatArray
+    values: FloatArray
     restarted: BoolArray
     samples: str = ""
 
 
-def power_readings(entry: object, column: ColumnOf, times: FloatArray, where: str) -> PowerReadings:
-    """Return the power that the key `power` of a channel describes.
+def power_readings(entry: object, column: ColumnOf, times: FloatArray, where: str, key: str = "power") -> PowerReadings:
+    """Return what the key `power` or `temperature` of a channel describes.
 
     Parameters
     ----------
@@ -61,23 +60,22 @@ def power_readings(entry: object, column: ColumnOf, times: FloatArray, where: st
                             share; energy; or formula with units. Values are columns, or numbers with units.
     column : callable       Name -> readings and unit.
     times : array           [s]
-    where : str             For messages.
+    where, key : str        For messages; the key. A temperature is a formula.
 
     Raises
     ------
     RecordError             When a key or a unit is missing, or it is no power.
     NameNotFoundError       When there is no such column.
     """
-    with errors_at(f"{where}, power"):
+    with errors_at(f"{where}, {key}"):
         if isinstance(entry, str):
-            return PowerReadings(formula_values(entry, column), np.zeros(times.shape, dtype=bool))
+            return _of_formula(entry, column, {}, times, key)
         if not isinstance(entry, Mapping):
             raise RecordError(f"{entry!r} is neither a formula of columns nor a table.", code="value.wrong-kind")
         refuse_unknown(entry, (*POWER_KEYS, "units"))
         if "formula" in entry:
             refuse_unknown(entry, ("formula", "units"), refusal="'{}' does not go with a formula, which takes {known}.")
-            watts = formula_values(str(entry["formula"]), column, dict(entry.get("units", {})))
-            return PowerReadings(watts, np.zeros(times.shape, dtype=bool))
+            return _of_formula(str(entry["formula"]), column, dict(entry.get("units", {})), times)
         if "energy" in entry:
             refuse_unknown(entry, ("energy", "share"), refusal="'{}' does not go with a counter of energy, which takes {known}.")
             return _of_counter(_slot("energy", entry, column), _slot("share", entry, column), times)
@@ -135,15 +133,8 @@ def _column_with_unit(name: str, column: ColumnOf, usual: Mapping[str, str]) -> 
     return values, unit(text)
 
 
-def formula_values(text: str, column: ColumnOf, units: Mapping[str, str] = MappingProxyType({}), of: str = "W") -> FloatArray:
-    """Return the values (samples,) of a formula of columns, each in SI by its unit.
-
-    Parameters
-    ----------
-    text : str          The formula.
-    column : callable   As in `power_readings`.
-    units : mapping     Column -> unit, where the log has none; a column of a temperature is in degC then.
-    of : str            W for a power, K for a temperature.
+def _of_formula(text: str, column: ColumnOf, units: Mapping[str, str], times: FloatArray, key: str = "power") -> PowerReadings:
+    """Return the value of a formula of columns, each in SI by its unit: by `units` where the log has none, or degC in a temperature. [W, K]
 
     Raises
     ------
@@ -160,15 +151,13 @@ def formula_values(text: str, column: ColumnOf, units: Mapping[str, str] = Mappi
         raise error.reworded(f"{error.message} {rule}") from None
     if not expression.names:
         raise RecordError(f"'{text}' names no column. State a constant in the deck or in the scenario.", code="value.wrong-kind")
-    columns = {name: quoted.get(name, name) for name in expression.names}
-    usual = {**dict.fromkeys(columns.values(), "degC"), **units} if of == "K" else units
-    readings = {name: _column_with_unit(written, column, usual) for name, written in columns.items()}
+    usual = {**(dict.fromkeys((*quoted.values(), *expression.names), "degC") if key == "temperature" else {}), **units}
+    readings = {name: _column_with_unit(quoted.get(name, name), column, usual) for name in expression.names}
     dimension = expression.dimension(lambda name: readings[name][1].dimension)
-    if dimension != unit(of).dimension:
-        wanted = "power" if of == "W" else "temperature"
-        raise RecordError(f"'{text}' is {describe(dimension)}, so it is not a {wanted}.", code="unit.wrong-dimension")
-    values = expression.evaluate({name: in_si(v, own) for name, (v, own) in readings.items()}.__getitem__)
-    return np.asarray(values, dtype=float)
+    if dimension != unit("K" if key == "temperature" else "W").dimension:
+        raise RecordError(f"'{text}' is {describe(dimension)}, so it is not a {key}.", code="unit.wrong-dimension")
+    values = expression.evaluate({name: in_si(v, of) for name, (v, of) in readings.items()}.__getitem__)
+    return PowerReadings(np.asarray(values, dtype=float), np.zeros(times.shape, dtype=bool))
 
 
 def _of_counter(joules: FloatArray, share: float, times: FloatArray) -> PowerReadings:
