@@ -195,6 +195,11 @@ class MissingElement:
     of_power: bool = False
     tips: int = 0
 
+    @property
+    def stands_in(self) -> bool:
+        """Whether residuals may ask for it in place of a mass: a law that bends, or lags, which have one value each."""
+        return self.bends or 0 < len(self.sizes) == self.nodes
+
     def beside(self, other: MissingElement) -> MissingElement:
         """Return both changes as one, `other` laid over this one; at most two starts of each are combined."""
 
