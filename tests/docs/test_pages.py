@@ -83,7 +83,7 @@ def test_the_readme_says_what_it_must() -> None:
     code = [line for line in python.text.splitlines() if line.strip() and not line.strip().startswith("#")]
     assert len(code) <= 20
     commands = re.findall(r"^    (.*)$", prose(text), re.MULTILINE)
-    assert commands == ["pip install '.[all]'", "thermid example sisnav --run"]
+    assert commands == ["pip install '.[all]'", "thermid example sisnav && thermid report"]
     assert len(links(text)) <= 12
     assert "docs/your-box.md" in links(text)
     assert not re.search(r"examples/", python.text), "its Python runs in an empty folder"

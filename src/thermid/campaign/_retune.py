@@ -305,9 +305,14 @@ def plan_retune(
 
 
 def check_replacement(
-    campaign: str | os.PathLike[str], part: str, new: str | os.PathLike[str], logs: CampaignSource | None = None, part_only: bool = False
+    campaign: str | os.PathLike[str],
+    part: str,
+    new: str | os.PathLike[str],
+    logs: CampaignSource | None = None,
+    part_only: bool = False,
+    sensors: Mapping[str, str] | None = None,
 ) -> None:
-    """Refuse a part that does not fit its place in the model of a campaign's last stage, before any stage runs.
+    """Refuse a part that does not fit its place in the model of a campaign's last stage, or has no such nodes, before any stage runs.
 
     Of new `logs` one must be there of each stage that is due whatever the stages find: of the tests of the part alone, and of the last
     stage where it fits values of the part.
@@ -323,6 +328,7 @@ def check_replacement(
     swapped = above.replaced(path, model)[0]
     with errors_at(f"'{model.title}' at {path}", ": "):
         compile_network(swapped)
+        [(Names(above.submodel(path)).find(a), Names(model).find(b)) for a, b in (sensors or {}).items()]
     if logs is None:
         return
     alone = {n for p, i in top.inherit.items() if above.canonical(p) == path for n in i.stages}

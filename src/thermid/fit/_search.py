@@ -181,7 +181,7 @@ def searched(
 def doubts(problem: Problem, minimum: Fit) -> str:
     """Return why one descent may have ended in the wrong valley, or an empty text."""
     if not minimum.converged:
-        return "the first descent did not converge"
+        return "the first search did not converge"
     times = _level(problem, minimum)
     if not _noise_is_stated(problem) or times <= TWICE:
         return ""
@@ -283,7 +283,7 @@ class Search:
             """Report how long a descent will take, once its first evaluation was timed; then every evaluation."""
             if count == 1 and not self.spent:
                 one = time.perf_counter() - begun
-                self.tell(f"a descent of some {USUAL} evaluations", (USUAL - 1) * one, loud=False)
+                self.tell(f"a search of some {USUAL} evaluations", (USUAL - 1) * one, loud=False)
             if self.progress is not None:
                 self.progress(count, rms)
 
@@ -309,7 +309,7 @@ class Search:
         if many == DESCENTS or best.stopped:
             return best
         extra = "no further one was" if not many else "one further was" if many == 1 else f"{many} further ones were"
-        words = f"{why}, so a descent may have ended in the wrong valley. One takes {2 * UNASKED_ROUNDS} evaluations, so {extra} "
+        words = f"{why}, so the search may have ended in a local minimum. One takes {2 * UNASKED_ROUNDS} evaluations, so {extra} "
         words += f"made unasked. search = 'multistart' makes {DESCENTS}."
         return replace(best, remarks=(*best.remarks, words))
 
@@ -330,7 +330,7 @@ class Search:
         if not way.any():
             return first
         opposite = np.clip(start - way * max(1.0, MIN_START_DISTANCE / float(np.abs(way).max())), 0.0, 1.0)
-        self.tell(f"a second descent from the other side of the start, because {why}", self.spent[0])
+        self.tell(f"a second search from the other side of the start, because {why}", self.spent[0])
         second = self.descent(population.placed(opposite[None, :])[0])
         problem = population.problem
         best = preferred(population, first, [second])
@@ -341,7 +341,7 @@ class Search:
         error = _errors(problem, min((first, second), key=lambda f: f.cost))
         if (np.abs(first.fitted - second.fitted) <= 0.5 * np.where(error > 0.0, error, np.inf)).all():
             return replace(
-                first, evaluations=total, search=f"{why}: a second descent, from the other side of the start, ended at the same values"
+                first, evaluations=total, search=f"{why}: a second search, from the other side of the start, ended at the same values"
             )
         if contradictions(problem, best):
             return self.descents([first, second], why, DESCENTS - 1, UNASKED_ROUNDS, proved=True)
@@ -384,7 +384,7 @@ class Search:
         """Yield the ends of descents from starts (starts, unknowns), in their order; those that the model cannot be run at have none."""
         alone = self.executor is None
         worker = self if alone else replace(self, progress=None, stoppable=False, executor=None, spent=[])
-        tasks = [(f"the descent from start {k + 1}", (worker, start, rounds)) for k, start in enumerate(starts)]
+        tasks = [(f"the search from start {k + 1}", (worker, start, rounds)) for k, start in enumerate(starts)]
         numbered_ends = in_tasks(_end_of, tasks, self.executor, seconds=len(tasks) * float(np.mean(self.spent)))
         for _, end in numbered_ends if alone else sorted(numbered_ends, key=itemgetter(0)):
             if end is not None:
@@ -400,7 +400,7 @@ class Search:
         costs = [self.population.costs(shares[:BATCH])]
         seconds = (time.perf_counter() - begun) * (SCREENED / BATCH - 1.0) + many * float(np.mean(self.spent))
         missing = ". No start helps where a part or a path is missing: `thermid criticise` looks for it" * ("noise, most" in why)
-        self.tell(f"up to {counted(many, 'descent')} from the best of {SCREENED} points ({why}){missing}", seconds)
+        self.tell(f"up to {counted(many, 'further start')}, the best of {SCREENED} points ({why}){missing}", seconds)
         costs += [self.population.costs(shares[at : at + BATCH]) for at in range(BATCH, SCREENED, BATCH)]
         return shares, np.concatenate(costs)
 
@@ -421,7 +421,7 @@ def _stopped(first: Fit, ends: list[Fit], count: int) -> Fit:
     """Return the best end so far of a search that the interrupt key ended."""
     best = min(ends, key=lambda f: (round(f.cost, 6), f is not first))
     whole = sum(not end.stopped for end in ends)
-    message = f"stopped by the user after {counted(whole, 'descent')}, at the best values so far"
+    message = f"stopped by the user after {counted(whole, 'start')}, at the best values so far"
     return replace(best, evaluations=count, message=message, converged=False, stopped=True, search="")
 
 
@@ -447,14 +447,14 @@ def _valleys(problem: Problem, best: Fit, ends: list[Fit], first: Fit) -> tuple[
     # starts, offsets and what has no error, at a bound, do not separate ends
     error = np.where((error > 0.0) & np.array([u.kind == "parameter" for u in problem.unknowns]), error, np.inf)
     same = [bool((np.abs(f.fitted - best.fitted) <= 0.5 * error).all()) for f in ends]
-    words = f"{len(ends)} descents, {sum(same)} of which ended at the same values"
+    words = f"{len(ends)} searches, {sum(same)} of which ended at the same values"
     others = [f for f, s in zip(ends, same, strict=True) if not s]
     if others:
         least = min(f.cost for f in others) / best.cost
         words += f"; the next best costs {least:.4g} times as much"
         words += "" if least >= 1.0 else ", which is no proof that they are better, because the residuals are autocorrelated"
     if first.cost > best.cost * (1 + 1e-6) and not same[ends.index(first)]:
-        words += f"; the descent from the given start ended at {first.cost / best.cost:.4g} times the best cost"
+        words += f"; the search from the given start ended at {first.cost / best.cost:.4g} times the best cost"
     remarks = []
     for other in (f for f in others if f.cost - best.cost < 2.0 * max(1.0, _level(problem, best))):
         k = int(np.argmax(np.abs(other.fitted - best.fitted) / error))

@@ -1,10 +1,10 @@
 """InitFcn scripts of Simulink models: ``name = expression; % comment [unit]`` -> parameters of a deck.
 
 Read is arithmetic on numbers: earlier names, ``pi``, ``Inf``, the functions of expressions in decks, ``+ - * / ^`` and parentheses; fields
-of structures (``acc.m`` becomes ``acc_m``) and vectors (``k = [1 2]`` becomes ``k_1`` and ``k_2``); continuation by three points, several
-statements on a line, comments, block comments. A name may be set again: its last value is kept. Commands that set no value, such as ``clc``
-and ``disp``, are passed over. Everything else is refused, every fault with its line: nothing is run. As in MATLAB, the arithmetic is on
-plain numbers, and the comment says what unit the result is in.
+of structures (``acc.m`` becomes ``acc_m``) and vectors (``k = [1 2]``, or ``k(1) = 1``, becomes ``k_1`` and ``k_2``); continuation by three
+points, several statements on a line, comments, block comments. A name may be set again: its last value is kept. Commands that set no value,
+such as ``clc`` and ``disp``, are passed over. Everything else is refused, every fault with its line: nothing is run. As in MATLAB, the
+arithmetic is on plain numbers, and the comment says what unit the result is in.
 """
 
 from __future__ import annotations
@@ -13,6 +13,7 @@ import math
 import os
 import re
 from collections.abc import Iterator, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from itertools import accumulate
 from keyword import iskeyword
@@ -22,7 +23,7 @@ from typing import Any
 from thermid.base.errors import DeckError, ExpressionError, ThermidError, UnitError, cap, raising
 from thermid.base.files import read_text
 from thermid.base.results import Shown
-from thermid.base.units import DIMENSIONLESS, Dimension, counted, describe, in_si, parse, unit
+from thermid.base.units import DIMENSIONLESS, Dimension, describe, in_si, parse, unit
 from thermid.model.tree import Parameter, parameter
 
 _CELSIUS = re.compile(r"(deg\.?\s*|degrees?\s+|°\s*)?(C|celsius)\Z", re.IGNORECASE)
@@ -31,9 +32,11 @@ _WORD = re.compile(r"\s*(?:(?P<number>(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)(?![\
 _SIGNS = "+-*/^(),"
 _BRACKET = re.compile(r"\[([^\[\]]*)\]")
 _HEAD = re.compile(r"(?P<name>[A-Za-z]\w*)\s*=(?!=)(?P<rest>.*)\Z", re.DOTALL)
+_ELEMENT = re.compile(r"\A([A-Za-z]\w*)\((\d+)\)(?=\s*=(?!=))")
+"""An element of a vector that is set by itself: ``P(2) = 4.5``."""
 _FIELD = re.compile(r"\b([A-Za-z]\w*)\.(?=[A-Za-z])(?!\w+['\"])")
 _NO_VALUE = re.compile(
-    r"(?:\d+|(?:clear|clearvars|clc|close|format|more|warning|disp|display|f?printf|figure|plot|hold|grid|title|[xy]label|legend|addpath|tic|toc)"
+    r"(?:\d+|(?:clear|clearvars|clc|close|global|persistent|format|more|warning|disp|display|f?printf|figure|plot|hold|grid|title|[xy]label|legend|addpath|tic|toc)"
     r"\b[^=]*)\Z"
 )
 """Commands of MATLAB that set no value, and a number alone, with which a script of Octave may begin."""
@@ -164,17 +167,18 @@ class _Reader:
 
     def _unit(self, s: Statement) -> tuple[str | None, str]:
         """Return the unit that the comment names, or None, and the comment with the brackets that are none."""
+        faults = list[str]()
         for k in reversed(range(len(s.brackets))):
-            text = _unit_text(s.brackets[k])
-            if text is not None:
-                others = " ".join(f"[{b}]" for b in (*s.brackets[:k], *s.brackets[k + 1 :]))
-                return text, f"{s.comment} {others}".strip()
-        shown = " ".join(f"[{b}]" for b in s.brackets)
-        if shown:
-            self.remarks.append(
-                f"line {s.line}: '{shown}' after '{s.name}' is not a known unit, so its value is taken as a plain number. Correct the unit"
-            )
-        return None, f"{s.comment} {shown}".strip()
+            try:
+                text = _unit_text(s.brackets[k])
+            except UnitError as error:
+                faults.append(error.message)
+                continue
+            others = " ".join(f"[{b}]" for b in (*s.brackets[:k], *s.brackets[k + 1 :]))
+            return text, f"{s.comment} {others}".strip()
+        if faults:
+            self.remarks.append(f"line {s.line}: '{s.name}' is taken as a plain number. {' '.join(reversed(faults))}")
+        return None, " ".join([s.comment, *(f"[{b}]" for b in s.brackets)]).strip()
 
     def _written(self, s: Statement, number: float, of: str | None) -> tuple[str, str]:
         """Return the text of the value and, where the script's own expression could not be kept, what it was."""
@@ -220,22 +224,27 @@ class _Reader:
             return None
 
 
-def _unit_text(bracket: str) -> str | None:
-    """Return a bracket of a comment as a unit, or None where it is none."""
+def _unit_text(bracket: str) -> str:
+    """Return a bracket of a comment as a unit.
+
+    Raises
+    ------
+    UnitError   Where it is none.
+    """
     text = bracket.strip()
     text = "degC" if _CELSIUS.match(text) else "1" if text in ("-", "") else text
-    try:
-        unit(text)
-    except UnitError:
-        return None
+    unit(text)
     return text
 
 
 def _hint(comment: str) -> str:
-    """Return the question whether the last word of a comment, or what stands in parentheses, is a unit; empty where none is one."""
-    words = [*re.findall(r"\((.*)\)", comment), *comment.rstrip(" .").replace(",", " ").split()[-1:]]
-    unit_text = next((text for word in words if word.strip() and (text := _unit_text(word)) is not None), None)
-    return f" in brackets (is it [{unit_text}]?)" if unit_text is not None else ""
+    """Return the question whether the end of a comment, or what stands in parentheses, is a unit; empty where neither is one."""
+    words = comment.rstrip(" .").rpartition(",")[2].split()
+    for text in (*(" ".join(words[k:]) for k in range(len(words))), *re.findall(r"\((.*)\)", comment)):
+        with suppress(UnitError):  # the longest first: of W/(m^2 K) the end K) alone is none
+            found = _unit_text(re.sub(r"^\((.*)\)$", r"\1", text))
+            return f" in brackets (is it [{found}]?)"
+    return ""
 
 
 def read_initfcn(source: str | os.PathLike[str]) -> InitFcn:
@@ -270,23 +279,14 @@ def read_initfcn(source: str | os.PathLike[str]) -> InitFcn:
         except ThermidError as error:
             faults.append(error)
             reader.failed.add(statement.name)
-    _refuse(faults, another=not any(_cut(line)[0].rstrip().endswith(";") for line in text.splitlines()))
+    if faults:
+        first, *rest = sorted(faults, key=lambda e: int(e.where.rpartition(":")[2]))
+        raise type(first)("\n  ".join([first.message, *(f"{e.where}: {e.message}" for e in rest)]), first.where, code=first.code)
     if not reader.parameters:
         raise ExpressionError(
             "the script sets no name. It needs lines such as 'Acc_m = 0.054; % Mass [kg].'", file, code="import.not-understood"
         )
     return InitFcn(reader.parameters, reader.numbers, tuple(reader.remarks), file)
-
-
-def _refuse(faults: list[ThermidError], another: bool) -> None:
-    """Raise the faults of a script as one error by line; of a file without statements that end with ';' only the first."""
-    if not faults:
-        return
-    first, *rest = sorted(faults, key=lambda e: int(e.where.rpartition(":")[2]))
-    if another and rest:
-        raise type(first)(f"{first.message} {counted(len(rest), 'more statement')} cannot be read either.", first.where, code=first.code)
-    text = "\n  ".join([first.message, *(f"{e.where}: {e.message}" for e in rest)])
-    raise type(first)(text, first.where, code=first.code)
 
 
 def _source(source: str | os.PathLike[str]) -> tuple[str, str]:
@@ -429,7 +429,9 @@ def _cut(line: str) -> tuple[str, str, bool]:
 
 def _assignments(part: str, where: str, number: int, constants: Mapping[str, str], vectors: set[str]) -> list[Statement]:
     """Return one assignment without its comment, or those of a vector's elements, whose name joins `vectors`."""
-    head = _HEAD.match(_FIELD.sub(r"\1_", part))
+    flat = _FIELD.sub(r"\1_", part)
+    vectors.update(m[1] for m in [_ELEMENT.match(flat)] if m)
+    head = _HEAD.match(_ELEMENT.sub(r"\1_\2", flat))
     if head is None:
         raise ExpressionError(
             f"'{_shortened(part)}' is not of the form 'name = expression'. An InitFcn may hold values only. Remove this line.",

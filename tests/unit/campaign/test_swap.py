@@ -78,6 +78,8 @@ view_factors = [[0, 1], [1, 0]]
     with pytest.raises(DeckError, match=said):
         check_replacement(tmp_path / "campaign.toml", "b", tmp_path / "new.toml")
     check_replacement(tmp_path / "campaign.toml", "b", tmp_path / "old.toml")
+    with pytest.raises(td.ThermidError, match="no node 'lid'"):
+        check_replacement(tmp_path / "campaign.toml", "b", tmp_path / "old.toml", sensors={"case": "lid"})
 
 
 @pytest.fixture(scope="module")

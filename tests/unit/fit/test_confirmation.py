@@ -105,7 +105,7 @@ class TestSecondDescent:
         problem = problem_of(log(TRUTH, extra=0.15))
         alone, found = (searched(problem, how, "linear", 1.0) for how in ("local", "auto"))
         assert found.search.startswith("residuals of 'n")
-        assert found.search.endswith(" in log are not noise: a second descent, from the other side of the start, ended at the same values")
+        assert found.search.endswith(" in log are not noise: a second search, from the other side of the start, ended at the same values")
         assert found.fitted == pytest.approx(alone.fitted, abs=0.0)
         assert found.evaluations > alone.evaluations
 
@@ -113,7 +113,7 @@ class TestSecondDescent:
         problem, told = problem_of(log(TRUTH)), Told()
         found = searched(problem, "auto", "linear", 1.0, told)
         assert found.search == ""
-        assert [words.partition(", about ")[0] for words, _ in told.words] == ["a descent of some 12 evaluations"]
+        assert [words.partition(", about ")[0] for words, _ in told.words] == ["a search of some 12 evaluations"]
 
     def test_the_better_of_two_ends_is_taken(self, monkeypatch: pytest.MonkeyPatch) -> None:
         """The first descent is made to end in another valley: values at which the log contradicts its noise, called converged."""
@@ -130,7 +130,7 @@ class TestSecondDescent:
         monkeypatch.setattr(search, "minimise", wrong_first)
         found = searched(problem, "auto", "linear", 1.0)
         assert len(ends) == 2
-        assert "2 descents, 1 of which ended at the same values" in found.search
+        assert "2 searches, 1 of which ended at the same values" in found.search
         assert found.chi_square == ends[1].chi_square < ends[0].chi_square
 
 
@@ -139,7 +139,7 @@ class TestPrice:
         told = Told()
         fit(requested(chain(), (log(TRUTH),), FREE, scenario=BENCH, search="multistart"), told)
         (_, first), (words, whole) = told.words
-        assert words.startswith("up to 5 descents from the best of 64 points (as asked), about ")
+        assert words.startswith("up to 5 further starts, the best of 64 points (as asked), about ")
         assert words.endswith("The interrupt key ends it without values.")  # nobody asked this fit to keep them
         assert 0.0 < first < whole
 
@@ -157,7 +157,7 @@ class TestPrice:
         """On a machine on which every look at the clock costs an hour the same descents are made, with the same end."""
         problem = problem_of(log(TRUTH, extra=0.6))
         at_once = searched(problem, "auto", "linear", 1.0)
-        assert "descents" in at_once.search
+        assert "searches" in at_once.search
         hours = iter(np.arange(0.0, 3.6e9, 3600.0))
         monkeypatch.setattr(search.time, "perf_counter", lambda: float(next(hours)))
         with warns_code("fit.takes-long"):
@@ -207,7 +207,7 @@ class TestInterrupt:
         problem = problem_of(log(TRUTH))
         whole = searched(problem, "local", "linear", 1.0)
         found = searched(problem, "multistart", "linear", 1.0, Told(whole.evaluations + 3), stoppable=True)
-        assert found.message == "stopped by the user after 1 descent, at the best values so far"
+        assert found.message == "stopped by the user after 1 start, at the best values so far"
         assert found.chi_square == whole.chi_square
         assert not found.converged
 

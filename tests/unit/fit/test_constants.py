@@ -229,7 +229,7 @@ def test_white_residuals_are_called_autocorrelated_in_a_few_cases_of_a_hundred()
 
 def test_five_descents_from_the_best_of_64_points_beside_that_from_the_start() -> None:
     found = td.calibrate(box(), log(box(), {}, {"T": "case"}, samples=61), [HTC, MASS], search="multistart")
-    assert "64 points, 6 descents, 6 of which ended at the same values" in found.search
+    assert "64 points, 6 searches, 6 of which ended at the same values" in found.search
 
 
 def test_elsewhere_lies_inside_the_bounds_by_half_of_the_room() -> None:

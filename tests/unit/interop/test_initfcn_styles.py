@@ -59,13 +59,17 @@ READ: dict[str, tuple[str, dict[str, float]]] = {
         "lambda = 0.2; % [W/(m K)]\nd = 1e-3; % [m]\nG = lambda*0.01/d; % [W/K]",
         {"lambda_": 0.2, "G": 2.0},
     ),
+    "elements one by one": ("q.P(1) = 3; % [W]\nq.P(2) = q.P(1)*1.5; % [W]\nt = q.P(1)+q.P(2); % [W]", {"q_P_2": 4.5, "t": 7.5}),
+    "a script with global names": ("%% Init\nclear all; close all; clc\nglobal m c\n%% Box\nm = 1.2; % [kg]", {"m": 1.2}),
     "one element": ("P = [3]; % [W]\nQ = P(1)*2 % [W]", {"P_1": 3.0, "Q": 6.0}),
 }
 ASKED: dict[str, tuple[str, str]] = {
     "a unit without brackets": ("m = 2; % mass, kg", "(is it [kg]?)"),
     "a unit in parentheses": ("h = 6; % film (W/(m^2 K))", "(is it [W/(m^2 K)]?)"),
+    "a unit with parentheses": ("sigma = 5.67e-8; % radiation, W/(m^2*K^4)", "(is it [W/(m^2*K^4)]?)"),
+    "degrees in a ratio": ("R = 1.5; % [°C/W]", "Write K: a difference of 1 degC equals 1 K."),
     "no unit": ("n = 3;", "'n' has no unit in its comment, so its value is taken as a plain number"),
-    "a unit that is none": ("m = 2; % [kilo]", "'[kilo]' after 'm' is not a known unit"),
+    "a unit that is none": ("m = 2; % [kilo]", "'m' is taken as a plain number. '[kilo]' is not a known unit"),
 }
 REFUSED: dict[str, tuple[str, list[str]]] = {
     "calls and loops": (

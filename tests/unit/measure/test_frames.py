@@ -36,6 +36,15 @@ def test_it_is_measured_unless_said_otherwise() -> None:
     assert record["P"].quantity == "power"
 
 
+def test_a_table_of_a_frame_takes_what_a_campaign_says_of_a_sensor() -> None:
+    """Resolution, lag and the other keys were refused, and nothing else took a resolution."""
+    known = {"T1": {**CHANNELS["T1"], "resolution": "0.0625 [K]", "lag": "20 [s]"}}
+    case = td.Record.from_dataframe("bench", frame(), known)["T1"]
+    assert case.resolution == pytest.approx(0.0625)
+    assert case.part is not None
+    assert case.part.lag == pytest.approx(20.0)
+
+
 @pytest.mark.parametrize(("text", "factor"), [("rpm", np.pi / 30.0), ("A", 1.0), ("1", 1.0), ("degC", 1.0)])
 def test_a_column_may_give_a_value_over_time_in_any_unit(text: str, factor: float) -> None:
     """A fan's speed in rpm and a current in A were refused as "no unit of a "."""

@@ -103,6 +103,20 @@ def test_a_power_of_columns_is_of_a_load(log: Path) -> None:
         td.read_record(log, {"P_IN": {"node": "box", "power": "V_IN * I_IN"}})
 
 
+def test_a_boundary_may_be_the_mean_of_several_thermometers(log: Path) -> None:
+    """Two columns of one boundary are refused, and nothing stated their mean."""
+    log.write_text("time [s],Shroud 1 [degC],Shroud 2,P\n0,-40,-44,1\n10,-50,-52,1\n")
+    mean = {"boundary": "shroud", "temperature": "(`Shroud 1` + `Shroud 2`) / 2", "accuracy": "0.5 [K]"}
+    found = td.read_record(log, {"wall": mean})["wall"]
+    np.testing.assert_allclose(found.values, [231.15, 222.15])
+    assert (found.quantity, found.role, found.target, found.accuracy) == ("temperature", "boundary", "shroud", 0.5)
+    for wrong in ({**mean, "temperature": "`Shroud 1` * `Shroud 2`"}, {**mean, "boundary": "shroud", "temperature": "2 [K]"}):
+        with pytest.raises(ThermidError, match="wall, temperature"):
+            td.read_record(log, {"wall": wrong})
+    with raises_code("value.incomplete"):
+        td.read_record(log, {"wall": {"load": "heat", "temperature": "P"}})
+
+
 def test_units_may_be_given_where_the_log_has_none(log: Path) -> None:
     found = power(log, {"formula": "V_IN * I_IN * U", "units": {"U": "1"}})
     np.testing.assert_allclose(found.values[0], 12.0)

@@ -325,8 +325,8 @@ def swap(
     if to is not None:
         to.mkdir(parents=True, exist_ok=True)  # a name that is no folder's is refused before minutes of work
     logs = new_logs(campaign, new_data) if new_data is not None else None
-    check_replacement(campaign, part, deck, logs, part_only)
     sensors = pairs(sensor_at, "--sensor-at")
+    check_replacement(campaign, part, deck, logs, part_only, sensors)
     plan = plan_retune(staged(campaign, data, results, accept, executor=executor), part, deck, sensors=sensors)
     content: dict[str, Any] = {"plan": retune_object(plan)}
     texts, standing, code = [str(plan)], plan.standing, 0

@@ -11,7 +11,7 @@ import typer
 
 from thermid.app.cli.options import CampaignPath, Data, Json, Results, Whole, Workers, add_worker_options, leave, pairs, say
 from thermid.app.cli.screen import searching, show, working
-from thermid.app.cli.summary import show_campaign, staged
+from thermid.app.cli.summary import staged
 from thermid.app.examples import EXAMPLES, copies, copy_example, example_named
 from thermid.base.errors import IdentificationError, NameNotFoundError, ScenarioError, nearest, refuse_unknown
 from thermid.base.units import amount
@@ -36,7 +36,6 @@ from thermid.inference.criticism import EVALUATIONS, criticise as criticised, pl
 from thermid.model.tree import STANDARD, load_model, standard_parts, worst
 from thermid.physics.finishes import FINISHES
 from thermid.physics.materials import NOT_CHECKED, materials
-from thermid.reporting import pages as page
 
 Stage = Annotated[str, typer.Option("--stage", help="One stage; all that were fitted to logs without it.")]
 
@@ -161,6 +160,7 @@ def improve(
     stage: Annotated[str, typer.Option("--stage", help="The stage; the last one by default.")] = "",
     evaluations: Annotated[int, typer.Option("--evaluations", help="Budget of the search of a structure, in runs.")] = EVALUATIONS,
     data: Data = None,
+    results: Results = None,
     executor: Workers = None,
     as_json: Json = False,
 ) -> None:
@@ -169,7 +169,7 @@ def improve(
     Deck and campaign are written beside the old ones, with a comparison before and after.
     """
     with working("searching for a structure"):
-        improved_model = improved.improve(campaign, stage, evaluations, data, executor=executor)
+        improved_model = improved.improve(campaign, stage, evaluations, data, results, executor=executor)
     content = {
         "changes": list(improved_model.changes),
         "gain": improved_model.search.likelihood(improved_model.search.proposed),
@@ -185,7 +185,6 @@ def improve(
 def example(
     name: Annotated[str, typer.Argument(help="Name of an example; without it, the list.")] = "",
     to: Annotated[Path | None, typer.Option("--to", help="A new folder; the example's name by default.")] = None,
-    run: Annotated[bool, typer.Option("--run", help="Run its campaign too and write report.html.")] = False,
     parts: Annotated[bool, typer.Option("--parts", help='List standard parts, for use = "std:NAME" in a deck.')] = False,
     made_of: Annotated[bool, typer.Option("--materials", help="List materials and finishes with their sources.")] = False,
     as_json: Json = False,
@@ -205,8 +204,6 @@ def example(
         say(as_json, {"examples": rows}, text)
         return
     chosen = example_named(name)
-    if run and not chosen.campaign:
-        raise ScenarioError(f"example '{name}' has no campaign; its command is: {chosen.first}", "--run", code="value.without-effect")
     if (data := chosen.data) is not None and not as_json:
         show(data.words, err=True)
     with working("making the synthetic logs" if chosen.makes else ""):
@@ -219,20 +216,7 @@ def example(
             else None,
         )
     content = {"folder": str(copied.folder), "logs": copied.logs, "checked": copied.checked, "next": chosen.first}
-    if not run:
-        say(as_json, content, str(copied))
-        return
-    if not as_json:
-        show(str(copied))
-    result = staged(copied.folder / chosen.campaign, None, copied.folder / "results")
-    files = result.save(copied.folder / "results")
-    where = page.report(result, to=copied.folder / "report.html")
-    if as_json:
-        say(True, {**content, "page": str(where), "passed": result.passed}, "")
-    else:
-        show_campaign(result, [f.name for f in files])
-        show(f"report: {where}")
-    leave(result.standing, result.exit_code)
+    say(as_json, content, str(copied))
 
 
 def _parts_listed() -> tuple[dict[str, object], str]:

@@ -122,7 +122,7 @@ def text_of(query: Mapping[str, Any], key: str) -> str:
     """
     text = query.get(key, "")
     if not isinstance(text, str):
-        raise DeckError(f"'{key}' is not a text.", "studio", code="value.wrong-kind")
+        raise DeckError(f"'{key}' must be text.", "studio", code="value.wrong-kind")
     return text
 
 

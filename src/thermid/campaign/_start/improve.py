@@ -120,7 +120,15 @@ class Improved:
         return "\n".join(lines)
 
 
-def improve(path: Path, stage: str = "", evaluations: int = EVALUATIONS, data: Path | None = None, *, executor: Workers = None) -> Improved:
+def improve(
+    path: Path,
+    stage: str = "",
+    evaluations: int = EVALUATIONS,
+    data: Path | None = None,
+    results: Path | None = None,
+    *,
+    executor: Workers = None,
+) -> Improved:
     """Search for the next structure of a stage and write it beside the campaign.
 
     Parameters
@@ -129,6 +137,7 @@ def improve(path: Path, stage: str = "", evaluations: int = EVALUATIONS, data: P
     stage : str         One of its stages; the last by default.
     evaluations : int   Budget of the search.
     data : Path         Folder of logs outside the project.
+    results : Path      Folder of finished stages; ``results`` beside the campaign by default.
     executor            As in `ensemble`: who makes the refits of a round, and of the stages below; the same proposal from all.
 
     Raises
@@ -141,7 +150,7 @@ def improve(path: Path, stage: str = "", evaluations: int = EVALUATIONS, data: P
     name = stage or names[-1]
     refuse_unknown([name], names, path.name, "no stage '{}'.", DeckError)
     may_write(path.with_name(f"{path.stem}_{NEXT}.toml"), TEMPLATE.titled(f"{path.stem}_{NEXT}"))  # refused before the search
-    before = run_stages(source.unjudged, cache=path.parent / "results", executor=executor).stages[name]
+    before = run_stages(source.unjudged, cache=results or path.parent / "results", executor=executor).stages[name]
     if (request := before.request) is None or not request.records:
         raise DeckError(
             f"stage '{name}' has values tuned by hand and fits nothing, so structures cannot be compared. Give a stage that fits records.",

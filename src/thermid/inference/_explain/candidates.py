@@ -194,6 +194,11 @@ class MissingElement:
     of_power: bool = False
     tips: int = 0
 
+    @property
+    def stands_in(self) -> bool:
+        """Whether residuals may ask for it in place of a mass: a law that bends, or lags, which have one value each."""
+        return self.bends or 0 < len(self.sizes) == self.nodes
+
     def beside(self, other: MissingElement) -> MissingElement:
         """Return both changes as one, `other` laid over this one; at most two starts of each are combined."""
 
@@ -696,7 +701,7 @@ def _common_mass(request: Request, places: Sequence[_Place]) -> MissingElement:
     sizes |= {f"{link}.conductance": SIZES["path"].at(g) for link, (_, g) in links.items()}
     starts = tuple({free[0]: share * held} for share in (0.3, 1.0, 5.0))
     nodes = ", ".join(f"'{p.node}'" for p in places)
-    return MissingElement(f"a mass that {nodes} stand on", make(request), judge, make, 1, sizes, starts)
+    return MissingElement(f"a mass that carries {nodes}", make(request), judge, make, 1, sizes, starts)
 
 
 def _contact(request: Request, a: str, b: str, size: float) -> MissingElement:

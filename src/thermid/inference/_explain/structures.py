@@ -435,7 +435,7 @@ class _Searching:
                 complete = not self.budget.over
                 break
             best = better
-        best = self._challenged(self._simplest(self._pruned(best)))
+        best = self._with_masses(self._challenged(self._simplest(self._pruned(best))))
         # refit what a law that bends may stand for: a contact in its place, which of equals is the simpler one
         for place in [k for k, change in enumerate(best.changes) if change.bends]:
             plain = None if self.budget.over else self._without(best, place)
@@ -478,19 +478,29 @@ class _Searching:
             if m.possible and self.log(m) - self.log(best) > math.log(max(tried, 1)) + TIE * max(m.nodes - best.nodes, 1)
         ]
 
-    def _challenged(self, best: FittedStructure) -> FittedStructure:
+    def _challenged(self, best: FittedStructure, masses: bool = False) -> FittedStructure:
         """Return the best after the likeliest structures of one mass more were refitted.
 
         So it is known whether the readings can tell them from the best. One of them takes its place where it is likelier by more than
-        chance among these few gives: the rounds before ask for more, because they choose among all changes.
+        chance among these few gives: the rounds before ask for more, because they choose among all changes. Of `masses` no lag is one.
         """
         while not self.budget.over:
-            scores = [s for s in self._scores(best) if s.change.nodes == 1][:CHALLENGES]
+            scores = [s for s in self._scores(best) if s.change.nodes == 1 and not (masses and s.change.stands_in)][:CHALLENGES]
             able = self._proved(self._refitted(best, scores), best, len(scores))
             if not able:
                 break
             best = max(able, key=lambda m: self.log(m))
         return best
+
+    def _with_masses(self, best: FittedStructure) -> FittedStructure:
+        """Return the best after masses alone were tried in place of lags and of laws that bend, which early rounds may have taken for one.
+
+        Where readings do not tell them apart, what a round took first stays.
+        """
+        places = [k for k, change in enumerate(best.changes) if change.stands_in]
+        plain = self._without(best, *places) if places and not self.budget.over else None
+        other = self._challenged(plain, masses=True) if plain else best
+        return other if self.log(other) > self.log(best) + TIE * max(other.nodes - best.nodes, 1) else best
 
     def _scores(self, best: FittedStructure) -> list[PromisedChange]:
         """Return what every change promises, the most first."""
@@ -519,9 +529,9 @@ class _Searching:
             best = max(fewer, key=lambda m: self.log(m))
         return best
 
-    def _without(self, best: FittedStructure, place: int) -> FittedStructure | None:
-        """Return the structure without one of its changes, refitted; None where that is not possible."""
-        remaining = (*best.changes[:place], *best.changes[place + 1 :])
+    def _without(self, best: FittedStructure, *places: int) -> FittedStructure | None:
+        """Return the structure without the changes at some places, refitted; None where that is not possible."""
+        remaining = tuple(change for k, change in enumerate(best.changes) if k not in places)
         request = self.request
         for change in remaining:
             request = change.make(request)

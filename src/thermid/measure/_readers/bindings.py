@@ -14,7 +14,7 @@ from thermid.measure._readers.power_of_columns import POWER_KEYS
 from thermid.measure._record.channel import INTERPOLATIONS, ROLES, SAMPLES, Role, quantity_of
 from thermid.measure._record.sensor import KEYS, SensorCertificate, SensorPart
 
-_OF_SAMPLES: Final = ("noise", "accuracy", "resolution", "unit", "prompt", "samples", "interpolation", "power")
+_OF_SAMPLES: Final = ("noise", "accuracy", "resolution", "unit", "prompt", "samples", "interpolation", "power", "temperature")
 _KEYS: Final = ("column", *ROLES, "gain", "full_scale", *_OF_SAMPLES, *KEYS)
 
 
@@ -28,6 +28,7 @@ class Binding:
     role, target : str      As of `Channel`.
     full_scale              Power of a load in per cent at 100 %.
     power                   Formula or table by which a power is computed from columns.
+    temperature             Formula by which a temperature is, such as the mean of several thermometers.
     part, certificate       Of its sensor.
     """
 
@@ -45,6 +46,7 @@ class Binding:
     samples: str = ""
     interpolation: str = ""
     power: object = None
+    temperature: str | None = None
     part: SensorPart | None = None
     certificate: SensorCertificate | None = None
 
@@ -115,6 +117,11 @@ def _one(key: str, written: Any, where: str) -> Binding:
             "value.incomplete",
         ),
         (
+            "temperature" in written and role not in ("boundary", "prescribed", "node"),
+            "temperature is a formula of columns, so it needs boundary = '...', prescribed = '...' or node = '...' too.",
+            "value.incomplete",
+        ),
+        (
             written.get("prompt") and role not in ("load", "command"),
             "prompt states that a power or command was logged at every change, so it applies to a load or command only.",
             "record.does-not-apply",
@@ -155,12 +162,14 @@ def _check_kinds(written: Any, where: str) -> None:
             code="value.wrong-kind",
         )
     refuse_unknown(written, _KEYS, where)
-    for word in ("column", *ROLES, "gain", "unit"):
+    for word in ("column", *ROLES, "gain", "unit", "temperature"):
         if word in written and not (isinstance(written[word], str) and written[word].strip()):
-            raise RecordError(f"{word} = {written[word]!r} is not a text.", where, code="value.wrong-kind")
+            raise RecordError(f"{word} = {written[word]!r} must be text in quotes, and not empty.", where, code="value.wrong-kind")
     for word in ("full_scale", "noise", "accuracy", "resolution"):
         if word in written and (isinstance(written[word], bool) or not isinstance(written[word], str | int | float)):
-            raise RecordError(f"{word} = {written[word]!r} is neither a text with a unit nor a number.", where, code="value.wrong-kind")
+            raise RecordError(
+                f"{word} = {written[word]!r} is neither a value with its unit in quotes nor a number.", where, code="value.wrong-kind"
+            )
     if not isinstance(written.get("prompt", False), bool):
         raise RecordError(f"prompt = {written['prompt']!r} is neither true nor false.", where, code="value.wrong-kind")
 
@@ -267,6 +276,6 @@ def channel_schema() -> dict[str, Any]:
         "certificate": table(("offset", "uncertainty", "at", "date"), ("offset", "uncertainty")),
         "range": {"type": "array", "items": amount_, "minItems": 2, "maxItems": 2},
     }
-    plain = ("column", *ROLES, "gain", "unit")
+    plain = ("column", *ROLES, "gain", "unit", "temperature")
     properties = {key: nested.get(key) or (text if key in plain else amount_) for key in _KEYS}
     return {"type": "object", "properties": properties, "additionalProperties": False}

@@ -181,8 +181,8 @@ def _channel(cells: Cells, binding: Binding, parsed: list[FloatArray | int], tim
     ------
     RecordError   When its column holds text, or its unit is unclear.
     """
-    if binding.power is not None:
-        return _power(cells, binding, parsed, times)
+    if binding.power is not None or binding.temperature is not None:
+        return _computed(cells, binding, parsed, times)
     at = find_column(cells.header, binding.column, f"{cells.file}, channels.{binding.name}")
     column, header_unit = name_and_unit(cells.header[at])
     where = cells.where(None, column)
@@ -238,8 +238,8 @@ def _samples(cells: Cells, parsed: list[FloatArray | int], at: int) -> FloatArra
     return np.where(over, np.inf, samples) if (over := np.abs(samples) >= SCPI_OVERLOAD).any() else samples
 
 
-def _power(cells: Cells, binding: Binding, parsed: list[FloatArray | int], times: FloatArray) -> Channel:
-    """Return a channel whose power is computed from columns. [W]"""
+def _computed(cells: Cells, binding: Binding, parsed: list[FloatArray | int], times: FloatArray) -> Channel:
+    """Return a channel whose power [W] or temperature [K] is computed from columns."""
     where = f"{cells.file}, channels.{binding.name}"
 
     def column(name: str) -> tuple[FloatArray, str | None]:
@@ -247,20 +247,20 @@ def _power(cells: Cells, binding: Binding, parsed: list[FloatArray | int], times
         at = find_column(cells.header, name, where)
         return _samples(cells, parsed, at), name_and_unit(cells.header[at])[1]
 
-    read = power_readings(binding.power, column, times, where)
-
+    quantity, of = ("power", "W") if binding.temperature is None else ("temperature", "K")
+    read = power_readings(binding.temperature or binding.power, column, times, where, quantity)
     sizes: dict[str, Any] = {
-        word: amount(written, "W", f"{where}, {word}") for word in STATED_SIZES if (written := getattr(binding, word)) is not None
+        word: amount(written, of, f"{where}, {word}") for word in STATED_SIZES if (written := getattr(binding, word)) is not None
     }
     return Channel(
         binding.name,
-        read.watts,
-        np.isfinite(read.watts),
-        quantity="power",
+        read.values,
+        np.isfinite(read.values),
+        quantity=quantity,
         role=binding.role,
         target=binding.target,
         gain=binding.gain,
-        unit="W",
+        unit=of,
         prompt=binding.prompt,
         samples=binding.samples or read.samples,
         interpolation=binding.interpolation,

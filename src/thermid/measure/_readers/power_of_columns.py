@@ -1,6 +1,7 @@
-"""A power that no column holds: a formula of columns with units, volts and amperes, a counter of energy.
+"""What no column holds: a formula of columns with units, a power of volts and amperes, or of a counter of energy.
 
-In: what `power` of a channel says, and the columns of its log. Out: watts (samples,), which of them are none, and how they count in time.
+In: what `power` or `temperature` of a channel says, and the columns of its log. Out: values (samples,), which of them are none, and how
+they count in time.
 """
 
 from __future__ import annotations
@@ -36,22 +37,22 @@ RESTARTED: Final = "counter restarted"
 
 @dataclass(frozen=True, eq=False)
 class PowerReadings:
-    """A power computed from columns.
+    """A power, or a temperature, computed from columns.
 
     Parameters
     ----------
-    watts : array (samples,)        NaN where a column has no reading. [W]
+    values : array (samples,)       NaN where a column has no reading. [W, K]
     restarted : array (samples,)    Where a counter of energy began again, so that the interval before says nothing.
     samples : str                   'average' for a counter: the mean since the stamp before; empty for readings of an instant.
     """
 
-    watts: FloatArray
+    values: FloatArray
     restarted: BoolArray
     samples: str = ""
 
 
-def power_readings(entry: object, column: ColumnOf, times: FloatArray, where: str) -> PowerReadings:
-    """Return the power that the key `power` of a channel describes.
+def power_readings(entry: object, column: ColumnOf, times: FloatArray, where: str, key: str = "power") -> PowerReadings:
+    """Return what the key `power` or `temperature` of a channel describes.
 
     Parameters
     ----------
@@ -59,16 +60,16 @@ def power_readings(entry: object, column: ColumnOf, times: FloatArray, where: st
                             share; energy; or formula with units. Values are columns, or numbers with units.
     column : callable       Name -> readings and unit.
     times : array           [s]
-    where : str             For messages.
+    where, key : str        For messages; the key. A temperature is a formula.
 
     Raises
     ------
     RecordError             When a key or a unit is missing, or it is no power.
     NameNotFoundError       When there is no such column.
     """
-    with errors_at(f"{where}, power"):
+    with errors_at(f"{where}, {key}"):
         if isinstance(entry, str):
-            return _of_formula(entry, column, {}, times)
+            return _of_formula(entry, column, {}, times, key)
         if not isinstance(entry, Mapping):
             raise RecordError(f"{entry!r} is neither a formula of columns nor a table.", code="value.wrong-kind")
         refuse_unknown(entry, (*POWER_KEYS, "units"))
@@ -132,12 +133,12 @@ def _column_with_unit(name: str, column: ColumnOf, usual: Mapping[str, str]) -> 
     return values, unit(text)
 
 
-def _of_formula(text: str, column: ColumnOf, units: Mapping[str, str], times: FloatArray) -> PowerReadings:
-    """Return the value of a formula of columns, each in SI by its unit. [W]
+def _of_formula(text: str, column: ColumnOf, units: Mapping[str, str], times: FloatArray, key: str = "power") -> PowerReadings:
+    """Return the value of a formula of columns, each in SI by its unit: by `units` where the log has none, or degC in a temperature. [W, K]
 
     Raises
     ------
-    RecordError   When it names no column, or is no power.
+    RecordError   When it names no column, or is of another quantity.
     """
     quoted = {f"column{k}": name for k, name in enumerate(dict.fromkeys(_QUOTED.findall(text)))}
     plain = text
@@ -149,11 +150,12 @@ def _of_formula(text: str, column: ColumnOf, units: Mapping[str, str], times: Fl
         rule = "Write a column whose name holds a blank, a sign or a digit first in backticks: `CH1 Voltage` * `CH1 Current`."
         raise error.reworded(f"{error.message} {rule}") from None
     if not expression.names:
-        raise RecordError(f"'{text}' names no column. State a constant power in the deck or in the scenario.", code="value.wrong-kind")
-    readings = {name: _column_with_unit(quoted.get(name, name), column, units) for name in expression.names}
+        raise RecordError(f"'{text}' names no column. State a constant in the deck or in the scenario.", code="value.wrong-kind")
+    usual = {**(dict.fromkeys((*quoted.values(), *expression.names), "degC") if key == "temperature" else {}), **units}
+    readings = {name: _column_with_unit(quoted.get(name, name), column, usual) for name in expression.names}
     dimension = expression.dimension(lambda name: readings[name][1].dimension)
-    if dimension != unit("W").dimension:
-        raise RecordError(f"'{text}' is {describe(dimension)}, so it is not a power.", code="unit.wrong-dimension")
+    if dimension != unit("K" if key == "temperature" else "W").dimension:
+        raise RecordError(f"'{text}' is {describe(dimension)}, so it is not a {key}.", code="unit.wrong-dimension")
     values = expression.evaluate({name: in_si(v, of) for name, (v, of) in readings.items()}.__getitem__)
     return PowerReadings(np.asarray(values, dtype=float), np.zeros(times.shape, dtype=bool))
 

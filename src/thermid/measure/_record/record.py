@@ -121,8 +121,8 @@ class Record(Samples, Result):
         name : str          Its name.
         frame : DataFrame   A row a time, a column a channel. NaN is a missing sample.
         channels : mapping  Column -> table: ``unit`` ("degC", "W"), what it is of (``node``, ``boundary``, ``load``, ``prescribed``,
-                            ``command`` or ``schedule``, a value that the log gives: a path in the model), and where known ``noise`` and
-                            ``accuracy`` ("0.1 [K]").
+                            ``command`` or ``schedule``, a value that the log gives: a path in the model), and where known ``noise``,
+                            ``accuracy`` and ``resolution`` ("0.1 [K]"), and the keys of `with_sensor`, such as ``lag``.
         time : str          Column of the times, numbers in seconds or stamps; the index without it, unless that counts rows.
         synthetic : bool    Whether a simulation made the samples.
 
@@ -145,7 +145,11 @@ class Record(Samples, Result):
         channels_of_frame = {
             column: _channel_of(column, frame[column].to_numpy(dtype=np.float64), table, name) for column, table in channels.items()
         }
-        return cls.from_arrays(name, axis, channels_of_frame, synthetic=synthetic)
+        record = cls.from_arrays(name, axis, channels_of_frame, synthetic=synthetic)
+        for column, table in channels.items():
+            if keys := {key: table[key] for key in KEYS if key in table}:
+                record = record.with_sensor(column, **keys)
+        return record
 
     def select(self, *names: str) -> Record:
         """Return the record with these channels only.
@@ -968,7 +972,7 @@ def _channel_of(column: str, values: FloatArray, table: Mapping[str, Any], name:
     where = f"{name}, {column}"
     if not isinstance(table, Mapping):
         raise RecordError(f"give a table such as {{'unit': 'degC', 'node': 'case'}}, not {table!r:.60}.", where, code="value.wrong-kind")
-    refuse_unknown(table, [*ROLES, "unit", "noise", "accuracy"], where)
+    refuse_unknown(table, [*ROLES, "unit", "noise", "accuracy", "resolution", *KEYS], where)
     roles = [key for key in ROLES if key in table]
     if "unit" not in table or len(roles) != 1:
         raise RecordError(
@@ -978,7 +982,7 @@ def _channel_of(column: str, values: FloatArray, table: Mapping[str, Any], name:
     warm = role.quantity == "temperature"
     if role.slot and of.dimension != unit("K" if warm else role.slot).dimension and role.quantity != "command":
         raise RecordError(f"'{of.text}' is no unit of a {role.quantity}.", where, code="unit.wrong-dimension")
-    sizes = {key: amount(table[key], "K" if warm else of.text, where) for key in ("noise", "accuracy") if key in table}
+    sizes = {key: amount(table[key], "K" if warm else of.text, where) for key in ("noise", "accuracy", "resolution") if key in table}
     return Channel.from_array(
         column,
         values,

@@ -119,16 +119,15 @@ def proportion(hits: int, members: int) -> tuple[float, float]:
 
 
 def clock(seconds: float) -> str:
-    """Return a time in hours and whole minutes, rounded down: 3 h 10 min.
+    """Return a time in hours and minutes, or below an hour in minutes and seconds, rounded down.
 
-    >>> clock(11459.0), clock(540.0)
-    ('3 h 10 min', '9 min')
+    >>> clock(11459.0), clock(562.8)
+    ('3 h 10 min', '9 min 22 s')
     """
     if math.isinf(seconds):
         return "longer than the scenario"
-    minutes = int(seconds // 60)
-    hours, rest = divmod(minutes, 60)
-    return f"{hours} h {rest} min" if hours else f"{rest} min"
+    minutes, rest = divmod(int(seconds), 60)
+    return f"{minutes // 60} h {minutes % 60} min" if minutes >= 60 else f"{minutes} min {rest} s"
 
 
 @dataclass(frozen=True, eq=False)

@@ -168,7 +168,9 @@ def test_a_proposal_that_a_full_fit_refuses_is_not_written(tmp_path: Path, monke
         raise DeckError("a node's capacitance must be above zero and finite.", "plate")
 
     monkeypatch.setattr("thermid.campaign._start.improve.fit", ended)
-    made = improve(path, evaluations=3000)
+    made = improve(path, evaluations=3000, results=tmp_path / "finished")
+    assert [f.stem for f in (tmp_path / "finished").iterdir()], "finished stages are kept there"
+    assert not (tmp_path / "results").exists()
     assert (made.files, made.refused) == ((), "a node's capacitance must be above zero and finite.")
     assert "nothing was written" in str(made)
 

@@ -42,6 +42,13 @@ def test_order_and_error_of_a_plant(plants: ModuleType, seed: int) -> None:
     assert row["error_K"] < 1.1 * row["known_error_K"]
 
 
+def test_a_lag_and_a_law_that_bends_do_not_stand_for_two_masses(plants: ModuleType) -> None:
+    """A first round took a lag of the sensor, a second one radiation: 2.5 times the error on another log."""
+    row = plants.judged(100, 0.5)
+    assert row["found"] == row["order"] == 3
+    assert row["error_K"] < 1.1 * row["known_error_K"]
+
+
 def test_heat_that_arrives_through_masses_is_not_a_power_logged_early(plants: ModuleType) -> None:
     """Changes were found 26 s after their samples, so the log had its masses in its clock: 1.37 times the error on another log."""
     plant = plants.drawn(10, 0.5)

@@ -116,7 +116,7 @@ def test_changes_of_a_pair_reach_both_and_what_is_between() -> None:
     changes = {c.name: c for c in Fitted.of_problem(request, one.problem, one.end.fitted).changes()}
     for words in (
         "a contact between 'a' and 'b'",
-        "a mass that 'a', 'b' stand on",
+        "a mass that carries 'a', 'b'",
         "a lag of every sensor",
         "depends on direction",
         "grows with temperature",
