@@ -15,7 +15,7 @@ import pytest
 
 from by_code import raises_code
 from studio.large import wide_campaign
-from thermid.base.errors import IdentificationError, NameNotFoundError, StoppedError, ThermidError
+from thermid.base.errors import IdentificationError, NameNotFoundError, StoppedError, ThermidError, code_of
 from thermid.campaign._file import read_campaign
 from thermid.campaign._stages import Campaign, request_of, run_stages
 from thermid.campaign._survey import check_campaign
@@ -392,16 +392,16 @@ def test_stages_that_would_share_a_file_are_refused(project: Path, name: str) ->
     changed(
         project, ('name    = "box"', 'name    = "pa_ir"'), ('stage = "box"', 'stage = "pa_ir"'), ('name    = "pair"', f'name    = "{name}"')
     )
-    assert f"stages 'pa_ir' and '{name}' would be saved under one file name" in str(refused(project))
+    assert code_of(str(refused(project))) == "name.taken"
+    assert f"'pa_ir' and '{name}'" in str(refused(project))
 
 
 class TestUsedRecords:
     def test_a_verdict_on_a_record_of_any_stage(self, project: Path) -> None:
         error = refused(changed(project, ('record   = "pair_two"', 'record   = "pair_one"')))
         assert isinstance(error, IdentificationError)
-        assert (
-            "record 'pair_one' was used by stage 'pair' as 'pair_one'. A validation needs a hold-out record: use one that no fit used."
-        ) in error.message
+        assert code_of(error.message) == "campaign.record-used"
+        assert "'pair' as 'pair_one'" in error.message
         assert error.where.endswith("verdicts.0")
 
     def test_though_it_was_trimmed_and_has_another_name(self, project: Path) -> None:
@@ -410,7 +410,8 @@ class TestUsedRecords:
             'channels = { T_A = { node = "a.case" }, ROOM = { boundary = "room" } }\n\n[[verdicts]]'
         )
         error = refused(changed(project, ("[[verdicts]]", copy), ('record   = "pair_two"', 'record   = "fresh"')))
-        assert "record 'fresh' was used by stage 'pair' as 'pair_one'" in error.message
+        assert code_of(error.message) == "campaign.record-used"
+        assert "'pair' as 'pair_one'" in error.message
 
     def test_though_the_file_was_copied_and_compressed(self, project: Path) -> None:
         import gzip
@@ -420,7 +421,8 @@ class TestUsedRecords:
         changed(
             project, ('"logs/pair_*.csv"', '["logs/pair_*.csv", "logs/pair_*.csv.gz"]'), ('record   = "pair_two"', 'record   = "pair_new"')
         )
-        assert "record 'pair_new' was used by stage 'pair' as 'pair_one'" in refused(project).message
+        assert code_of(refused(project).message) == "campaign.record-used"
+        assert "'pair' as 'pair_one'" in refused(project).message
 
     def test_a_pattern_judges_each(self, project: Path) -> None:
         logs = project.parent / "logs"
@@ -447,7 +449,8 @@ class TestWhereLogsLie:
         shutil.copy(project.parent / "logs" / "box_bench.csv", outside)
         (project.parent / "logs" / "box_bench.csv").unlink()
         os.symlink(outside, project.parent / "logs" / "box_bench.csv")
-        assert "'logs/box_bench.csv' lies outside the project (thermid.toml marks its root)" in str(refused(project))
+        assert code_of(str(refused(project))) == "file.outside-project"
+        assert "'logs/box_bench.csv'" in str(refused(project))
 
     def test_checksum_of_the_right_log(self, project: Path) -> None:
         sha = read_campaign(project).record("box_bench").origin.sha256
@@ -647,7 +650,8 @@ def test_freeze_ranges_and_measured_neighbours_from_a_campaign(project: Path) ->
 def test_a_range_that_is_none_says_where(project: Path) -> None:
     changed(project, ('inherit = { a = { stage = "box", as = "fixed" } }', f'priors = {{ "{JOINT}" = "range" }}'))
     error = refused(project)
-    assert re.search(r"'stack\.contact_conductance' has no range", str(error))
+    assert code_of(str(error)) == "value.without-effect"
+    assert re.search(r"'stack\.contact_conductance' has", str(error))
     assert f"priors.{JOINT}" in error.where
 
 
@@ -675,13 +679,14 @@ def test_a_record_says_the_unit_of_its_time(project: Path) -> None:
     again = run_stages(project)["box"]
     assert again[HTC].value == pytest.approx(plain[HTC].value, rel=1e-6)
     project.write_text(text.replace('when = "min"', 'wen = "min"'), encoding="utf-8")
-    assert "unit is given for 'wen', which is not a channel. Channels: T_A, ROOM." in str(refused(project))
+    assert code_of(str(refused(project))) == "name.unknown"
+    assert "Channels: T_A, ROOM" in str(refused(project))
 
 
 def test_a_channel_says_that_it_was_logged_at_every_change(project: Path) -> None:
     text = project.read_text().replace('ROOM = { boundary = "air" }', 'ROOM = { boundary = "air", prompt = true }', 1)
     project.write_text(text, encoding="utf-8")
-    assert "prompt states that a power" in str(refused(project))
+    assert code_of(str(refused(project))) == "record.does-not-apply"
 
 
 def test_one_instance_is_untied_by_name(tmp_path: Path) -> None:

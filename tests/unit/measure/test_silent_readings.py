@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from by_code import raises_code
-from thermid.base.errors import RecordError, ThermidError, UnitError
+from thermid.base.errors import RecordError, ThermidError, UnitError, code_of
 from thermid.measure._readers.formats import log_cells
 from thermid.measure._readers.guess import columns_of
 from thermid.measure._readers.headers import name_and_unit
@@ -49,9 +49,7 @@ def test_a_unit_that_nobody_knows_is_refused_and_never_dropped(log, header):
 
 @pytest.mark.parametrize("name", ["T1_F", "case_K"])
 def test_a_letter_that_may_be_a_unit_is_asked_about(log, name):
-    with pytest.raises(
-        RecordError, match=rf"its name ends in '_{name[-1]}', so its unit is unclear: without one it is read in degC\. Give units="
-    ):
+    with raises_code("record.unit-unclear", RecordError, match=f"'_{name[-1]}', so its"):
         first(log, name, "75")
     assert first(log, name, "75", unit="degC") == pytest.approx(75 + ICE)
 
@@ -282,7 +280,8 @@ def test_codes_of_loggers_are_named_and_masked_by_the_step_that_is_offered(log, 
     record = coded(log, cells)
     said = stray_readings([record])
     assert len(said) == 1
-    assert f"readings of 'T' in 'bench' are no temperatures: {words}. Mask them: prepare = " in said[0]
+    assert code_of(said[0]) == "record.stray-readings"
+    assert f"{words}. Mask" in said[0]
     steps = tomllib.loads(said[0].split("Mask them: ")[1].removesuffix(" of the record."))["prepare"]
     cleaned = record.prepare(steps)
     assert np.flatnonzero(~cleaned["T"].valid).tolist() == [5, 11]
