@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -213,7 +214,8 @@ def test_a_start_time_moves_wind_pressure_sun_and_schedules_too() -> None:
 def test_what_stays_at_a_later_start_is_said() -> None:
     scenario = plain(commands={"heater": TableSignal(np.array([0.0, 600.0]), np.array([1.0, 0.0]), hold=True)})
     runs = td.qualify.uncertain_runs(box(), scenario, spread={"start_time": {"low": "0 [h]", "high": "1 [h]"}}, n=2)
-    assert runs.warnings == ("the start moves all that changes in time but heater, which counts from it",)
+    assert len(runs.warnings) == 1
+    assert "heater" in runs.warnings[0]
 
 
 def _row(hour: int) -> str:
@@ -377,9 +379,9 @@ def test_a_steady_state_of_a_pulsed_load_says_which_inputs_it_holds() -> None:
     still = plain(duration=0.0)
     found = td.steady(pulsed(), still)
     assert found["core"] - 293.15 == pytest.approx(60.0)
-    assert found.held == "inputs at 0 s"
-    assert "h changes in time" in found.remarks[0]
-    assert str(found).splitlines()[0] == "steady, inputs at 0 s"
+    assert found.held.endswith(" 0 s")
+    assert re.search(r"\b0 s\b.*\bh\b", found.remarks[0])
+    assert str(found).splitlines()[0].endswith(found.held)
     assert td.steady(pulsed(), still, "300 [s]")["core"] - 293.15 == pytest.approx(0.0, abs=1e-6)
     assert td.steady(pulsed(), still, "mean")["core"] - 293.15 == pytest.approx(12.0)
     assert [round(s["core"] - 293.15, 6) for s in td.simulation.steady_levels(pulsed(), still)] == [60.0, 0.0]

@@ -402,7 +402,7 @@ class Engine(KernelProblem):
             **self.gradients(a, gradients),
         )
         if raw.status != _kernel.OK:
-            raise SolverError(self.message(raw, options, end, a), self.title)
+            raise SolverError(self.message(raw, options, end, a), self.title, code="run.did-not-finish")
         statistics = {
             "method": "integrator",
             "reason": why,
@@ -424,7 +424,7 @@ class Engine(KernelProblem):
         gone, sums = self._sums(a) if extremes else ((), None)
         raw = self.modal.run(a, times, ints([index[n] for n in nodes]), end, extremes, sums)
         if raw.status != _kernel.OK:
-            raise SolverError(self.message(raw, options, end, a), self.title)
+            raise SolverError(self.message(raw, options, end, a), self.title, code="run.did-not-finish")
         slopes = np.zeros((times.size, len(nodes), 0))
         statistics = {"method": "modal", "reason": "", "steps": raw.steps, "rejected": 0, "switchings": []}
         energies = (raw.load_energy, raw.boundary_energy, np.zeros(0))
@@ -554,7 +554,7 @@ class Engine(KernelProblem):
             **self.gradients(a, gradients),
         )
         if raw.status != _kernel.OK:
-            raise SolverError(self.message(raw, options, end, a), self.title)
+            raise SolverError(self.message(raw, options, end, a), self.title, code="run.did-not-finish")
         return Squares(raw.triangle, raw.rotated, raw.cost, raw.chi_square, raw.sums, raw.mesh)
 
     def started(self, a: Assembled, gradients: bool = False) -> Assembled:
@@ -623,7 +623,7 @@ def at_rest(problem: KernelProblem, a: Assembled, time: float, gradients: bool =
         if on.tobytes() in visited:
             name = machines[changed[0]].name
             message = f"no steady state exists: the control '{name}' keeps switching. Simulate, and use the mean over a late period."
-            raise SolverError(message, problem.title)
+            raise SolverError(message, problem.title, code="run.no-steady-state")
 
 
 def _next_mode(problem: KernelProblem, a: Assembled, temperatures: Array, time: float, modes: NDArray[np.int32]) -> tuple[int, int] | None:
@@ -663,7 +663,7 @@ def _settle_in_modes(problem: KernelProblem, a: Assembled, time: float, gradient
         leaving = balance.leaving(temperatures, jacobian, outside)
         step = _solve_balance(jacobian, leaving, heat)
         if step is None:
-            raise SolverError(_no_steady(problem, a), where)
+            raise SolverError(_no_steady(problem, a), where, code="run.no-steady-state")
         close = float(np.abs(step).max()) < MAX_NEWTON_STEP * max(1.0, float(np.abs(temperatures).max()))
         if k < DIRECT or close:
             temperatures = _damped_step(balance, temperatures, step, float(np.linalg.norm(heat)), reach)
@@ -693,7 +693,7 @@ def _settle_in_modes(problem: KernelProblem, a: Assembled, time: float, gradient
                 raise SolverError(f"in the steady state {beyond}", where, code="run.no-steady-state")
             moves = _solve_balance(jacobian, leaving, slopes) if slopes is not None else np.zeros((temperatures.size, 0))
             if moves is None:
-                raise SolverError(_no_steady(problem, a), where)
+                raise SolverError(_no_steady(problem, a), where, code="run.no-steady-state")
             return balance.states(temperatures), balance.moves(temperatures, moves)
     if any(row.control == "thermostat" for row in a.numbers.loads):
         raise SolverError(
@@ -701,7 +701,7 @@ def _settle_in_modes(problem: KernelProblem, a: Assembled, time: float, gradient
             where,
             code="run.no-steady-state",
         )
-    raise SolverError(unsettled(problem.follows), where)
+    raise SolverError(unsettled(problem.follows), where, code="run.no-steady-state")
 
 
 class _Balance:
