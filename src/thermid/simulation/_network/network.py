@@ -187,7 +187,7 @@ class Network:
         capacitances, conductors, loads = (dict(base_parts.get(k, {})) for k in ("capacitances", "conductors", "loads"))
         if any(c.kind == "flow" for c in changed.conductors):
             for where, message in self.flat.unbalanced_streams(values):
-                raise DeckError(message, where, code="model.streams-unbalanced")
+                raise DeckError(message, where)
         for node in changed.nodes:
             capacitance: Number | None = node.capacitance(values)
             if capacitance is not None and not (value_of(capacitance) > 0 and np.isfinite(value_of(capacitance))):
@@ -403,7 +403,7 @@ def _compiled(model: Model, media: Media | None, prescribed: tuple[str, ...]) ->
     if media is not None:
         check_gas_laws(media, flat)
     for where, message in flat.radiation_into_gas(network.numbers().values):
-        raise DeckError(message, where, code="model.radiates-into-gas")
+        raise DeckError(message, where)
     return network
 
 

@@ -663,7 +663,7 @@ def _settle_in_modes(problem: KernelProblem, a: Assembled, time: float, gradient
         leaving = balance.leaving(temperatures, jacobian, outside)
         step = _solve_balance(jacobian, leaving, heat)
         if step is None:
-            raise SolverError(_no_steady(problem, a), where, code="run.no-steady-state")
+            raise SolverError(_no_steady(problem, a), where)
         close = float(np.abs(step).max()) < MAX_NEWTON_STEP * max(1.0, float(np.abs(temperatures).max()))
         if k < DIRECT or close:
             temperatures = _damped_step(balance, temperatures, step, float(np.linalg.norm(heat)), reach)
@@ -693,7 +693,7 @@ def _settle_in_modes(problem: KernelProblem, a: Assembled, time: float, gradient
                 raise SolverError(f"in the steady state {beyond}", where, code="run.no-steady-state")
             moves = _solve_balance(jacobian, leaving, slopes) if slopes is not None else np.zeros((temperatures.size, 0))
             if moves is None:
-                raise SolverError(_no_steady(problem, a), where, code="run.no-steady-state")
+                raise SolverError(_no_steady(problem, a), where)
             return balance.states(temperatures), balance.moves(temperatures, moves)
     if any(row.control == "thermostat" for row in a.numbers.loads):
         raise SolverError(
@@ -818,7 +818,7 @@ def _pseudo_time_step(temperatures: Array, heat: Array, jacobian: Array, k: int)
     return np.maximum(temperatures + step * min(1.0, LARGEST_MOVE / max(float(np.abs(step).max()), 1e-300)), 0.1)
 
 
-def _no_steady(problem: KernelProblem, a: Assembled) -> str:
+def _no_steady(problem: KernelProblem, a: Assembled) -> CodedText:
     """Return why there is no steady state, in words: nodes without a path to a boundary, or singular equations."""
     # the powers with all nodes at the temperature of the first boundary at time zero
     outer = [problem.wiring.boundary(b, np.zeros(1), a.offsets)[0] for b in problem.wiring.network.boundaries]
@@ -827,7 +827,7 @@ def _no_steady(problem: KernelProblem, a: Assembled) -> str:
     for imbalance in unreached(problem.wiring.network, a.numbers, powers).values():
         return CodedText(f"no steady state exists: {imbalance}.", imbalance.code)
     look = "power that grows with temperature" if problem.follows else "node whose heat cannot leave"
-    return f"no steady state exists: the equations are singular. Look for a {look}."
+    return CodedText(f"no steady state exists: the equations are singular. Look for a {look}.", "run.no-steady-state")
 
 
 def _periodic(engine: Engine, a: Assembled, guess: Array, slopes: Array, gradients: bool) -> tuple[Array, Array]:
