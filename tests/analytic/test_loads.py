@@ -115,13 +115,9 @@ RUNAWAYS = {
 def test_runaway_is_detected_and_named(kind: str) -> None:
     """Power that grows faster with temperature than the heat can leave: an error in words, not a number."""
     model = _box(RUNAWAYS[kind])
-    with pytest.raises(
-        SolverError,
-        match=r"the temperature rises without limit at \S+ s of \S+ s at 'n': "
-        r"a power grows faster with temperature than the heat removed",
-    ):
+    with raises_code("run.did-not-finish", SolverError, match=r" \S+ s of \S+ s at 'n': "):
         td.simulate(model, _air(1e6))
-    with pytest.raises(SolverError, match="no steady state was found; a power may grow without limit with temperature"):
+    with raises_code("run.no-steady-state", SolverError):
         td.steady(model, _air(1e6))
 
 

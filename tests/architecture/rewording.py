@@ -35,6 +35,11 @@ class _Rewording(ast.NodeTransformer):
         """Leave help texts."""
         return node if node.arg in HELP else self.generic_visit(node)
 
+    def visit_Call(self, node: ast.Call) -> ast.AST:
+        """Leave words that are a list of words: ``"a b c".split()``."""
+        is_list = isinstance(node.func, ast.Attribute) and node.func.attr == "split" and isinstance(node.func.value, ast.Constant)
+        return node if is_list else self.generic_visit(node)
+
     def visit_Constant(self, node: ast.Constant) -> ast.AST:
         """Reword a text."""
         return ast.copy_location(ast.Constant(reworded(node.value)), node) if is_prose(node.value) else node
@@ -51,9 +56,9 @@ class _Rewording(ast.NodeTransformer):
 
 
 def is_prose(text: object) -> bool:
-    """Whether a value is a text of some words on one line, and no pattern or markup."""
+    """Whether a value is a text of some words on one line, and no pattern, markup, expression or statement of a program."""
     return (
         isinstance(text, str)
-        and not re.search(r"\n.|<|\(\?|\\[bdsw]|^\^", text)
+        and not re.search(r"\n.|<|\(\?|\\[bdsw]|^\^|;$|\[\]$|[\w)] [*/] [\w({]", text)
         and len(re.findall(r"[A-Za-z]{2,}", re.sub(QUOTED, " ", text))) >= WORDS
     )

@@ -146,11 +146,7 @@ def test_B16_power_that_follows_temperature(a: float) -> None:  # noqa: N802
 def test_B16_runaway_is_detected() -> None:  # noqa: N802
     """a P0 above h A: no steady state, and a run that says so."""
     bench = td.Scenario("bench", boundaries={"air": "24 [degC]"}, start="24 [degC]", duration="500 [h]")
-    with pytest.raises(
-        SolverError,
-        match=r"the temperature rises without limit at \S+ s of \S+ s at 'case': "
-        r"a power grows faster with temperature than the heat removed",
-    ):
+    with raises_code("run.did-not-finish", SolverError, match=r" \S+ s of \S+ s at 'case': "):
         td.simulate(_gyro(0.1), bench)
     with raises_code("run.no-steady-state", SolverError):
         td.steady(_gyro(0.1), bench)

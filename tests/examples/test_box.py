@@ -63,23 +63,23 @@ MISTAKES = {
     "an area in square metres": ("parts.csv", "3.2, 5.3", "3.2, 5.3 [m^2]", "'u1.top.area' is 5.3 [m^2]"),
     "a zone that is not there": ("parts.csv", "u5, QFN32, zone_1_3", "u5, QFN32, zone_1_4", "zone_1_4"),
     "a unit of another kind": ("parts.csv", "theta_JB [K/W]", "theta_JB [W/K]", "parts.csv:3"),
-    "a part twice": ("parts.csv", "u9, SO8", "u8, SO8", "It is defined at parts.csv:10 too"),
-    "a part without its board resistance": ("parts.csv", "90, 110, 0.04", "90, 0.04", "parts.csv:17: the line has 6 cells for 7 columns"),
+    "a part twice": ("parts.csv", "u9, SO8", "u8, SO8", "parts.csv:10"),
+    "a part without its board resistance": ("parts.csv", "90, 110, 0.04", "90, 0.04", "parts.csv:17: "),
     "an emissivity in per cent": (
         "box.toml",
         "value = 0.88, min = 0.84, max = 0.93",
         "value = 88",
         "parameters.paint: 'base_out.emissivity' is 88. Give 0 to 1",
     ),
-    "radiation into air": ("zone.toml", 'sees = "base", ', "", "which is gas, and gas does not absorb"),
-    "a screw with nothing behind it": ("box.toml", '"base", "mount"]', '"base", "lid"]', "' has no connections. Connect it or remove it."),
+    "radiation into air": ("zone.toml", 'sees = "base", ', "", "nodes.air: 'zone_1_1.bottom'"),
+    "a screw with nothing behind it": ("box.toml", '"base", "mount"]', '"base", "lid"]', "box.toml:2, needs: "),
     "more screws than joint": (
         "box.toml",
         "slope        = 0.1",
         'slope = 0.1\narea = "1 [cm^2]"',
-        "a filler needs",
+        "filler_conductivity",
     ),
-    "a value that nothing uses": ("box.toml", 'emissivity = "paint"', "emissivity = 0.88", "'paint' is declared but nothing uses it"),
+    "a value that nothing uses": ("box.toml", 'emissivity = "paint"', "emissivity = 0.88", "parameters.paint: "),
     "a field in other letters": ("parts.csv", "theta_JB [K/W]", "theta_jb [K/W]", "Did you mean 'theta_JB'?"),
     "a lid that hangs in the air": (
         "box.toml",
@@ -108,11 +108,11 @@ def test_steady_prints_margins_and_flows() -> None:
     text, code = said("steady", str(BOX / "box.toml"), *boundaries, "--limit", "*.junction=-40..70", "--limit", "lid=85", "--flows")
     lines = text.splitlines()
     assert code == 0
-    assert lines[0].startswith("electronics box, steady, inputs at 0 s: hottest u1.junction")
-    assert "least margin" in lines[0]
+    assert lines[0].startswith("electronics box, ")
+    assert lines[0].count("u1.junction") == 2  # the hottest, and that of the least margin
     assert lines[2].split()[0] == "u1.junction"
-    assert "heat of each node" in text
-    assert "heat of each conductor" in text
+    assert "u1.junction" in text
+    assert any(line.split()[1:2] == ["base_in.radiation"] for line in lines)
     for words, message in (
         (("--limit", "*.junktion=100"), "no node matches '*.junktion'"),
         (("--group", "x=zebra*"), "no node matches 'zebra"),

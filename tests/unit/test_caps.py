@@ -196,7 +196,7 @@ def test_a_refusal_names_the_cap_and_what_raises_it(what: str, tmp_path: Path, m
     parse.cache_clear()
     unit.cache_clear()
     monkeypatch.setenv(CAPS_VARIABLE, f"{name}={low}")
-    with pytest.raises((ThermidError, ValueError), match=f"The cap '{name}' is .* {CAPS_VARIABLE}={name}=NUMBER raises it"):
+    with pytest.raises((ThermidError, ValueError), match=f"'{name}' is .* {CAPS_VARIABLE}={name}=NUMBER"):
         asks(tmp_path)
     monkeypatch.setenv(CAPS_VARIABLE, f"body=5 {name}={2.0 * CAPS[name][0]:g}")
     asks(tmp_path)
@@ -205,14 +205,14 @@ def test_a_refusal_names_the_cap_and_what_raises_it(what: str, tmp_path: Path, m
 
 
 def test_a_wrong_cap_is_refused_with_the_nearest_name(monkeypatch: pytest.MonkeyPatch) -> None:
-    for given, said in (
-        ("unpackt=5", "there is no cap 'unpackt'.* Did you mean 'unpacked'"),
-        ("unpacked=much", "'unpacked=much' gives no number above zero"),
-        ("samples=-1", "'samples=-1' gives no number above zero"),
-        ("samples=nan", "no number above zero"),
+    for given, code, match in (
+        ("unpackt=5", "name.unknown", "cap 'unpackt'.*'unpacked'"),
+        ("unpacked=much", "cap.no-number", "'unpacked=much'"),
+        ("samples=-1", "cap.no-number", "'samples=-1'"),
+        ("samples=nan", "cap.no-number", ""),
     ):
         monkeypatch.setenv(CAPS_VARIABLE, given)
-        with pytest.raises(ThermidError, match=said):
+        with raises_code(code, match=match):
             cap("unpacked")
 
 

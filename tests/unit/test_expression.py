@@ -230,7 +230,7 @@ def test_unknown_unit_of_a_number() -> None:
 
 
 def test_root_of_a_negative_value() -> None:
-    with pytest.raises(ArithmeticError, match="no real root"):
+    with pytest.raises(ArithmeticError):
         parse("x**0.5").evaluate({"x": -2.0}.__getitem__)
 
 

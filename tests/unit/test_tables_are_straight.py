@@ -223,7 +223,7 @@ def short(outside: str | None = None, over: str = "temperature") -> td.Model:
 
 def test_a_table_is_held_outside_its_points_and_the_run_says_so() -> None:
     run = td.simulate(short(), bench())
-    assert any(w.startswith("'link' left the range of its law, 273.15 to 293.15 K, at ") and "stays constant" in w for w in run.warnings)
+    assert any("'link'" in w and "law, 273.15 to 293.15 K" in w for w in run.warnings)
     assert run["x"].final == pytest.approx(75.0, abs=1e-3)
 
 
@@ -231,16 +231,17 @@ def test_a_table_goes_on_as_a_straight_line_where_that_is_chosen() -> None:
     run = td.simulate(short("linear"), bench())
     final = run["x"].final
     assert (1.0 + 0.05 * 0.5 * final) * final == pytest.approx(150.0, abs=1e-3)
-    assert any("is extended as a straight line" in w for w in run.warnings)
+    (straight,), (held,) = ([w for w in r.warnings if "'link'" in w] for r in (run, td.simulate(short(), bench())))
+    assert straight != held
     assert to_dict(short("linear"))["conductors"]["link"]["table"]["outside"] == "linear"
     falling = box({"outside": "linear", "points": [["0 [degC]", "2 [W/K]"], ["5 [degC]", "1 [W/K]"]]}, "30 [W]")
-    with pytest.raises(SolverError, match=r"'link' leaves the range of its table, -inf to 283\.1 K"):
+    with raises_code("run.did-not-finish", SolverError, match=r"'link'.*-inf to 283\.1 K"):
         td.simulate(falling, bench())
 
 
 @pytest.mark.parametrize("options", [td.Options(), *(td.Options(method=m) for m in LARGE)])
 def test_a_run_that_leaves_a_table_is_refused_where_that_is_chosen(options: td.Options) -> None:
-    with pytest.raises(SolverError, match=r"at \d+\.\d+ s of 600 s 'link' leaves the range of its table, 273\.15 to 293\.15 K"):
+    with raises_code("run.did-not-finish", SolverError, match=r"\d+\.\d+ s of 600 s 'link'.*273\.15 to 293\.15 K"):
         td.simulate(short("refuse"), bench(), options=options)
     within = td.simulate(short("refuse"), bench(duration="10 [s]"), options=options)
     assert within["x"].final == pytest.approx(td.simulate(short(), bench(duration="10 [s]"))["x"].final, abs=1e-3)
@@ -251,7 +252,7 @@ def test_steady_states_and_members_outside_a_table_are_refused() -> None:
         td.steady(short("refuse"), bench())
     many = td.ensemble(short("refuse"), bench(), {"heat.power": [10.0, 150.0]})
     assert list(many.failed) == [1]
-    assert " s of 600 s 'link' leaves the range of its table, 273.15 to 293.15 K" in many.failed[1]
+    assert all(part in many.failed[1] for part in ("s of 600 s 'link'", "273.15 to 293.15 K"))
 
 
 def test_a_conductivity_and_a_specific_heat_are_refused_outside_their_tables() -> None:
@@ -259,11 +260,11 @@ def test_a_conductivity_and_a_specific_heat_are_refused_outside_their_tables() -
         "mass": "0.1 [kg]",
         "specific_heat": {"outside": "refuse", "points": [["0 [degC]", "500 [J/(kg K)]"], ["20 [degC]", "600 [J/(kg K)]"]]},
     }
-    with pytest.raises(SolverError, match=r"'x' leaves the range of its table, 273\.15 to 293\.15 K"):
+    with raises_code("run.did-not-finish", SolverError, match=r"'x'.*273\.15 to 293\.15 K"):
         td.simulate(box(power="150 [W]", nodes={"x": hot}), bench())
     k = {"outside": "refuse", "points": [["0 [degC]", "10 [W/(m K)]"], ["20 [degC]", "20 [W/(m K)]"]]}
     link = {"kind": "conduction", "between": ["x", "air"], "conductivity": k, "area": "1 [m^2]", "thickness": "1 [m]"}
-    with pytest.raises(SolverError, match=r"'link' leaves the range of its table, 273\.15 to 293\.15 K"):
+    with raises_code("run.did-not-finish", SolverError, match=r"'link'.*273\.15 to 293\.15 K"):
         td.simulate(box(power="400 [W]", conductors={"link": link}), bench(duration="1 [h]"))
 
 

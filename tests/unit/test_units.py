@@ -174,9 +174,10 @@ def test_bad_units(text: str, code: str, message: str) -> None:
 def test_a_unit_is_not_computed(text: str) -> None:
     """Towers of powers and code never reach pint's evaluator; what is refused is refused at once."""
     begun = time.process_time()
-    with pytest.raises(UnitError, match=r"is not a known unit") as caught:
+    with pytest.raises(UnitError, match=r"\[") as caught:
         unit(text)
     assert time.process_time() - begun < 2.0  # the first one loads pint
+    assert caught.value.code in ("unit.unknown", "cap.exceeded")
     assert len(str(caught.value)) < 400
 
 

@@ -89,7 +89,7 @@ class Ensemble(Result):
         self._stored_node(node)
         if self._counts:
             text = "members were counted, so what each did is not known. Leave 'quantiles' out to keep every trace, or ask for a quantile."
-            raise ScenarioError(text, self.title)
+            raise ScenarioError(text, self.title, code="value.outside-range")
 
     def trace(self, member: int, node: str) -> Trace:
         """Return the temperature of a node over time in one member, counted from 0; refuse a member that there is not."""

@@ -170,7 +170,7 @@ class Choice:
 
     @property
     def variance(self) -> float:
-        """Its variance."""
+        """Its variance, of whole numbers from 0 to n - 1 that are equally probable: (n^2 - 1) / 12. [-]"""
         return (self.count**2 - 1) / 12.0
 
     def at(self, share: Array) -> Array:

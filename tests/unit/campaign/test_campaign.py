@@ -15,7 +15,7 @@ import pytest
 
 from by_code import raises_code
 from studio.large import wide_campaign
-from thermid.base.errors import IdentificationError, NameNotFoundError, StoppedError, ThermidError
+from thermid.base.errors import IdentificationError, NameNotFoundError, StoppedError, ThermidError, code_of
 from thermid.campaign._file import read_campaign
 from thermid.campaign._stages import Campaign, request_of, run_stages
 from thermid.campaign._survey import check_campaign
@@ -146,16 +146,19 @@ class TestRun:
 
     def test_text(self, campaign: Campaign) -> None:
         text = str(campaign)
-        assert text.startswith("Two levels\n\nbox: 2 free parameters")
-        verdict = text[text.index("pair on ") :].splitlines() if "pair on " in text else text.splitlines()
+        assert "\n\nbox: 2" in text
+        verdict = str(campaign.verdicts[0]).splitlines()
+        assert text.rstrip().endswith("\n".join(verdict[-3:]))
         assert any(line.endswith(": met") for line in verdict)
-        assert [line.split()[0] for line in verdict if "95 % band" in line] == ["T_A", "T_B"]
-        assert verdict[-1].startswith(("  worst stretch: T_A from ", "  worst stretch: T_B from "))
+        assert [line.split()[0] for line in verdict if "95 %" in line] == ["T_A", "T_B"]
+        assert re.search(r": T_[AB] ", verdict[-1])
 
     def test_notice(self, made: Path) -> None:
         seen: list[str] = []
         run_stages(made, notice=lambda stage, count, rms: seen.append(stage))
-        assert list(dict.fromkeys(seen)) == ["box", "pair", "running pair_two for its verdict"]
+        box, pair, verdict = dict.fromkeys(seen)
+        assert (box, pair) == ("box", "pair")
+        assert "pair_two" in verdict
 
     @pytest.mark.parametrize("stage", ["box", "pair"])
     def test_the_interrupt_key_keeps_the_best_values(self, made: Path, stage: str) -> None:
@@ -173,7 +176,7 @@ class TestRun:
         assert found["pair"].stopped
         assert found["pair"].standing.state == "not credible"
         assert [v.passed for v in found.verdicts] == [None]
-        assert "stopped by the user" in str(found)
+        assert found["pair"].standing.because in str(found)
 
 
 class TestInheritance:
@@ -201,7 +204,8 @@ class TestInheritance:
         deck.write_text(deck.read_text() + '\n[set]\n"a.skin.effective_htc" = "5.5 [W/(m^2 K)]"\n')
         found = run_stages(unjudged(project))["pair"]
         assert found.model.at(f"a.{HTC}").text == "5.5 [W/(m^2 K)]"
-        assert f"'a.{HTC}' is 5.5 [W/(m^2 K)] by [set] of Pair, which overrides the result of stage 'box'." in found.warnings
+        (told,) = (w for w in found.warnings if "[set]" in w)
+        assert all(part in told for part in (f"'a.{HTC}'", "5.5 [W/(m^2 K)]", "Pair", "'box'"))
 
     def test_what_the_set_hides_is_no_prior_either(self, project: Path) -> None:
         deck = project.parent / "pair.toml"
@@ -209,7 +213,7 @@ class TestInheritance:
         found = run_stages(unjudged(changed(project, (FIXED, 'as = "prior"'))))["pair"]
         assert list(found.values.parameters) == [JOINT, f"a.{MASS}"]
         assert found.model.at(f"a.{HTC}").text == "5.5 [W/(m^2 K)]"
-        assert any(", which overrides the result of" in w for w in found.warnings)
+        assert any("[set]" in w and "'box'" in w for w in found.warnings)
 
     @pytest.mark.parametrize("how", ["fixed", "prior"])
     def test_a_part_by_its_alias(self, project: Path, how: str) -> None:
@@ -247,7 +251,7 @@ class TestInheritance:
         again = '[[stages]]\nname = "again"\nmodel = "box.toml"\nrecords = ["box_bench"]\n'
         again += 'inherit = { "." = { stage = "box", as = "prior" } }'
         found = run_stages(unjudged(changed(project, before(VERDICTS, again))))
-        assert any(w.startswith("record 'box_bench' was fitted by stage 'box' too") for w in found["again"].warnings)
+        assert any("'box_bench'" in w and "'box' too" in w for w in found["again"].warnings)
         assert not any("count twice" in w for w in found["pair"].warnings)
 
 
@@ -272,98 +276,115 @@ def before(place: str, text: str) -> tuple[str, str]:
 
 BAD = [
     # what is changed, into what, the text whose line the message must have, the words
-    ('free    = ["stack', 'fre     = ["stack', "fre ", r"stages\.1\.fre: 'fre' is not a field here\. Did you mean 'free'"),
-    ('title = "Two levels"', 'titel = "Two levels"', None, r"campaign\.toml:2, titel: 'titel' is not a field here\. Did you mean 'title'"),
-    ('get      = "Run', 'gett     = "Run', "gett ", r"records\.box_bench\.gett: 'gett' is not a field here\. Did you mean 'get'"),
-    ('model   = "pair.toml"\n', "", STAGES, r"stages\.1\.model: is missing"),
+    ('free    = ["stack', 'fre     = ["stack', "fre ", "file.unknown-key", r"stages\.1\.fre: 'fre'.*'free'"),
+    ('title = "Two levels"', 'titel = "Two levels"', None, "file.key-missing", r"campaign\.toml:2.*'titel'.*'title'"),
+    ('get      = "Run', 'gett     = "Run', "gett ", "file.unknown-key", r"records\.box_bench\.gett: 'gett'.*'get'"),
+    ('model   = "pair.toml"\n', "", STAGES, "file.key-missing", r"stages\.1\.model"),
     (
         'stage = "box", as',
         'stage = "bux", as',
         "inherit",
-        r"'a' inherits from stage 'bux', which is not an earlier stage\. Did you mean 'box'",
+        "name.unknown",
+        "'a'.*'bux'.*'box'",
     ),
-    ('stage = "box", as', 'stage = "pair", as', "inherit", r"'a' inherits from stage 'pair', which is not an earlier stage"),
-    ('name    = "pair"', 'name    = "box"', STAGES, r"two stages are named 'box'"),
-    ('name    = "pair"', 'name    = ""', 'name    = ""', r"a stage needs a name"),
-    ('model    = "pair"', 'model    = "pear"', 'model    = "pear"', r"verdicts\.0\.model: no stage 'pear'\. Did you mean 'pair'"),
-    ('records = ["pair_one"]', 'records = ["pair_won"]', STAGES, r"no record 'pair_won'\. Did you mean 'pair_two'"),
-    ('records = ["pair_one"]', 'records = ["bench_*"]', STAGES, r"no record 'bench_\*'"),
-    ('record   = "pair_two"', 'record   = "pair_tow"', VERDICTS, r"no record 'pair_tow'\. Did you mean 'pair_two'"),
+    ('stage = "box", as', 'stage = "pair", as', "inherit", "name.unknown", "'a'.*'pair'"),
+    ('name    = "pair"', 'name    = "box"', STAGES, "name.taken", "'box'"),
+    ('name    = "pair"', 'name    = ""', 'name    = ""', "name.not-valid", ""),
+    ('model    = "pair"', 'model    = "pear"', 'model    = "pear"', "name.unknown", r"verdicts\.0\.model.*'pear'.*'pair'"),
+    ('records = ["pair_one"]', 'records = ["pair_won"]', STAGES, "name.unknown", "'pair_won'.*'pair_two'"),
+    ('records = ["pair_one"]', 'records = ["bench_*"]', STAGES, "name.unknown", r"'bench_\*'"),
+    ('record   = "pair_two"', 'record   = "pair_tow"', VERDICTS, "name.unknown", "'pair_tow'.*'pair_two'"),
     (
         '"logs/box_bench.csv"',
         '"logs/gone.csv"',
         BENCH,
-        r"no log 'logs/gone\.csv' beside the campaign, and no folder of data is given \(--data, or THERMID_DATA\)\. Run the test\.",
+        "record.log-missing",
+        r"log 'logs/gone\.csv'.*\(--data, or THERMID_DATA\)\. Run the test",
     ),
-    ('"logs/pair_*.csv"', '"logs/nothing_*.csv"', PAIRS, r"no log 'logs/nothing_\*\.csv'"),
+    ('"logs/pair_*.csv"', '"logs/nothing_*.csv"', PAIRS, "record.log-missing", r"log 'logs/nothing_\*\.csv'"),
     (
         '"logs/box_bench.csv"',
         '"../box_bench.csv"',
         BENCH,
-        r"'\.\./box_bench\.csv' lies outside the project \(thermid\.toml marks its root\)",
+        "file.outside-project",
+        r"'\.\./box_bench\.csv'.*\(thermid\.toml",
     ),
-    ('"logs/pair_*.csv"', '"../logs/pair_*.csv"', PAIRS, r"'\.\./logs' lies outside the project \(thermid\.toml marks its root\)"),
+    ('"logs/pair_*.csv"', '"../logs/pair_*.csv"', PAIRS, "file.outside-project", r"'\.\./logs'.*\(thermid\.toml"),
     (
         'model   = "pair.toml"',
         'model   = "../pair.toml"',
         STAGES,
-        r"'\.\./pair\.toml' lies outside the project \(thermid\.toml marks its root\)",
+        "file.outside-project",
+        r"'\.\./pair\.toml'.*\(thermid\.toml",
     ),
-    ('model   = "pair.toml"', 'model   = "pear.toml"', None, r"there is no file 'pear\.toml'.*Did you mean 'pair\.toml'"),
-    ('file     = "logs/box_bench.csv"\n', "", BENCH, r"give a record either `file`, or `files` with patterns\."),
-    ('free    = ["stack.contact_conductance"]', 'free    = ["stack.contact"]', STAGES, r"no parameter 'stack\.contact'"),
-    ('T_A = { node = "case"', 'T_X = { node = "case"', BENCH, r"no column 'T_X'.*Did you mean 'T_A'"),
+    ('model   = "pair.toml"', 'model   = "pear.toml"', None, "file.not-found", r"'pear\.toml'.*'pair\.toml'"),
+    ('file     = "logs/box_bench.csv"\n', "", BENCH, "value.excludes-another", "`file`, or `files`"),
+    ('free    = ["stack.contact_conductance"]', 'free    = ["stack.contact"]', STAGES, "name.unknown", r"'stack\.contact'"),
+    ('T_A = { node = "case"', 'T_X = { node = "case"', BENCH, "name.unknown", "'T_X'.*'T_A'"),
     (
         'time     = "time_s"\nchannels = { T_A = { node = "case"',
         'time     = "t_s"\nchannels = { T_A = { node = "case"',
         BENCH,
-        r"no column 't_s'",
+        "name.unknown",
+        "'t_s'",
     ),
-    ('accuracy = "0.3 [K]" }, ROOM = { boundary = "air" }', 'accuracy = "0.3 [W]" }, ROOM = { boundary = "air" }', BENCH, r"\[W\]"),
-    ('rmse = "0.5 [K]"', 'rms = "0.5 [K]"', VERDICTS, r"unknown criterion 'rms'\. Did you mean 'rmse'"),
-    ('{ rmse = "0.5 [K]" }', "{ }", VERDICTS, r"'T_A' has no criterion\. Give it"),
+    (
+        'accuracy = "0.3 [K]" }, ROOM = { boundary = "air" }',
+        'accuracy = "0.3 [W]" }, ROOM = { boundary = "air" }',
+        BENCH,
+        "unit.wrong-dimension",
+        "",
+    ),
+    ('rmse = "0.5 [K]"', 'rms = "0.5 [K]"', VERDICTS, "name.unknown", "'rms'.*'rmse'"),
+    ('{ rmse = "0.5 [K]" }', "{ }", VERDICTS, "value.incomplete", "'T_A' has no criterion"),
     (
         *before(VERDICTS, 'priors = { "stack.contact_conductance" = { mean = "150 [W]", sd = "1 [W]" } }'),
         STAGES,
+        "unit.wrong-dimension",
         r"priors\.stack\.contact_conductance",
     ),
-    (*before(VERDICTS, 'loss = "hubert"'), "loss", r"stages\.1\.loss: input should be 'linear', 'soft_l1', 'huber' or 'cauchy'"),
-    (*before(VERDICTS, 'window = "5 [K]"'), STAGES, r"a time \[s\] is needed here"),
-    (*before(VERDICTS, "weights = { T_C = 0.5 }"), STAGES, r"a weight is given for 'T_C', which is not a sensor of this"),
-    (*before(VERDICTS, 'ignore = ["T_C"]'), STAGES, r"no channel 'T_C'"),
-    (*before(VERDICTS, 'bind = { T_C = "a.case" }'), STAGES, r"no channel 'T_C'"),
+    (*before(VERDICTS, 'loss = "hubert"'), "loss", "file.wrong-value", r"stages\.1\.loss.*'linear', 'soft_l1', 'huber' or 'cauchy'"),
+    (*before(VERDICTS, 'window = "5 [K]"'), STAGES, "unit.wrong-dimension", ""),
+    (*before(VERDICTS, "weights = { T_C = 0.5 }"), STAGES, "name.unknown", "'T_C'"),
+    (*before(VERDICTS, 'ignore = ["T_C"]'), STAGES, "name.unknown", "'T_C'"),
+    (*before(VERDICTS, 'bind = { T_C = "a.case" }'), STAGES, "name.unknown", "'T_C'"),
     (
         *before(VERDICTS, 'bind = { T_A = { nod = "a.case" } }'),
         STAGES,
-        r"exactly one of node, boundary, load, command, prescribed and schedule.*given: nod",
+        "value.incomplete",
+        "",
     ),
     (
         *before(VERDICTS, 'bind = { T_A = { node = "a.case", noise = "1 [K]" } }'),
         STAGES,
-        r"exactly one of node, boundary, load, command, prescribed and schedule.*given: node, noise",
+        "value.incomplete",
+        "",
     ),
-    (*before(VERDICTS, 'readings = { room = "T_C" }'), STAGES, r"no channel 'T_C'"),
-    (*before(VERDICTS, 'local = { room = { sd = "1 [K]" } }'), None, r"local\.room\.start: is missing"),
-    (*before(VERDICTS, "prepare = []"), "prepare", r"stages\.1\.prepare: 'prepare' is not a field here\."),
+    (*before(VERDICTS, 'readings = { room = "T_C" }'), STAGES, "name.unknown", "'T_C'"),
+    (*before(VERDICTS, 'local = { room = { sd = "1 [K]" } }'), None, "file.key-missing", r"local\.room\.start"),
+    (*before(VERDICTS, "prepare = []"), "prepare", "file.unknown-key", r"stages\.1\.prepare: 'prepare'"),
     (
         *before(PAIRS, '[checksums]\nbox_bensch = "00"'),
         None,
-        r"a checksum is given for 'box_bensch', but no log gives a record of that name.* Did you mean 'box_bench'",
+        "record.log-missing",
+        "'box_bensch', but no log.*'box_bench'",
     ),
-    (*before(PAIRS, '[checksums]\nbox_bench = "0123456789ab"'), BENCH, r"its samples have the checksum .*, not 0123456789ab"),
+    (*before(PAIRS, '[checksums]\nbox_bench = "0123456789ab"'), BENCH, "record.another-log", ""),
     (
         *before(PAIRS, '[records.pair_one]\nfile = "logs/box_bench.csv"\nchannels = { T_A = "T_A" }'),
         PAIRS,
-        r"two logs give a record with the name 'pair_one': 'box_bench\.csv' and 'pair_one\.csv'",
+        "name.taken",
+        r"'pair_one': 'box_bench\.csv' and 'pair_one\.csv'",
     ),
 ]
 
 
-@pytest.mark.parametrize(("old", "new", "at", "words"), BAD, ids=[f"{k}-{b[1][:24].strip()}" for k, b in enumerate(BAD)])
-def test_bad_input_is_refused_with_its_place(project: Path, old: str, new: str, at: str | None, words: str) -> None:
+@pytest.mark.parametrize(("old", "new", "at", "code", "match"), BAD, ids=[f"{k}-{b[1][:24].strip()}" for k, b in enumerate(BAD)])
+def test_bad_input_is_refused_with_its_place(project: Path, old: str, new: str, at: str | None, code: str, match: str) -> None:
     changed(project, (old, new))
     error = refused(project)
-    assert re.search(words, str(error)), str(error)
+    assert code_of(str(error)) == code
+    assert re.search(match, str(error)), str(error)
     assert "campaign.toml" in error.where or at is None
     if at is not None:
         line = int(error.where.split(":")[1].split(",")[0])
@@ -392,16 +413,16 @@ def test_stages_that_would_share_a_file_are_refused(project: Path, name: str) ->
     changed(
         project, ('name    = "box"', 'name    = "pa_ir"'), ('stage = "box"', 'stage = "pa_ir"'), ('name    = "pair"', f'name    = "{name}"')
     )
-    assert f"stages 'pa_ir' and '{name}' would be saved under one file name" in str(refused(project))
+    assert code_of(str(refused(project))) == "name.taken"
+    assert f"'pa_ir' and '{name}'" in str(refused(project))
 
 
 class TestUsedRecords:
     def test_a_verdict_on_a_record_of_any_stage(self, project: Path) -> None:
         error = refused(changed(project, ('record   = "pair_two"', 'record   = "pair_one"')))
         assert isinstance(error, IdentificationError)
-        assert (
-            "record 'pair_one' was used by stage 'pair' as 'pair_one'. A validation needs a hold-out record: use one that no fit used."
-        ) in error.message
+        assert code_of(error.message) == "campaign.record-used"
+        assert "'pair' as 'pair_one'" in error.message
         assert error.where.endswith("verdicts.0")
 
     def test_though_it_was_trimmed_and_has_another_name(self, project: Path) -> None:
@@ -410,7 +431,8 @@ class TestUsedRecords:
             'channels = { T_A = { node = "a.case" }, ROOM = { boundary = "room" } }\n\n[[verdicts]]'
         )
         error = refused(changed(project, ("[[verdicts]]", copy), ('record   = "pair_two"', 'record   = "fresh"')))
-        assert "record 'fresh' was used by stage 'pair' as 'pair_one'" in error.message
+        assert code_of(error.message) == "campaign.record-used"
+        assert "'pair' as 'pair_one'" in error.message
 
     def test_though_the_file_was_copied_and_compressed(self, project: Path) -> None:
         import gzip
@@ -420,7 +442,8 @@ class TestUsedRecords:
         changed(
             project, ('"logs/pair_*.csv"', '["logs/pair_*.csv", "logs/pair_*.csv.gz"]'), ('record   = "pair_two"', 'record   = "pair_new"')
         )
-        assert "record 'pair_new' was used by stage 'pair' as 'pair_one'" in refused(project).message
+        assert code_of(refused(project).message) == "campaign.record-used"
+        assert "'pair' as 'pair_one'" in refused(project).message
 
     def test_a_pattern_judges_each(self, project: Path) -> None:
         logs = project.parent / "logs"
@@ -447,7 +470,8 @@ class TestWhereLogsLie:
         shutil.copy(project.parent / "logs" / "box_bench.csv", outside)
         (project.parent / "logs" / "box_bench.csv").unlink()
         os.symlink(outside, project.parent / "logs" / "box_bench.csv")
-        assert "'logs/box_bench.csv' lies outside the project (thermid.toml marks its root)" in str(refused(project))
+        assert code_of(str(refused(project))) == "file.outside-project"
+        assert "'logs/box_bench.csv'" in str(refused(project))
 
     def test_checksum_of_the_right_log(self, project: Path) -> None:
         sha = read_campaign(project).record("box_bench").origin.sha256
@@ -647,7 +671,8 @@ def test_freeze_ranges_and_measured_neighbours_from_a_campaign(project: Path) ->
 def test_a_range_that_is_none_says_where(project: Path) -> None:
     changed(project, ('inherit = { a = { stage = "box", as = "fixed" } }', f'priors = {{ "{JOINT}" = "range" }}'))
     error = refused(project)
-    assert re.search(r"'stack\.contact_conductance' has no range", str(error))
+    assert code_of(str(error)) == "value.without-effect"
+    assert re.search(r"'stack\.contact_conductance' has", str(error))
     assert f"priors.{JOINT}" in error.where
 
 
@@ -675,13 +700,14 @@ def test_a_record_says_the_unit_of_its_time(project: Path) -> None:
     again = run_stages(project)["box"]
     assert again[HTC].value == pytest.approx(plain[HTC].value, rel=1e-6)
     project.write_text(text.replace('when = "min"', 'wen = "min"'), encoding="utf-8")
-    assert "unit is given for 'wen', which is not a channel. Channels: T_A, ROOM." in str(refused(project))
+    assert code_of(str(refused(project))) == "name.unknown"
+    assert "Channels: T_A, ROOM" in str(refused(project))
 
 
 def test_a_channel_says_that_it_was_logged_at_every_change(project: Path) -> None:
     text = project.read_text().replace('ROOM = { boundary = "air" }', 'ROOM = { boundary = "air", prompt = true }', 1)
     project.write_text(text, encoding="utf-8")
-    assert "prompt states that a power" in str(refused(project))
+    assert code_of(str(refused(project))) == "record.does-not-apply"
 
 
 def test_one_instance_is_untied_by_name(tmp_path: Path) -> None:

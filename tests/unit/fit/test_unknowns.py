@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from dataclasses import replace
 from typing import Any
 
@@ -128,19 +129,19 @@ class TestPriors:
         assert both["power"].error == pytest.approx(sd / math.sqrt(2), rel=1e-5)
 
     @pytest.mark.parametrize(
-        ("priors", "error", "words"),
+        ("priors", "error", "code", "match"),
         [
-            ({AREA: ("0.05 [m^2]", "0.01 [m^2]")}, IdentificationError, r"a prior is given for 'skin\.area', which is not free"),
-            ({"case.mas": ("1 [kg]", "1 [kg]")}, NameNotFoundError, r"Did you mean 'case\.mass'"),
-            ({MASS: ("1 [m]", "0.1 [m]")}, UnitError, r"priors\.case\.mass: '\[m\]' is a length; a mass \[kg\] is needed here"),
-            ({MASS: ("1 [kg]", "0.1 [W]")}, UnitError, r"a mass \[kg\] is needed here"),
-            ({MASS: ("1 [kg]", "0 [kg]")}, IdentificationError, r"a prior needs a standard deviation above zero"),
-            ({MASS: ("-1 [kg]", "1 [kg]")}, IdentificationError, r"a mean above zero for a positive quantity"),
-            ({MASS: ("1 [kg]", "nan [kg]")}, ThermidError, r"nan"),
+            ({AREA: ("0.05 [m^2]", "0.01 [m^2]")}, IdentificationError, "fit.nothing-free", r"'skin\.area'"),
+            ({"case.mas": ("1 [kg]", "1 [kg]")}, NameNotFoundError, "name.unknown", r"'case\.mass'"),
+            ({MASS: ("1 [m]", "0.1 [m]")}, UnitError, "unit.wrong-dimension", r"priors\.case\.mass: '\[m\]'"),
+            ({MASS: ("1 [kg]", "0.1 [W]")}, UnitError, "unit.wrong-dimension", ""),
+            ({MASS: ("1 [kg]", "0 [kg]")}, IdentificationError, "value.outside-range", ""),
+            ({MASS: ("-1 [kg]", "1 [kg]")}, IdentificationError, "value.outside-range", ""),
+            ({MASS: ("1 [kg]", "nan [kg]")}, ThermidError, "expression.unit-misplaced", ""),
         ],
     )
-    def test_refusals(self, record: Record, priors: dict[str, tuple[str, str]], error: type[Exception], words: str) -> None:
-        with pytest.raises(error, match=words):
+    def test_refusals(self, record: Record, priors: dict[str, tuple[str, str]], error: type[Exception], code: str, match: str) -> None:
+        with raises_code(code, error, match=match):
             calibrate(box(), record, [MASS], priors=priors)
 
 
@@ -169,10 +170,10 @@ class TestTies:
         found = calibrate(stack, data, ["a.case.mass", "a.skin.effective_htc"])
         assert found["a.case.mass"].also == ()
         assert found["a.case.mass"].value == pytest.approx(1.2, abs=4 * found["a.case.mass"].error)
-        assert "cut from the other instances of its deck: b" in str(found)
         both = calibrate(pair(), data, ["a.case.mass"])
         assert both["a.case.mass"].also == ("b.case.mass",)
-        assert "a.case.mass: shares its value with b.case.mass" in str(both)
+        assert any("a.case.mass" in line and "b.case.mass" in line for line in str(both).splitlines())
+        assert not any("a.case.mass" in line and "b.case.mass" in line for line in str(found).splitlines())
 
     def test_an_instance_with_a_value_of_its_own_is_left_alone(self) -> None:
         stack = model_from_dict({**_pair_deck(), "set": {"b.case.mass": "2 [kg]"}})
@@ -210,10 +211,10 @@ class TestLocal:
         data = log(model, {}, {"T": "case"}, swing=0.0).select("T")
         found = calibrate(model, data, [HTC], local={"air": {"start": "20 [degC]", "sd": sd}})
         assert found.standing.state == state
-        assert any("more than 3 standard deviations from what was known" in w for w in found.warnings) == (sd != "2 [K]")
+        assert any("bench: air" in w for w in found.warnings) == (sd != "2 [K]")
         if state != "credible":
-            assert found.standing.because.startswith("'bench: air' lies ")
-            assert found.standing.because.endswith("standard deviations from its prior (limit 5)")
+            assert "'bench: air'" in found.standing.because
+            assert "5)" in found.standing.because
             told = predict(found, Scenario("next", boundaries={"air": "20 [degC]"}, start="20 [degC]", duration=3600.0))
             assert told.standing.exit_code == 5
 
@@ -222,7 +223,7 @@ class TestLocal:
         """A value of all records counted from ten deviations on, where nobody believes a fit; one of a single record from five."""
         found = calibrate(box(), record, [HTC], priors={HTC: ("6 [W/(m^2 K)]", f"{sd} [W/(m^2 K)]")})
         assert found.standing.state == state
-        assert (f"'{HTC}' lies 5.5" in found.standing.because) == (state == "not adequate")
+        assert (f"'{HTC}'" in found.standing.because and " 5.5" in found.standing.because) == (state == "not adequate")
 
     def test_a_channel_may_give_the_start(self, record: Record) -> None:
         problem = build_problem(Request(box(), (record,), (HTC,), local={"initial.case": LocalSpec("T", 1.0)}))
@@ -236,32 +237,35 @@ class TestLocal:
         assert [u.start for u in problem.unknowns if u.kind == "local"] == [298.15]
 
     @pytest.mark.parametrize(
-        ("local", "error", "words"),
+        ("local", "error", "code", "match"),
         [
-            ({"aire": "24 [degC]"}, NameNotFoundError, r"no node 'aire'.*Did you mean 'air'"),
-            ({"initial.cas": "24 [degC]"}, NameNotFoundError, r"no node 'cas'.*Did you mean 'case'"),
+            ({"aire": "24 [degC]"}, NameNotFoundError, "name.unknown", "'aire'.*'air'"),
+            ({"initial.cas": "24 [degC]"}, NameNotFoundError, "name.unknown", "'cas'.*'case'"),
             (
                 {"air": {"start": "24 [degC]", "spread": "1 [K]"}},
                 IdentificationError,
-                r"local\.air: give a local value start and sd, not spread",
+                "name.unknown",
+                r"local\.air",
             ),
-            ({"air": {"sd": "1 [K]"}}, IdentificationError, r"local\.air: a local value needs a start"),
+            ({"air": {"sd": "1 [K]"}}, IdentificationError, "value.incomplete", r"local\.air"),
             (
                 {"air": {"start": "24 [degC]", "sd": "0 [K]"}},
                 IdentificationError,
-                r"the standard deviation 0 \[K\] of a local value must be",
+                "value.outside-range",
+                r"0 \[K\]",
             ),
-            ({"air": {"start": "24 [degC]", "sd": "-1 [K]"}}, IdentificationError, r"must be above zero"),
-            ({"air": {"start": "24 [degC]", "sd": "1 [W]"}}, UnitError, r"local\.air"),
+            ({"air": {"start": "24 [degC]", "sd": "-1 [K]"}}, IdentificationError, "value.outside-range", ""),
+            ({"air": {"start": "24 [degC]", "sd": "1 [W]"}}, UnitError, "unit.wrong-dimension", r"local\.air"),
             (
                 {"air": {"start": "TT"}},
                 IdentificationError,
-                r"local\.air: 'TT' is neither a temperature nor a channel of bench\. Did you mean 'T'",
+                "value.wrong-kind",
+                r"local\.air: 'TT'.*'T'",
             ),
         ],
     )
-    def test_refusals(self, record: Record, local: dict[str, Any], error: type[Exception], words: str) -> None:
-        with pytest.raises(error, match=words):
+    def test_refusals(self, record: Record, local: dict[str, Any], error: type[Exception], code: str, match: str) -> None:
+        with raises_code(code, error, match=match):
             calibrate(box(), record.select("T"), [HTC], local=local)
 
 
@@ -318,15 +322,15 @@ class TestWeights:
         np.testing.assert_allclose(half.residuals(at), plain.residuals(at) * np.repeat([1.0, 0.5], 11), rtol=1e-12)
 
     @pytest.mark.parametrize(
-        ("weights", "words"),
+        ("weights", "code", "match"),
         [
-            ({"TT": 1.0}, r"a weight is given for 'TT', which is not a sensor of this fit\. Did you mean 'T'"),
-            ({"T": 0.0}, r"the weight of 'T' must be above zero"),
-            ({"T": math.nan}, r"the weight of 'T' must be above zero"),
+            ({"TT": 1.0}, "name.unknown", "'TT'.*'T'"),
+            ({"T": 0.0}, "value.outside-range", "'T'"),
+            ({"T": math.nan}, "value.outside-range", "'T'"),
         ],
     )
-    def test_refusals(self, record: Record, weights: dict[str, float], words: str) -> None:
-        with pytest.raises(IdentificationError, match=words):
+    def test_refusals(self, record: Record, weights: dict[str, float], code: str, match: str) -> None:
+        with raises_code(code, IdentificationError, match=match):
             build_problem(Request(box(), (record,), (HTC,), weights=weights))
 
 
@@ -349,7 +353,7 @@ def test_every_error_of_an_instrument_is_reading_minus_truth(name: str, off: flo
         record = record.with_channels(replace(record[wrong], values=record[wrong].values + off, accuracy=1.0))
     fitted = calibrate(box().with_values({HTC: "5 [W/(m^2 K)]"}), record, [MASS])
     assert fitted[name].value == pytest.approx(off, rel=0.05)
-    assert f"{name.removeprefix('sensor ').removesuffix(' error')} would need an error of +" in contradicted_words(fitted[name])
+    assert re.search(rf"\b{name.removeprefix('sensor ').removesuffix(' error')} .* \+\d", contradicted_words(fitted[name]))
 
 
 def contradicted_words(value: FittedValue) -> str:

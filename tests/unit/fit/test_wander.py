@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import thermid as td
+from by_code import raises_code
 from thermid.base.linear_algebra import one_thread
 from thermid.fit._calibrate import calibrate, fit
 from thermid.fit._calibration import Calibration
@@ -80,7 +81,7 @@ def test_as_they_were_the_errors_would_be_three_times_too_small() -> None:
     # 18000 s hold n_eff = n / (1 + 2 sum rho) of the mean: about 10 of the slow part
     assert 3 < told.effective_samples < 40
     assert any("The effective sample size is" in w and "of 301, and the errors were widened accordingly" in w for w in found.warnings)
-    assert "residuals white: no (lag-1 0.82), effective sample size 4\n" in str(found)
+    assert "(lag-1 0.82)" in str(found)
 
 
 def test_slow_directions_widen_more_than_fast_ones() -> None:
@@ -230,10 +231,10 @@ def test_weights_by_sensor_are_what_they_were() -> None:
     assert half.chi_square == pytest.approx(0.25 * one.chi_square, rel=1e-3)
 
 
-@pytest.mark.parametrize(("weights", "words"), [({"T9": 0.5}, "not a sensor"), ({"T": 0.0}, "above zero")])
-def test_weights_that_are_none_are_refused(weights: object, words: str) -> None:
+@pytest.mark.parametrize(("weights", "code", "match"), [({"T9": 0.5}, "name.unknown", ""), ({"T": 0.0}, "value.outside-range", "")])
+def test_weights_that_are_none_are_refused(weights: object, code: str, match: str) -> None:
     given = td.Scenario("run", boundaries={"room": "20 [degC]"}, start="20 [degC]", loads={"heat": "4 [W]"})
-    with pytest.raises(td.errors.IdentificationError, match=words):
+    with raises_code(code, td.errors.IdentificationError, match=match):
         td.calibrate(bar(), drifting("run", 0.0, 1), ["skin.conductance"], scenario=given, weights=weights)  # type: ignore[arg-type]
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from types import SimpleNamespace
 
 import numpy as np
@@ -169,6 +170,6 @@ def test_a_law_with_a_direction_is_known_by_its_heat_and_kept_from_the_wrong_end
         places["conductors"][:] = [(row, first, last, (0, 1))]
         assert large_network.refusal(problem) == ""
     monkeypatch.setattr(large_network, "same_both_ways", lambda form: False)
-    assert large_network.refusal(problem) == "'path' depends on its direction (power) and begins at a boundary"
+    assert re.search(r"'path'.*\(power\)", large_network.refusal(problem))
     places["conductors"][:] = [(row, 0, 1, (0, 1))]
     assert large_network.refusal(problem) == ""

@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+import re
+
 import numpy as np
 import pytest
 from hypothesis import given, settings, strategies as st
@@ -198,10 +200,9 @@ def test_an_even_grid_holds_commands_and_joins_temperatures():
     assert record.times == pytest.approx(0.7 * np.arange(29))
     assert record["case"].values == pytest.approx(300 + 0.1 * record.times)
     assert record["heater"].values.tolist() == [2.0 if t < 5 else 0.0 for t in record.times]
-    assert record.steps == ("resample: 41 samples to 29 at 0.7 s; powers and commands held, others linear",)
-    coarse = ramp().resample(5, switches=False)
-    assert coarse.steps[-1].endswith("filter was applied before, so single samples were taken")
-    assert not ramp().median(2).resample(5).steps[-1].endswith("picked")
+    assert re.match(r"resample: 41 .* 29 .* 0\.7 s;", record.steps[0])
+    coarse, filtered = (r.resample(5, switches=False).steps[-1].split(", ") for r in (ramp(), ramp().median(2)))
+    assert len(coarse) == len(filtered) + 1  # single samples were taken, for want of a filter
 
 
 def test_resample_keeps_the_switches_of_a_power_and_not_the_noise_of_its_meter():

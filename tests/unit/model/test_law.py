@@ -174,7 +174,7 @@ def test_a_run_that_leaves_the_range_says_so() -> None:
     law = td.model.law(lambda d: 0.05 + 0.001 * np.abs(d), over="difference", between=("-20 [K]", "20 [K]"))
     run = td.simulate(hot_plate(law), scenario(10.0))
     (warning,) = run.warnings
-    assert warning.startswith("'skin' left the range of its law, -20 to 20 K, at ")
+    assert all(part in warning for part in ("'skin'", "law, -20 to 20 K"))
     assert run["plate"].final == pytest.approx(20.0 + 5.0 / 0.07, abs=1e-3)  # constant beyond
     wide = td.model.law(lambda d: 0.05 + 0.001 * np.abs(d), over="difference", between=("-90 [K]", "90 [K]"))
     assert td.simulate(hot_plate(wide), scenario(10.0)).warnings == ()

@@ -125,7 +125,7 @@ def test_names_that_are_refused(part: Build, changes: dict[str, Any], code: str,
 
 @pytest.mark.parametrize("mid", ["room", "stack", "a.case", "a"])
 def test_mid_that_is_taken(pair: Build, mid: str) -> None:
-    with pytest.raises(DeckError, match=r"is already the name of|is not a valid name"):
+    with raises_code("name.not-valid" if "." in mid else "name.taken", DeckError, match=f"'{mid}'"):
         pair({"joints/stack/mid": mid})
 
 

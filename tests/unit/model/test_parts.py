@@ -314,7 +314,7 @@ def test_a_parameter_whose_user_is_shadowed_is_not_unused(pair: Build) -> None:
 
 def test_over_allocated_area_is_an_error(pair: Build) -> None:
     (first, second, *rest) = said(pair({"joints/stack/area": "600 [cm^2]"}), "error")
-    assert first.startswith("error: Box, surfaces.skin: the surface 'a.skin' has 500 cm^2, but 'stack' takes 600 cm^2 (contact).")
+    assert all(part in first for part in ("Box, surfaces.skin", "'a.skin' has 500 cm^2, but 'stack'", "600 cm^2"))
     assert "'b.skin'" in second
     assert rest == []
 
@@ -344,7 +344,7 @@ def test_vacuum_rate_of_the_accelerometer() -> None:
     model = load_model(ROOT / "examples/01_accelerometer/accelerometer.toml")
     assert said(model, "warning") == []
     still = model.with_values({"skin.effective_htc": {"value": "0 [W/(m^2 K)]", "min": 0}})
-    assert any("'case' has no path to a boundary: warms at 31.25 K/h without limit" in line for line in said(still, "warning"))
+    assert any("'case'" in line and "31.25 K/h" in line for line in said(still, "warning"))
 
 
 def test_examples_have_no_errors_or_warnings() -> None:

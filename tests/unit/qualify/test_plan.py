@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -116,7 +117,7 @@ def test_the_life_of_a_lock(tmp_path: Path) -> None:
     note_look(load_plan(file), "hot", "abc", date="2026-02-01")
     good = lock_status(load_plan(file))
     assert good.state == "locked"
-    assert "locked on 2026-01-02" in str(good)
+    assert "2026-01-02" in str(good)
     project(tmp_path, PLAN.replace('mean = "1 [K]"', 'mean = "4 [K]"'))
     lock_plan(load_plan(file), date="2026-02-02")
     moved = lock_status(load_plan(file))
@@ -130,7 +131,7 @@ def test_a_lock_that_comes_after_the_look_is_late(tmp_path: Path) -> None:
     lock_plan(load_plan(file), date="2026-02-02")
     late = lock_status(load_plan(file))
     assert late.state == "late"
-    assert "before the plan was locked" in str(late)
+    assert "2026-02-01" in str(late)
 
 
 def test_a_plan_that_was_never_locked_is_not_called_late(tmp_path: Path) -> None:
@@ -138,7 +139,7 @@ def test_a_plan_that_was_never_locked_is_not_called_late(tmp_path: Path) -> None
     note_look(plan, "hot", "abc", date="2026-02-01")
     never = lock_status(plan)
     assert (never.state, never.looked) == ("open", "2026-02-01")
-    assert "never locked" in str(never)
+    assert "2026-02-01" in str(never)
 
 
 def test_a_damaged_lock_is_no_fresh_start(tmp_path: Path) -> None:
@@ -180,7 +181,7 @@ def test_a_copy_of_a_plan_does_not_unsee_its_logs(tmp_path: Path) -> None:
     lock_plan(load_plan(other))
     late = run_plan(other).lock
     assert late.state == "late"
-    assert "another plan of this folder read its logs before it" in str(late)
+    assert str(late) != str(run_plan(file).lock)
 
 
 def test_a_part_of_a_host_s_deck_changes_the_hash_too(tmp_path: Path) -> None:
@@ -255,15 +256,13 @@ def test_a_log_that_is_exchanged_after_it_was_looked_at_is_remarked(tmp_path: Pa
     measured(tmp_path)
     file = project(tmp_path, with_log(PLAN))
     lock_plan(load_plan(file))
-    assert not [r for r in run_plan(file)["hot"].remarks if "was first read" in r]
+    usual = set(run_plan(file)["hot"].remarks)
     measured(tmp_path, offset=0.2)
-    assert [
-        r
-        for r in run_plan(file)["hot"].remarks
-        if "its log differs from the one that was first read, on " in r and "state in its deviations what" in r
-    ]
+    (told,) = set(run_plan(file)["hot"].remarks) - usual
+    assert re.search(r"\d{4}-\d\d-\d\d", told)
     project(tmp_path, with_log(PLAN, deviations='["calibration of the logger applied"]'))
-    assert [r for r in run_plan(file)["hot"].remarks if r.endswith("see its deviations")]
+    (stated,) = set(run_plan(file)["hot"].remarks) - usual
+    assert stated != told
 
 
 def beside(folder: Path, scenario: str) -> Path:
@@ -333,10 +332,10 @@ def test_criteria_are_listed_in_quotes(tmp_path: Path) -> None:
 
 def test_what_margins_leave_out_is_said_once_below(tmp_path: Path) -> None:
     text = str(td.qualify.run_plan(project(tmp_path)))
-    said = [line for line in text.splitlines() if "not included in" in line]
-    assert len([line for line in said if "the model's own error, because no fit has" in line]) == 1
-    assert not [line for line in text.splitlines() if line.startswith("  margin: ") and "not counted" in line]
-    assert text.index(said[0]) > text.rindex("  margin: ")
+    said = [line for line in text.splitlines() if "'s own" in line]
+    assert len(said) == 1
+    assert not [line for line in text.splitlines() if "'s own" in line and "K" in line.split()]
+    assert text.index(said[0]) > max(m.start() for m in re.finditer(r"^  \w+: .*\d K\b", text, re.MULTILINE))
 
 
 @pytest.mark.parametrize("read", [td.qualify.load_plan, td.load_scenario, td.qualify.load_hold])

@@ -95,8 +95,7 @@ def test_a_massless_node_far_above_its_neighbours_is_found_in_a_run(power: float
 
 @pytest.mark.parametrize("power", [150.0, 1e6])
 def test_a_massless_node_beyond_every_range_is_refused_for_that(power: float) -> None:
-    said = "a massless node would be above 100,000 K at 0 s of 3600 s at 'm': more heat is supplied than its conductors carry"
-    with pytest.raises(SolverError, match=said):
+    with raises_code("run.did-not-finish", SolverError, match=r"100,000 K.* 0 s .*'m'"):
         td.simulate(alone(power, False), case(), every="600 [s]")
 
 
@@ -151,8 +150,8 @@ class TestStores:
         run = self.run(capacitance)
         assert run.heat_balance().relative > 1e-3
         (told,) = run.warnings
-        assert told.startswith("the heat balance is open by ")
-        assert f"'tank' stores {float(capacitance):.3g} J/K" in told
+        balance = run.heat_balance()
+        assert all(part in told for part in ("'tank'", f"{float(capacitance):.3g} J/K", f"{100 * balance.relative:.2g} %"))
         assert told in str(run)
 
     @pytest.mark.parametrize("capacitance", ["10", "1e6", "1e9"])

@@ -138,7 +138,7 @@ def test_a_member_that_runs_away_does_not_spoil_the_others(quantiles: Any) -> No
     draws = {"chip.exponential_coefficient": growth, "scale.chip": np.linspace(0.9, 1.1, 20)}
     found = td.ensemble(MODEL, ROOM, draws, every=60.0, quantiles=quantiles)
     assert list(found.failed) == [11]
-    assert "a power grows faster with temperature" in found.failed[11]
+    assert "'board'" in found.failed[11]
     keep = np.delete(np.arange(20), 11)
     alone = td.ensemble(MODEL, ROOM, {n: v[keep] for n, v in draws.items()}, every=60.0)
     assert (np.abs(found.quantile("board", 0.9) - alone.quantile("board", 0.9)) < 3e-4 + found.quantile_error("board", 0.9)).all()
@@ -228,7 +228,7 @@ def test_kept_quantiles_are_those_of_the_traces_within_half_a_bin(monkeypatch: p
     assert f"{1000.0 * worst:.2g} mK" in str(few)
     assert few.quantile("seam", 0.9) == pytest.approx(whole.quantile("seam", 0.9), abs=few.quantile_error("seam", 0.9).max())
     for refused in (few.highest, few.temperatures, lambda node: few.exceedance(node, td.celsius(30.0))):
-        with pytest.raises(ScenarioError, match="members were counted"):
+        with raises_code("value.outside-range", ScenarioError, match="'quantiles'"):
             refused("seam")
     with raises_code("name.unknown", ScenarioError, match="'case'"):
         few.mean("case")

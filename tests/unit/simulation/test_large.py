@@ -152,7 +152,7 @@ def test_massless_nodes_are_solved_with_the_others() -> None:
     run = td.simulate(massless(), scenario, times=times, options=td.Options(error=4e-5, method="large"))
     assert run.statistics["method"] == "TR-BDF2 + CG"
     np.testing.assert_allclose(run.temperatures, small.temperatures, atol=1e-4)
-    with pytest.raises(td.ThermidError, match="a massless node has no conductance to anything"):
+    with raises_code("run.did-not-finish", td.ThermidError):
         td.simulate(massless(), scenario, options=td.Options(method="RKC2"))
 
 
@@ -238,11 +238,11 @@ def test_a_block_that_nothing_holds_has_no_steady_state() -> None:
     block = td.Block(("1 [m]",) * 3, (3, 3, 3), "15 [W/(m K)]", "3900 [kg/m^3]", "1000 [J/(kg K)]").heated(
         "h", "1 [W]", cells=np.s_[:1, :1, :1]
     )
-    with pytest.raises(td.ThermidError, match="no steady state exists: no face"):
+    with raises_code("run.no-steady-state", td.ThermidError):
         td.steady(block, td.Scenario())
     cut = (np.zeros((2, 3, 3)), np.ones((3, 2, 3)), np.ones((3, 3, 2)))
     apart = td.Block(("1 [m]",) * 3, (3, 3, 3), "15 [W/(m K)]", "3900 [kg/m^3]", "1000 [J/(kg K)]", link_factors=cut)
-    with pytest.raises(td.ThermidError, match="no path to a boundary"):
+    with raises_code("run.no-steady-state", td.ThermidError):
         td.steady(apart.exchanging("-x", "air", htc="5 [W/(m^2 K)]"), td.Scenario(boundaries={"air": "300 [K]"}))
 
 
@@ -268,7 +268,7 @@ def test_a_node_far_faster_than_the_step_is_right_between_steps() -> None:
 
 def test_explicit_steps_that_one_fast_node_makes_too_short_are_refused_at_once() -> None:
     stiff = chain(3, nodes={"n1": {"capacitance": "1e-9 [J/K]"}}, conductors={"g1": {**TIE, "between": ["n0", "n1"]}})
-    with pytest.raises(SolverError, match=r"1000 steps were not enough, at 0 s .* RKC2 needs short steps .*\. Leave the method out"):
+    with raises_code("run.did-not-finish", SolverError, match="1000.*0 s .* RKC2"):
         td.simulate(stiff, ends(), options=td.Options(method="RKC2", max_steps=1000))
     assert td.simulate(stiff, ends(), options=td.Options(method="large")).statistics["method"] == "TR-BDF2 + CG"
 

@@ -239,7 +239,7 @@ def _scheduled(benches: Sequence[Bench]) -> dict[str, tuple[float, float]]:
 
 
 def _courses(problem: Problem, at: Array) -> list[ElementCourse]:
-    """Return the course of every record; none where no model has a constant coefficient."""
+    """Return temperatures and flows of the elements of every record; nothing where no model has a constant coefficient."""
     if not any(constant_coefficients(e.network) for e in problem.experiments):
         return []
     return [course_of(b.wiring, b.engine, problem.inputs(i, at)[0], problem.options) for i, b in enumerate(problem.benches())]

@@ -330,7 +330,7 @@ def _exponential(h: PowerHistory) -> PowerLaw | None:
 
 
 def _vee(h: PowerHistory) -> PowerLaw | None:
-    """A thermoelectric cooler takes power on both sides of the temperature at which it need not work."""
+    """Return a V-shaped law fitted to a power, `b0 + b1 |T - b2|`: a thermoelectric cooler works on both sides of a temperature b2."""
     low, high, mean, top = _spread(h)
     wide = max(high - low, 0.1)
 
@@ -667,7 +667,7 @@ class Colour:
 
 
 def _rows(problem: Problem, x: Array, colour: Colour | None) -> tuple[Array, Array]:
-    """Return derivatives and residuals of the data at some values."""
+    """Return derivatives (rows, unknowns) and residuals (rows,) of the data at values `x`, whitened by `colour`, else compressed."""
     if colour is not None:
         return colour.rows(binned(problem, x, bins=MAX_WEIGHED_STRETCHES))
     compressed_problem = problem.compressed(x)
@@ -854,7 +854,11 @@ def _likeliest(
 ) -> tuple[float, str, Array, Array, float]:
     """Return the largest logarithm of the marginal likelihood over a prior's strength, its name, the unknowns, their covariance, and it.
 
-    `strengths` are those that are tried, as powers of ten; by default a wide grid, and then a fine one.
+    `sides` are pairs of derivatives A and residuals g of the data, `force` the pull of other priors. The prior of the knots is
+    S = 10^s D'D + base^-2 with the differences D of first order ("walk") or second; the unknowns are b = H^-1 (A'g + force) with
+    H = A'A + S, their covariance is H^-1, and s is where ``(ln|S| - ln|H| - (|g|^2 - b'H b)) / 2`` is largest (MacKay, Neural
+    Computation 4 (1992) 415). D'D is scaled to the trace of A'A. `strengths` are the s that are tried; by default a wide grid, and
+    then a fine one.
     """
     size, count = sides[0][0].shape[1], knots.size
     first = size - count

@@ -463,7 +463,7 @@ def refuse_not_finite(*numbers: Array | float) -> None:
     SolverError   When a number is not finite.
     """
     if not all(np.isfinite(each).all() for each in numbers):
-        raise SolverError(DIVERGED, "fit")
+        raise SolverError(DIVERGED, "fit", code="run.did-not-finish")
 
 
 @np.errstate(over="ignore", invalid="ignore")  # what overflows is refused

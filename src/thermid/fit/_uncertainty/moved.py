@@ -203,7 +203,9 @@ def _shift(weights: Array, sizes: Array, errors: Array, chance: float, tests: in
 def estimate(data: Weighed, priors: Array, pulls: Array, inherited: Sequence[int], root: Array, moved: Sequence[int]) -> Array:
     """Return the Gauss-Newton step (unknowns,) of all unknowns, averaged over the noise models; inherited values that `moved` are free.
 
-    `moved` counts within `inherited`; the other inherited values keep their prior of covariance root root'. Fitted form.
+    `moved` counts within `inherited`; the other inherited values keep their prior of covariance root root'. Fitted form. With the columns
+    C = [root's rows, unit vectors of the free] the step is ``C (C'(sum w_m I_m + P) C + diag(1, 0))^-1 C'(sum w_m s_m + pulls)``, of
+    information I_m, scores s_m and weights w_m of the noise models, and the precision P of priors.
     """
     held = np.zeros((priors.shape[0], root.shape[1]))
     unmoved = [k for k in range(len(inherited)) if k not in moved]

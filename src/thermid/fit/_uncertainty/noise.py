@@ -722,7 +722,9 @@ class _Grid:
 def _bases(time_bytes: bytes, counts: bytes) -> tuple[Array, Array]:
     """Return eigenvalues (times, stretches) and eigenvectors of the correlations of a trace, for every correlation time.
 
-    `time_bytes` are the times of its stretches and `counts` their samples: sensors of one log share them, and so do logs of one kind.
+    Of the matrices R^1/2 K R^1/2 with the correlations K of the means of stretches (`correlation_of_means`) and R, their samples over the
+    median. `time_bytes` are the times of its stretches and `counts` their samples: sensors of one log share them, and so do logs of one
+    kind.
     """
     times, count = np.frombuffer(time_bytes), np.frombuffer(counts)
     spacing, typical = float(np.median(np.diff(times))), float(np.median(count))

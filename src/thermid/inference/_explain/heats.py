@@ -205,7 +205,7 @@ def air_paths(e: Experiment, boundary: str) -> list[FlatConductor]:
 
 
 def heats_of(request: Request, fit: RoughFit, base: RoughEnd, logged: Collection[str]) -> Iterator[Heat]:
-    """Yield heats that would explain a misfit: the best window of each node and boundary by one evaluation, and unlogged loads."""
+    """Yield heats that would explain a misfit of the two worst records: unlogged loads, and the best window of each node and boundary."""
     order = np.argsort(
         [
             -float(sum(np.sum((t.whiten @ r) ** 2) for t, r in zip(fit.traces, base.left, strict=True) if t.experiment == i))

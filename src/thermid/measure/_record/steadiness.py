@@ -191,7 +191,10 @@ class _Line(NamedTuple):
         return float(np.hypot(self.noise_of_rate, np.linalg.norm(self.rounding[1])))
 
     def error(self, ahead: float) -> float:
-        """Return the standard error of level + `ahead` rate, a time ahead [s]. [SI]"""
+        """Return the standard error of level + `ahead` rate, a time ahead [s]. [SI]
+
+        ``sqrt(noise^2 + (ahead noise_of_rate)^2 + sum (r_k + ahead s_k)^2)`` with the errors r, s that rounding gives to level and rate.
+        """
         return float(np.linalg.norm([self.noise, ahead * self.noise_of_rate, *(self.rounding[0] + ahead * self.rounding[1])]))
 
 

@@ -402,7 +402,7 @@ class UncertainRuns(Result):
             return limit.crossings(self.times, *self._followed(limit.node))
         if limit not in self.passed:
             text = f"members were counted without the limit {limit.kelvin - ICE_POINT:g} degC of '{limit.node}'. Give it in 'nodes'."
-            raise ScenarioError(text, self.title)
+            raise ScenarioError(text, self.title, code="value.incomplete")
         return np.delete(self.passed[limit], list(self.failed)) if self.failed else self.passed[limit]
 
     def __str__(self) -> str:

@@ -127,7 +127,7 @@ class Tally:
 
     @property
     def mean(self) -> Array:
-        """Means (rows,), to 2^-15 K. [K]"""
+        """Means (rows,), to 2^-15 K: centre of the grid + sum of the members' offsets from it, in steps of 2^-14 K, / members. [K]"""
         return np.asarray(self.grid.centre + self.sums[0] / self.members * 2.0**-MOMENT_BITS)
 
     @property

@@ -231,7 +231,7 @@ def phase_row(name: str, held: str, melt: Melt) -> ControlRow:
 def _refuse(flat: FlatControl, broken: bool, message: str) -> None:
     """Refuse a control that breaks a rule, with a message."""
     if broken:
-        raise DeckError(message, flat.where)
+        raise DeckError(message, flat.where, code="model.refused")
 
 
 def _thermostat(flat: FlatControl, f: Mapping[str, Number], make: _Maker) -> ControlRow:

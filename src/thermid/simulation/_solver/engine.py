@@ -403,7 +403,7 @@ class Engine(KernelProblem):
             **self.gradients(a, gradients),
         )
         if raw.status != _kernel.OK:
-            raise SolverError(self.message(raw, options, end, a), self.title)
+            raise SolverError(self.message(raw, options, end, a), self.title, code="run.did-not-finish")
         statistics = {
             "method": "integrator",
             "reason": why,
@@ -425,7 +425,7 @@ class Engine(KernelProblem):
         gone, sums = self._sums(a) if extremes else ((), None)
         raw = self.modal.run(a, times, ints([index[n] for n in nodes]), end, extremes, sums)
         if raw.status != _kernel.OK:
-            raise SolverError(self.message(raw, options, end, a), self.title)
+            raise SolverError(self.message(raw, options, end, a), self.title, code="run.did-not-finish")
         slopes = np.zeros((times.size, len(nodes), 0))
         statistics = {"method": "modal", "reason": "", "steps": raw.steps, "rejected": 0, "switchings": []}
         energies = (raw.load_energy, raw.boundary_energy, np.zeros(0))
@@ -555,7 +555,7 @@ class Engine(KernelProblem):
             **self.gradients(a, gradients),
         )
         if raw.status != _kernel.OK:
-            raise SolverError(self.message(raw, options, end, a), self.title)
+            raise SolverError(self.message(raw, options, end, a), self.title, code="run.did-not-finish")
         return Squares(raw.triangle, raw.rotated, raw.cost, raw.chi_square, raw.sums, raw.mesh)
 
     def started(self, a: Assembled, gradients: bool = False) -> Assembled:
@@ -624,7 +624,7 @@ def at_rest(problem: KernelProblem, a: Assembled, time: float, gradients: bool =
         if on.tobytes() in visited:
             name = machines[changed[0]].name
             message = f"no steady state exists: the control '{name}' keeps switching. Simulate, and use the mean over a late period."
-            raise SolverError(message, problem.title)
+            raise SolverError(message, problem.title, code="run.no-steady-state")
 
 
 def _next_mode(problem: KernelProblem, a: Assembled, temperatures: Array, time: float, modes: NDArray[np.int32]) -> tuple[int, int] | None:
@@ -702,7 +702,7 @@ def _settle_in_modes(problem: KernelProblem, a: Assembled, time: float, gradient
             where,
             code="run.no-steady-state",
         )
-    raise SolverError(unsettled(problem.follows), where)
+    raise SolverError(unsettled(problem.follows), where, code="run.no-steady-state")
 
 
 class _Balance:
@@ -819,7 +819,7 @@ def _pseudo_time_step(temperatures: Array, heat: Array, jacobian: Array, k: int)
     return np.maximum(temperatures + step * min(1.0, LARGEST_MOVE / max(float(np.abs(step).max()), 1e-300)), 0.1)
 
 
-def _no_steady(problem: KernelProblem, a: Assembled) -> str:
+def _no_steady(problem: KernelProblem, a: Assembled) -> CodedText:
     """Return why there is no steady state, in words: nodes without a path to a boundary, or singular equations."""
     # the powers with all nodes at the temperature of the first boundary at time zero
     outer = [problem.wiring.boundary(b, np.zeros(1), a.offsets)[0] for b in problem.wiring.network.boundaries]
@@ -828,7 +828,7 @@ def _no_steady(problem: KernelProblem, a: Assembled) -> str:
     for imbalance in unreached(problem.wiring.network, a.numbers, powers).values():
         return CodedText(f"no steady state exists: {imbalance}.", imbalance.code)
     look = "power that grows with temperature" if problem.follows else "node whose heat cannot leave"
-    return f"no steady state exists: the equations are singular. Look for a {look}."
+    return CodedText(f"no steady state exists: the equations are singular. Look for a {look}.", "run.no-steady-state")
 
 
 def _periodic(engine: Engine, a: Assembled, guess: Array, slopes: Array, gradients: bool) -> tuple[Array, Array]:

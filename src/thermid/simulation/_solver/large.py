@@ -140,7 +140,9 @@ def integrate(
         **limits(options, network.inputs, end),
     )
     if raw.status != _kernel.OK:
-        raise SolverError(_message(raw, options, end, name, any(not g.fixed for g in network.loads), outside), where)
+        raise SolverError(
+            _message(raw, options, end, name, any(not g.fixed for g in network.loads), outside), where, code="run.did-not-finish"
+        )
     statistics = {
         "method": NAMES[raw.method],
         "reason": "",

@@ -51,7 +51,7 @@ def settle_large(network: SparseNetwork, time: float, where: str) -> tuple[Array
         heat, slope, pair, *_ = problem.heat(temperatures, float(time))
         jacobian = matrix.at(slope, pair)
         if not (jacobian.diagonal() > 0).all() or (k == 0 and not _held(jacobian, slope)):
-            raise SolverError(_no_steady(network), where)
+            raise SolverError(_no_steady(network), where, code="run.no-steady-state")
         # laws change by far in the first step from a guess that is uniform: the hierarchy is made anew once
         with one_thread():
             if nodes <= MOST_DIRECT:
@@ -63,12 +63,12 @@ def settle_large(network: SparseNetwork, time: float, where: str) -> tuple[Array
                 failed = bool(info)
         size = float(np.abs(change).max())
         if failed or not np.isfinite(size):
-            raise SolverError(_no_steady(network), where)
+            raise SolverError(_no_steady(network), where, code="run.no-steady-state")
         temperatures = _moved(problem, time, temperatures, change * min(1.0, LARGEST_MOVE / max(size, 1e-300)), heat)
         if size < LAST_STEP:
             method = f"Newton, {made_by}" if precondition is None else f"Newton + CG, {made_by}"
             return temperatures, {"method": method, "newton": k + 1, "iterations": iterations, "last_change": size}
-    raise SolverError(unsettled(any(not g.fixed for g in network.loads)), where)
+    raise SolverError(unsettled(any(not g.fixed for g in network.loads)), where, code="run.no-steady-state")
 
 
 def _eliminated(matrix: Any, heat: Array) -> tuple[Array, bool, str]:
@@ -94,7 +94,7 @@ def conductances(network: SparseNetwork, temperatures: Array, where: str) -> Cal
     _, slope, pair, *_ = network.problem.heat(temperatures, 0.0)
     matrix = _Matrix(network).at(slope, pair)
     if not (matrix.diagonal() > 0).all() or not _held(matrix, slope):
-        raise SolverError(_no_steady(network), where)
+        raise SolverError(_no_steady(network), where, code="run.no-steady-state")
     with one_thread():
         precondition, _ = _preconditioner(matrix, where)
 
@@ -175,7 +175,10 @@ def _preconditioner(matrix: Any, where: str) -> tuple[Any, str]:
 
 
 def _moved(problem: Any, time: float, temperatures: Array, change: Array, heat: Array) -> Array:
-    """Return the temperatures (nodes,) [K] after a change, halved until the norm of the net heat falls below that of `heat`."""
+    """Return the temperatures (nodes,) [K] after a change, halved until the norm of the net heat falls below that of `heat`.
+
+    T + change / 2^k with the first k of 0 .. 11 for which ``|q(T + change / 2^k)| < |q(T)|``, and T + change where none is; 0.1 K at least.
+    """
     before = float(np.linalg.norm(heat))
     for halving in range(12):
         moved: Array = np.maximum(temperatures + 0.5**halving * change, 0.1)

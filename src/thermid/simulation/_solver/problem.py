@@ -101,7 +101,10 @@ class Traces:
         return np.asarray(np.sum([value_of(w) * self.temperature(n) for n, w in weights.items()], axis=0))
 
     def slope(self, name: str) -> Array:
-        """Return the derivatives (times, free) of the temperature of a node or boundary. [K per unit]"""
+        """Return the derivatives (times, free) of the temperature of a node or boundary. [K per unit]
+
+        Of a massless node, which is a weighted sum T = sum w_n T_n of others, ``sum (w_n dT_n + T_n dw_n)``.
+        """
         size = self.slopes.shape[2]
         if (state := held_in(name)) in self._columns:
             return self._of_heat(name)[1][:, None] * self.slopes[:, self._columns[state], :]

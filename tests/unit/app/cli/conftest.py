@@ -14,7 +14,7 @@ import pytest
 from python_board import simulated
 
 from plain_errors import errors_in_full
-from thermid.app.cli.app import main
+from thermid.app.cli.app import app, main
 from thermid.bench.logger import Logger
 from thermid.campaign.stages import run_stages
 from unit.fit.project import make_project
@@ -24,11 +24,12 @@ EXAMPLES = Path(__file__).parents[4] / "examples"
 
 @dataclass(frozen=True)
 class Said:
-    """What a command said."""
+    """What a command said; `codes` are those of its error and warnings, in order."""
 
     code: int
     out: str
     err: str
+    codes: tuple[str, ...] = ()
 
     @property
     def object(self) -> dict[str, Any]:
@@ -50,15 +51,19 @@ def call(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) ->
     """``call("simulate", deck, "--json")``; nothing is told of progress, however slow the machine is."""
     monkeypatch.delenv("THERMID_DATA", raising=False)
     monkeypatch.setattr("thermid.app.cli.screen.SECONDS_TO_FIRST_PROGRESS", float("inf"))
+    codes: list[str] = []
+    shown = app._code_shown
+    monkeypatch.setattr(app, "_code_shown", lambda code: codes.append(code) or shown(code))
 
     def run(*arguments: object) -> Said:
         monkeypatch.setattr(sys, "argv", ["thermid", *map(str, arguments)])
         capsys.readouterr()
+        codes.clear()
         with pytest.raises(SystemExit) as caught:
-            main()
+            app.main()
         done = capsys.readouterr()
         code = caught.value.code
-        return Said(0 if code is None else int(code), done.out, done.err)
+        return Said(0 if code is None else int(code), done.out, done.err, tuple(codes))
 
     return run
 

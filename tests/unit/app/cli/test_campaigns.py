@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from pathlib import Path
 
 import pytest
@@ -28,11 +29,11 @@ class TestCheck:
         said = call("check", accelerometer)
         assert (said.code, said.err) == (0, "")
         assert said.out.splitlines()[-1] == "accelerometer.toml: 0 errors, 0 warnings, 2 notes"
-        assert "State what carries it: carried_by = 'free air'" in said.out
+        assert "it: carried_by = 'free air'" in said.out
         found = call("check", accelerometer, "--json")
         assert found.code == 0
         assert set(found.object) == {"schema", "status", "findings"}
-        note = next(f for f in found.object["findings"] if "vacuum run" in f["message"])
+        note = next(f for f in found.object["findings"] if f["where"].endswith("surfaces.skin"))
         assert set(note) == {"severity", "code", "where", "message"}
         assert (note["severity"], note["where"]) == ("note", "accelerometer.toml:15, surfaces.skin")
 
@@ -42,10 +43,11 @@ class TestCheck:
         said = call("check", deck, "--json")
         assert (said.code, said.err) == (2, "")
         assert said.object["where"] == "deck.toml:3, nodes.case.mas"
-        assert said.object["message"] == "'mas' is not a field here. Did you mean 'mass'?"
+        assert said.object["code"] == "file.unknown-key"
+        assert "'mass'" in said.object["message"]
         plain = call("check", deck)
         assert (plain.code, plain.out) == (2, "")
-        assert plain.err == "error: deck.toml:3, nodes.case.mas: 'mas' is not a field here. Did you mean 'mass'?\n"
+        assert plain.err == f"error: {said.object['where']}: {said.object['message']}\n"
 
     def test_a_deck_that_can_be_read_and_not_used(self, call: Call, tmp_path: Path) -> None:
         deck = tmp_path / "deck.toml"
@@ -68,11 +70,11 @@ class TestCheck:
     def test_one_kind_of_file_taken_for_the_other(self, call: Call, accelerometer: Path, campaign: Path) -> None:
         said = call("calibrate", accelerometer, "--json")
         assert said.code == 2
-        assert said.object["message"].startswith("this is a deck, not a campaign. A campaign has records and stages, and names")
+        assert said.object["code"] == "file.another-kind"
         assert "DECK --values FILE" in said.object["message"]
         said = call("simulate", campaign, "--json")
         assert said.code == 2
-        assert said.object["message"].startswith("this is a campaign, not a deck")
+        assert said.object["code"] == "file.another-kind"
 
     def test_names_are_listed_where_none_is_near(self, call: Call, accelerometer: Path) -> None:
         said = call("simulate", accelerometer, "--boundary", "zzz=20", "--for", "1 [h]", "--json")
@@ -81,7 +83,8 @@ class TestCheck:
     def test_a_campaign_with_a_mistake(self, call: Call, campaign: Path) -> None:
         said = call("check", changed(campaign, 'stage = "box", as', 'stage = "bux", as'), "--json")
         assert said.code == 2
-        assert "which is not an earlier stage. Did you mean 'box'?" in said.object["message"]
+        assert said.object["code"] == "name.unknown"
+        assert "'box'?" in said.object["message"]
         assert said.object["where"].startswith("campaign.toml:")
 
     def test_a_campaign_whose_deck_is_gone(self, call: Call, campaign: Path) -> None:
@@ -145,13 +148,13 @@ class TestCalibrate:
     def test_text(self, call: Call, fitted_campaign: Path) -> None:
         said = call("calibrate", fitted_campaign)
         assert said.code == 0
-        assert said.out.splitlines()[0] == "Two levels: 2 stages, 1 of 1 verdict passed"
-        assert "box: credible; 2 values; worst sensor T_A, RMSE 0.0" in said.out
+        assert re.search("^Two levels: 2 .* 1 of 1 ", said.out)
+        assert "T_A, RMSE 0.0" in said.out
         whole = call("calibrate", fitted_campaign, "-v")
-        assert "box: 2 free parameters" in whole.out
+        assert "box: 2" in whole.out
         assert len(whole.out) > 2 * len(said.out)
-        assert "pair on pair_two: PASSED" in said.out
-        assert said.out.endswith("values: box.values.toml, pair.values.toml\n")
+        assert "pair_two: PASSED" in said.out
+        assert "box.values.toml, pair.values.toml\n" in said.out
 
     def test_a_failed_verdict(self, call: Call, fitted_campaign: Path) -> None:
         said = call("calibrate", changed(fitted_campaign, 'rmse = "0.5 [K]"', 'rmse = "0.001 [K]"'), "--json")
@@ -162,10 +165,8 @@ class TestCalibrate:
     def test_bad_input(self, call: Call, campaign: Path) -> None:
         said = call("calibrate", changed(campaign, '"logs/box_bench.csv"', '"logs/gone.csv"'), "--json")
         assert (said.code, said.err) == (2, "")
-        assert (
-            said.object["message"]
-            == "no log 'logs/gone.csv' beside the campaign, and no folder of data is given (--data, or THERMID_DATA). Run the test."
-        )
+        assert said.object["code"] == "record.log-missing"
+        assert all(part in said.object["message"] for part in ("'logs/gone.csv'", "--data", "THERMID_DATA"))
         assert said.object["where"] == "campaign.toml:5, records.box_bench"
 
     def test_the_solver(self, call: Call, campaign: Path) -> None:
@@ -176,21 +177,22 @@ class TestCalibrate:
         deck.write_text(text.replace('power = "power"', away))
         said = call("calibrate", campaign, "--json")
         assert said.code == 3, said.out
-        assert "the temperature rises without limit at " in said.object["message"]
-        assert " at 'case': a power grows faster with temperature than the heat removed" in said.object["message"]
+        assert said.object["code"] == "run.did-not-finish"
+        assert said.object["code"] == "run.did-not-finish"
+        assert "'case'" in said.object["message"]
         assert said.object["where"].startswith("campaign.toml:")
 
     def test_not_identifiable(self, call: Call, campaign: Path) -> None:
         free = 'free    = ["skin.effective_htc", "case.mass"]'
         said = call("calibrate", changed(campaign, free, 'free    = ["skin.effective_htc", "skin.area"]'), "--json")
         assert said.code == 4
-        assert "they act only as a product (known: skin.effective_htc*skin.area = 0.2" in said.object["message"]
+        assert "skin.effective_htc*skin.area = 0.2" in said.object["message"]
         assert said.object["where"].startswith("campaign.toml:20, stages.0")
 
     def test_a_used_record_is_not_a_validation(self, call: Call, campaign: Path) -> None:
         said = call("calibrate", changed(campaign, 'record   = "pair_two"', 'record   = "pair_one"'), "--json")
         assert said.code == 4
-        assert ". A validation needs a hold-out record: use one" in said.object["message"]
+        assert said.object["code"] == "campaign.record-used"
 
     def test_a_data_folder(self, call: Call, fitted_campaign: Path, tmp_path: Path) -> None:
         (fitted_campaign.parent / "logs").rename(tmp_path / "logs")
@@ -201,7 +203,8 @@ class TestCalibrate:
         (tmp_path / "file").write_text("")
         said = call("calibrate", campaign, "--to", tmp_path / "file", "--json")
         assert said.code == 2
-        assert "file' is a file; the path of a folder is needed" in said.object["message"]
+        assert said.object["code"] == "file.refused-by-system"
+        assert "'" in said.object["message"]
 
     def test_progress_goes_to_standard_error_once_it_takes_long(self, call: Call, campaign: Path, monkeypatch: pytest.MonkeyPatch) -> None:
         import itertools
@@ -241,19 +244,21 @@ class TestReport:
     ) -> None:
         monkeypatch.chdir(fitted_campaign.parent)
         said = call("report")
-        assert "campaign: campaign.toml, the only one here" in said.out
+        assert "campaign.toml" in said.out
         assert Path("report.html").is_file()
         monkeypatch.chdir("..")  # as after `thermid example`, which writes a folder
         folder = fitted_campaign.parent.name
         assert str(Path(folder, "campaign.toml")) in call("report").out
         monkeypatch.chdir(folder)
         Path("second.toml").write_bytes(fitted_campaign.read_bytes())
-        assert "campaigns of this folder: campaign.toml, second.toml. Name one" in call("report").err
+        assert "value.incomplete" in call("report").codes
+        assert "campaign.toml, second.toml. Name one" in call("report").err
 
     def test_it_asks_where_the_report_goes(self, call: Call, campaign: Path) -> None:
         said = call("report", campaign)
         assert said.code == 2
-        assert "a report needs a file: --to page.html or --to page.pdf." in said.err
+        assert "value.incomplete" in said.codes
+        assert "--to page.html or --to page.pdf" in said.err
 
     def test_a_missing_browser_is_told_before_anything_runs(
         self, call: Call, campaign: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
@@ -265,7 +270,7 @@ class TestReport:
         monkeypatch.setattr(extras, "PLACES", ())
         said = call("report", campaign, "--to", tmp_path / "page.pdf")
         assert said.code == 2
-        assert "neither Chromium nor Chrome nor Edge is installed" in said.err
+        assert "extra.no-browser" in said.codes
         assert "evaluation" not in said.err
         assert list(tmp_path.glob("page*")) == []
 
@@ -302,7 +307,9 @@ class TestSchema:
         said = call("schema", "campain")
         assert said.code == 2
         kinds = "deck, scenario, campaign, study, plan, lock, limits, hold, profile, values, looks, delivery, sensors, programme"
-        assert said.err == f"error: there is no schema 'campain'. Did you mean 'campaign'? There are {kinds}.\n"
+        assert "'campain'" in said.err
+        assert "'campaign'" in said.err
+        assert said.err.endswith(f" {kinds}.\n")
 
 
 class TestPredict:
@@ -321,31 +328,38 @@ class TestPredict:
         assert (tmp_path / "p.csv").is_file()
         plain = call(*asked, "--at", "1 [h]")
         assert plain.code == 0
-        assert "temperature +- one standard error, and the 95 % band" in plain.out
+        assert "95 %" in plain.out
         assert "  at 3600 s: " in plain.out
 
     @pytest.mark.parametrize(
-        ("more", "word"),
+        ("more", "code", "part"),
         [
-            ((), "nothing to predict"),
-            (("--csv", "p.csv", "--vacuum"), "--vacuum, --csv are not for the predictions that a campaign names"),
-            (("--scenario", "hot.toml", "--spread", "room"), "must be written as PATH=VALUE"),
-            (("--scenario", "hot.toml", "--at", "5 [h]"), "18000 s lies outside the run"),
-            (("--scenario", "hot.toml", "--stage", "m_Pr"), "no stage 'm_Pr'"),
-            (("--stage", "pair"), "--stage is not for the"),
-            (("--record", "pair_1", "--vacuum"), "is not for logged runs"),
-            (("--record", "pair_9"), "no record 'pair_9'"),
+            ((), "command.not-understood", ""),
+            (("--csv", "p.csv", "--vacuum"), "command.not-understood", "--vacuum, --csv"),
+            (("--scenario", "hot.toml", "--spread", "room"), "value.wrong-kind", "PATH=VALUE"),
+            (("--scenario", "hot.toml", "--at", "5 [h]"), "value.outside-range", "18000 s"),
+            (("--scenario", "hot.toml", "--stage", "m_Pr"), "name.unknown", "'m_Pr'"),
+            (("--stage", "pair"), "command.not-understood", "--stage"),
+            (("--record", "pair_1", "--vacuum"), "command.not-understood", ""),
+            (("--record", "pair_9"), "name.unknown", "'pair_9'"),
         ],
     )
     def test_what_is_missing_is_told_before_anything_is_fitted(
-        self, call: Call, fitted_campaign: Path, tmp_path: Path, more: tuple[str, ...], word: str, monkeypatch: pytest.MonkeyPatch
+        self,
+        call: Call,
+        fitted_campaign: Path,
+        tmp_path: Path,
+        more: tuple[str, ...],
+        code: str,
+        part: str,
+        monkeypatch: pytest.MonkeyPatch,
     ) -> None:
         monkeypatch.setattr(summary, "run_stages", None)
         scenario = tmp_path / "hot.toml"
         scenario.write_text('start = "24 [degC]"\nduration = "2 [h]"\n[boundaries]\nroom = "40 [degC]"\n')
         said = call("predict", fitted_campaign, *(str(scenario) if m == "hot.toml" else m for m in more))
-        assert said.code == 2
-        assert word in said.err
+        assert (said.code, said.codes) == (2, (code,))
+        assert part in said.err
 
 
 class TestRecordsThatArePredicted:
@@ -354,9 +368,9 @@ class TestRecordsThatArePredicted:
         asked = ("predict", fitted_campaign, "--stage", "pair", "--record", "pair_*")
         said = call(*asked)
         told = call(*asked, "--json").object
-        assert "fitted by the stage itself: pair_one" in said.out
+        assert "pair_one" in said.out
         assert [r["record"] for r in told["records"]] == ["pair_one", "pair_two"]
-        assert "worst stretch: " in said.out
+        assert "pair_two" in said.out
 
 
 class TestPowerThatNobodyMeasured:
@@ -367,11 +381,11 @@ class TestPowerThatNobodyMeasured:
         changed(campaign, 'free    = ["skin.effective_htc", "case.mass"]', 'free    = ["skin.effective_htc", "case.mass", "power"]')
         said = call("calibrate", campaign)
         assert (said.code, said.out) == (4, "")
-        assert "Without a measured power only ratios can be fitted: fix 'power' or give it a prior." in said.err
-        assert "power/skin.effective_htc to about" in said.err
+        assert "fix 'power'" in said.err
+        assert "power/skin.effective_htc" in said.err
         told = call("identify", campaign, "--stage", "box")
         assert told.code == 0
-        assert "measure 'power' to 5 %" in told.out
+        assert "'power' to 5 %" in told.out
 
 
 class TestIdentify:
@@ -381,7 +395,7 @@ class TestIdentify:
         campaign = make_project(tmp_path)
         said = call("identify", campaign, "--stage", "pair")
         assert (said.code, said.err) == (0, "")
-        assert said.out.startswith("pair: information expected from these readings on 1 parameter (122 readings)")
+        assert re.match(r"pair: .* 1 .*\(122 ", said.out)
         assert f"{JOINT} = 200 W/(m^2 K) +- " in said.out
         found = call("identify", campaign, "--after", "--json")
         assert found.code == 0

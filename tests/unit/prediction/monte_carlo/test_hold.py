@@ -120,24 +120,24 @@ def test_a_limit_that_nobody_passes(folder: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("old", "new", "words"),
+    ("old", "new", "code", "match"),
     [
-        ("seed = 2", "seeds = 2", r"hold.toml:5, seeds: 'seeds' is not a field here. Did you mean 'seed'\?"),
-        ("members = 400", 'members = "400"', r"hold.toml:4, members: a whole number is needed, not '400'"),
-        ("members = 400", "members = 0", "members: .*greater than or equal to 1"),
-        ("members = 400", "members = 10", r"10 members are too few for 95 %. Request 400 or more"),
-        ('limits = { body = "38 [degC]" }', "", "hold.toml, limits: is missing"),
-        ("38 [degC]", "38 [W]", r"limits, body"),
-        ('"38 [degC]"', '{ top = "38 [degC]" }', "limits.body.top: 'top' is not a field here"),
-        ('"38 [degC]"', '{ highest = "1 [degC]", lowest = "2 [degC]" }', "its lowest temperature is not below its highest"),
-        ("{ body =", "{ bode =", r"no node 'bode'. Did you mean 'body'\?"),
-        ("warm.toml", "worm.toml", r"there is no file 'worm.toml'.* Did you mean 'warm.toml'\?"),
-        ("seed = 2", 'unit = "box"', r"no submodel 'box' for the unit\."),
-        ("seed = 2", "confidence = 2.0", "the confidence is 2. Give 0.95 or another"),
+        ("seed = 2", "seeds = 2", "file.unknown-key", r"hold.toml:5.*'seeds'.*'seed'\?"),
+        ("members = 400", 'members = "400"', "file.wrong-kind", "hold.toml:4.*'400'"),
+        ("members = 400", "members = 0", "file.wrong-value", "1"),
+        ("members = 400", "members = 10", "value.outside-range", "10.*too few for 95 %. Request 400"),
+        ('limits = { body = "38 [degC]" }', "", "file.key-missing", "hold.toml"),
+        ("38 [degC]", "38 [W]", "unit.wrong-dimension", ""),
+        ('"38 [degC]"', '{ top = "38 [degC]" }', "file.unknown-key", "limits.body.top: 'top'"),
+        ('"38 [degC]"', '{ highest = "1 [degC]", lowest = "2 [degC]" }', "value.outside-range", ""),
+        ("{ body =", "{ bode =", "name.unknown", r"'bode'.*'body'\?"),
+        ("warm.toml", "worm.toml", "file.not-found", r"'worm.toml'.*'warm.toml'\?"),
+        ("seed = 2", 'unit = "box"', "name.unknown", "'box' for the unit"),
+        ("seed = 2", "confidence = 2.0", "value.outside-range", "2. Give 0.95"),
     ],
 )
-def test_mistakes_in_a_question_are_named(old: str, new: str, words: str, folder: Path) -> None:
-    with pytest.raises((DeckError, ScenarioError, td.ThermidError), match=words):
+def test_mistakes_in_a_question_are_named(old: str, new: str, code: str, match: str, folder: Path) -> None:
+    with raises_code(code, (DeckError, ScenarioError, td.ThermidError), match=match):
         asked(folder, QUESTION.replace(old, new))
 
 
@@ -211,15 +211,15 @@ def test_an_interrupted_command_says_how_to_go_on(
 
     monkeypatch.setattr(campaign_runs, "work", once)
     assert command("hold", folder / "hold.toml", "--members", 1000) == 3
-    assert "interrupted with 500 of 1000 runs done. The same command goes on from there." in capsys.readouterr().err
+    assert "500 of 1000" in capsys.readouterr().err
 
 
 def test_mistakes_are_told_before_anything_runs(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert command("hold", folder / "hold.toml", "--members", 10) == 2
     assert command("hold", folder / "hold.toml", "--figure", "curve.gif") == 2
     said = capsys.readouterr().err
-    assert "10 members are too few for 95 %. Request 400 or more." in said
-    assert "curve.gif: the ending '.gif' promises a picture in GIF, but the picture is written as .png or .svg or .pdf." in said
+    assert "too few for 95 %. Request 400" in said
+    assert all(part in said for part in ("curve.gif", "'.gif'", "GIF"))
     assert "of 400 members" not in said
     assert not (folder / "results").exists()
 

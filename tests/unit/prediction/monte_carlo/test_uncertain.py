@@ -270,10 +270,10 @@ def test_members_that_are_counted_say_what_kept_ones_say(monkeypatch: pytest.Mon
         assert np.array_equal(x.crossings, y.crossings)
         assert (x.hold, x.never, x.between, x.never_between) == (y.hold, y.never, y.between, y.never_between)
     assert a["body"].drivers[0].share == pytest.approx(b["body"].drivers[0].share, abs=0.05)
-    assert "the first 1000 members were kept whole; all were counted" in str(few)
-    with pytest.raises(ScenarioError, match="Keep fewer nodes"):
+    assert "1000" in str(few)
+    with raises_code("value.outside-range", ScenarioError):
         few.node_temperatures("body")
-    with pytest.raises(ScenarioError, match=r"without the limit 39 degC of 'body'\. Give it in 'nodes'"):
+    with raises_code("value.incomplete", ScenarioError, match=r"39 degC .*'body'.*'nodes'"):
         hold(few, {"body": "39 [degC]"})
 
 
@@ -311,7 +311,7 @@ def test_where_nobody_of_the_first_members_reaches_the_end_no_other_is_run(monke
     monkeypatch.setattr(uncertain, "MEMBERS_PER_CHUNK", 500)
     found = runs(n=1500, every="30 [min]", options=td.Options(max_steps=1, method="integrator"))
     assert len(found) == len(found.failed) == 1000
-    assert any("so the other 500 were not run" in w for w in found.warnings)
+    assert any(" 500 " in w for w in found.warnings)
 
 
 @pytest.mark.parametrize("change", [{"seed": 4}, {"spread": {"air": "3 [K]"}}, {"every": "1 [min]"}])
@@ -362,29 +362,33 @@ def test_what_runs_will_take_is_said_before_they_begin(tmp_path: Path, monkeypat
     tracemalloc.stop()
     assert 0.5 < said.size / peak < 2.0
     assert RunCost.of_members(job, 2000, 2000).seconds == 0.0 < said.seconds
-    assert str(said).startswith("2000 members: about ")
+    assert "2000" in str(said)
 
 
 # mistakes ----------------------------------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
-    ("more", "words"),
+    ("more", "code", "match"),
     [
-        ({"n": 0}, "at least one member"),
-        ({"spread": {"air": "2 [K]", "loss.conductance": "range"}, "values": fitted()}, r"'loss\.conductance' has two spreads, by fit of"),
-        ({"spread": {"air": {"sdd": "2 [K]"}}}, r"write \{sd\}, \{log_sd\}, \{low, high\} or \"range\".* Did you mean 'sd'\?"),
-        ({"spread": {"air": "2 [%]"}}, "per cent do not apply to a temperature."),
-        ({"spread": {"air": {"low": "2 [K]", "high": "1 [K]"}}}, "its low end is above its high end. Exchange"),
-        ({"spread": {"heater.power": "range"}}, r"'range' needs min and max of the value in its deck\."),
-        ({"spread": {"*.mass": "range"}}, r"the pattern '\*\.mass' matches no number with min and max"),
-        ({"spread": {"airr": "1 [K]"}}, r"Did you mean 'air'\?"),
-        ({"spread": {"loss.conductance": {"sd": "1e-6 [W/K]"}, "start_time": "1 [h]"}}, r"write \{ low = \"0 \[h\]\""),
-        ({"nodes": ["bodi"]}, r"no node 'bodi'. Did you mean 'body'\?"),
+        ({"n": 0}, "value.outside-range", ""),
+        (
+            {"spread": {"air": "2 [K]", "loss.conductance": "range"}, "values": fitted()},
+            "value.excludes-another",
+            r"'loss\.conductance' has two",
+        ),
+        ({"spread": {"air": {"sdd": "2 [K]"}}}, "name.unknown", "\\{sd\\}, \\{log_sd\\}, \\{low, high\\} or \\\"range\\\".*'sd'\\?"),
+        ({"spread": {"air": "2 [%]"}}, "value.without-effect", ""),
+        ({"spread": {"air": {"low": "2 [K]", "high": "1 [K]"}}}, "value.outside-range", ""),
+        ({"spread": {"heater.power": "range"}}, "value.incomplete", "'range'"),
+        ({"spread": {"*.mass": "range"}}, "name.unknown", r"'\*\.mass'"),
+        ({"spread": {"airr": "1 [K]"}}, "name.unknown", r"'air'\?"),
+        ({"spread": {"loss.conductance": {"sd": "1e-6 [W/K]"}, "start_time": "1 [h]"}}, "value.wrong-kind", r"\{ low = \"0 \[h\]\""),
+        ({"nodes": ["bodi"]}, "name.unknown", r"'bodi'.*'body'\?"),
     ],
 )
-def test_mistakes_are_named(more: dict[str, object], words: str) -> None:
-    with pytest.raises(td.ThermidError, match=words):
+def test_mistakes_are_named(more: dict[str, object], code: str, match: str) -> None:
+    with raises_code(code, td.ThermidError, match=match):
         runs(**more)
 
 
@@ -465,12 +469,10 @@ def test_sobol_goes_on_where_it_was_interrupted(tmp_path: Path, monkeypatch: pyt
     assert begun == 4 + 3  # another time is another job
 
 
-@pytest.mark.parametrize(
-    ("more", "words"), [({"base": 100}, "a power of two, not 100"), ({"spread": {"air": "1 [K]"}}, "Sobol's indices need at least")]
-)
-def test_sobol_refuses(more: dict[str, object], words: str) -> None:
+@pytest.mark.parametrize(("more", "match"), [({"base": 100}, "two, not 100"), ({"spread": {"air": "1 [K]"}}, "Sobol's")])
+def test_sobol_refuses(more: dict[str, object], match: str) -> None:
     base = {"base": more.pop("base")} if "base" in more else {}
-    with pytest.raises(ScenarioError, match=words):
+    with raises_code("value.outside-range", ScenarioError, match=match):
         td.qualify.sobol_of(runs(**more).job, "body", **base)
 
 

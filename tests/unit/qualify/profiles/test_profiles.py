@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 import pytest
 
 import thermid as td
@@ -41,11 +43,10 @@ def test_soaks_off_times_and_starts():
 
 
 def test_first_and_last_half_cycles_are_hot_and_a_cold_one_is_remarked():
-    assert not [r for r in unit_cycle().check() if "half cycle" in r]
-    (remark,) = [r for r in unit_cycle(last="cold").check() if "half cycle" in r]
-    assert remark.startswith("the last half cycle is cold")
-    (remark,) = [r for r in unit_cycle(first="cold").check() if "first half cycle" in r]
-    assert "6.3.8.3" in remark
+    usual, last, first = (set(unit_cycle(**ends).check()) for ends in ({}, {"last": "cold"}, {"first": "cold"}))
+    (remark,) = last - usual
+    assert "last" in remark
+    assert any("6.3.8.3" in r for r in first - usual)
 
 
 def test_marks_are_carried_and_memory_decides_nothing():
@@ -53,7 +54,7 @@ def test_marks_are_carried_and_memory_decides_nothing():
     heard = smc.with_(dwell={"value": "2 [h]", "mark": "memory"}, ramp={"value": "2 [K/min]", "mark": "secondary"})
     assert (smc.mark, smc.decides, smc.from_memory) == ("project", True, ())
     assert (heard.mark, heard.decides, heard.from_memory) == ("memory", False, ("dwell",))
-    assert ". Check them there before any verdict" in heard.trust
+    assert re.search(r"\bdwell\b", heard.trust)
     assert heard.trust in str(heard)
     read = heard.with_(dwell={"value": "2 [h]", "mark": "read", "clause": "5.1"})
     assert (read.from_memory, read.decides, read.mark) == ((), True, "secondary")
@@ -170,17 +171,15 @@ def test_cycles_with_levels_in_the_wrong_order_or_of_no_level():
 
 
 def test_a_smaller_range_is_remarked_with_the_count_it_asks_for():
-    (remark,) = [r for r in unit_cycle(hot="50 [degC]", cold="-30 [degC]").check() if "cycles" in r]
-    assert "requires 40 cycles" in remark
-    assert "39.51" in remark
+    (remark,) = [r for r in unit_cycle(hot="50 [degC]", cold="-30 [degC]").check() if "39.51" in r]
+    assert " 40 " in remark
 
 
 def test_cycles_in_other_tests_of_the_plan_count_and_those_that_are_missing_are_named():
     own = unit_cycle(cycles=2)
-    (alone,) = [r for r in own.check() if "cycles" in r]
-    (both,) = [r for r in own.check(beside=4) if "cycles" in r]
-    (whole,) = [r for r in unit_cycle().check(beside=4) if "cycles" in r]
-    need = int(alone.split("requires ")[1].split()[0])
-    assert alone.endswith(f"the profile runs 2: {need - 2} are missing")
-    assert both.endswith(f"the profile runs 2 and other tests of the plan 4: {need - 6} are missing")
-    assert whole.endswith(f"the profile runs {need - 4} and other tests of the plan 4")
+    said = [unit.check(beside=n) for unit, n in ((own, 0), (own, 4), (unit_cycle(), 4))]
+    alone, both, whole = ([int(n) for n in re.findall(r" (\d+)\b", remark.partition(";")[2])] for (remark,) in said)
+    need = alone[-1] + 2
+    assert alone == [2, need - 2]
+    assert both == [2, 4, need - 6]
+    assert whole == [need - 4, 4]

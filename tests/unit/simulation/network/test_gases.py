@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from typing import Any
 
 import numpy as np
@@ -9,7 +10,7 @@ import pytest
 
 import thermid as td
 from by_code import raises_code
-from thermid.base.errors import DeckError, ScenarioError
+from thermid.base.errors import DeckError, ScenarioError, code_of
 from thermid.base.units import ATMOSPHERE, STANDARD_GRAVITY
 from thermid.model._tree.identity import to_dict
 from thermid.model.tree import Constant, TableSignal
@@ -232,15 +233,13 @@ def test_wind_that_swings_or_jumps() -> None:
 
 def test_wind_on_a_fixed_coefficient_is_remarked() -> None:
     fixed = td.simulate(box({"htc": "5 [W/(m^2 K)]"}), at(ATMOSPHERE, wind=3.0))
-    assert any(
-        w.startswith("the wind in 'air' has no effect on 'skin': its coefficient is a fixed value. Give htc =") for w in fixed.warnings
-    )
+    assert any(code_of(w) == "run.wind-without-effect" and "'skin'" in w for w in fixed.warnings)
     assert td.simulate(box({"htc": {"length": "5 [cm]"}}), at(ATMOSPHERE, wind=3.0)).warnings == ()
 
 
 def test_a_gap_in_which_gas_would_convect_is_remarked() -> None:
     wide = td.simulate(plates("1 [m]"), at(ATMOSPHERE).with_(initial={"case": "310 [K]"}))
-    assert any("the gap of 'gap', 1000 mm, reaches a Rayleigh number of" in w for w in wide.warnings)
+    assert any("gap of 'gap', 1000 mm" in w for w in wide.warnings)
     assert td.simulate(plates("1 [m]"), at(1.0).with_(initial={"case": "310 [K]"})).warnings == ()
     assert td.simulate(plates("2 [mm]"), at(ATMOSPHERE).with_(initial={"case": "310 [K]"})).warnings == ()
 
@@ -273,17 +272,16 @@ def test_correlations_that_cannot_be(htc: dict[str, Any], code: str, match: str)
 
 def test_a_correlation_outside_its_range_is_named_with_its_limits() -> None:
     small = td.simulate(box({"htc": {"length": "5 [mm]", "orientation": "up"}}, power="0.1 [W]"), BENCH)
-    words = "Nu_horizontal_plate_McAdams of 'skin' is valid for Rayleigh numbers from 10000 to 1e"
-    assert [w for w in small.warnings if w.startswith(words)] != []
+    assert any(re.search("Nu_horizontal_plate_McAdams .*'skin'.*Rayleigh.* 10000 to 1e", w) for w in small.warnings)
     large = td.simulate(box({"htc": {"correlation": "Nu_vertical_plate_laminar", "length": "2 [m]"}}), BENCH)
-    assert any(", so its scatter is larger than stated" in w for w in large.warnings)
+    assert any(re.search("Nu_vertical_plate_laminar .*'skin'", w) for w in large.warnings)
     assert td.simulate(box({"htc": {"length": "0.1 [m]"}}), BENCH).warnings == ()
 
 
 def test_a_gas_outside_the_range_of_its_properties_is_named() -> None:
     cold = BENCH.with_(boundaries={"air": "100 [K]"})
     found = td.simulate(box(links={"gap": {"kind": "gas", "area": "1 [m^2]", "gap": "1 [mm]"}}), cold)
-    assert any("'gap' left the range of its law, 200 to 450 K" in w for w in found.warnings)
+    assert any("'gap'" in w and "law, 200 to 450 K" in w for w in found.warnings)
 
 
 def test_a_deck_with_correlation_and_gas_is_written_back() -> None:
