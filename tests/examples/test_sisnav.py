@@ -43,7 +43,7 @@ def demonstration(tmp_path_factory: pytest.TempPathFactory) -> Demonstration:
         run = work.run
         patch.setattr(work, "run", lambda *given: done.append(run(*given)) or done[-1])
         # an eighth of the members where derivatives do not do: no test looks at the width of a band
-        patch.setattr("thermid.prediction._predict.DRAWN_MEMBERS", 250)
+        patch.setattr("thermid.prediction._predict.DRAWN_MEMBERS", (250, 250))
         patch.setattr(sys, "argv", ["demo.py", str(folder)])
         runpy.run_path(str(STUDY.parent / "demo.py"), run_name="__main__")
     return Demonstration(folder, said.getvalue(), complained.getvalue(), done[0])

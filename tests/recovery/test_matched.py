@@ -36,7 +36,7 @@ def test_without_constant_errors_hardly_any_interval_holds_the_truth(monkeypatch
 @pytest.mark.parametrize("case", [c if c == "box" else pytest.param(c, marks=pytest.mark.campaign) for c in mismatch.CASES])
 def test_predictions_of_mismatched_truths(case: str, monkeypatch: pytest.MonkeyPatch) -> None:
     # where derivatives do not do, an eighth of the usual members: their deviation is then good to 5 %, the share of 5 draws to 10 %
-    monkeypatch.setattr("thermid.prediction._predict.DRAWN_MEMBERS", 250)
+    monkeypatch.setattr("thermid.prediction._predict.DRAWN_MEMBERS", (250, 250))
     found = mismatch.campaign(case, 5, SEED)
     far = [h for (scenario, _), h in found.items() if scenario in ("room at +61 C", "room at -34 C")]
     assert np.mean([h.coverage() for h in found.values()]) >= 0.9

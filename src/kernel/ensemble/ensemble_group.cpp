@@ -235,7 +235,7 @@ void Group::choose(double& next) {
     // Lengths with five binary digits: rounding that differs between instruction sets is forgotten from step to step.
     if (h != knot - t_) h = snapped(h);
     end_ = h == knot - t_ ? knot : t_ + h;
-    if (h > 0.99 * room) {
+    if (h > room || (h > 0.99 * room && end_ != knot)) {  // a jump between that knot and the stop has a step of its own
         clipped_ = clipped_ || h > room;
         end_ = s_.stops[stop_];
     } else if (h > 0.5 * room && end_ != knot) {

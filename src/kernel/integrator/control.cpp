@@ -174,7 +174,8 @@ void Integrator::advance(double t_end, OutputList& out) {
         }
         step_.end = step_.h == knot - state_.t ? knot : state_.t + step_.h;
         if (pending_ < 0) {
-            if (step_.h > 0.99 * room) {
+            // Where the step ends at a knot just before a stop it stays there: what is left over of a jump between them would be refused for ever.
+            if (step_.h > room || (step_.h > 0.99 * room && step_.end != knot)) {
                 clipped_ = clipped_ || step_.h > room;
                 step_.h = room;
                 step_.end = stops[stop];

@@ -100,10 +100,11 @@ struct Knee {
         const double turn = seen.turn(), third = turn < 1.0 ? seen.at(turn) : seen.t1;
         if (std::min({seen.t0, seen.t1, third}) <= c1 && c1 <= std::max({seen.t0, seen.t1, third})) pass(seen, turn, c1, each());
     }
-    // The next length to try: up to just before the knee, or so short that it may be passed.
+    // The next length to try: up to just before the knee, or so short that it may be passed. It is shorter by more than what a step is
+    // lengthened by to end where it must, else the same step would be tried for ever.
     double retry(double h, double allowed) const {
         const double passing = 0.8 * h * std::sqrt(std::min(1.0, allowed / least));
-        return where * h > passing ? where * h - 0.5 * passing : passing;
+        return std::min(0.9 * h, where * h > passing ? where * h - 0.5 * passing : passing);
     }
 };
 

@@ -382,7 +382,8 @@ def _staged(campaign: Campaign, level: Level, places: tuple[str, ...], part: str
             return [alone], []
         name = f"{level.name} at {part}"
         return [unchanged, StagePlan(name, level.name, "run", why, free, records, (same, new.identity()), new, "", True)], []
-    holds = [place for place in places if part.startswith(place) and place != f"{part}."]
+    within = {prefix for prefix, _ in instances(request.model)}  # a bench deck has some of the parts that stand at its place
+    holds = [place for place in places if part.startswith(place) and f"{part.removeprefix(place)}." in within]
     if not holds:
         return [unchanged], []
     if len(places) > 1:

@@ -78,9 +78,9 @@ def own_standing(
     message : str           How the search ended where it did not converge.
     """
     wrong = [*contradicted(values).values(), *([f"the fit did not converge: {message}"] if message else [])]
-    if wrong:
-        return Standing("not credible", "; ".join([*moved.contradictions(), *wrong]), values.stage, request.accepted)
     short_of = [f"'{u.name}' ended at its {side} bound" for u, side, _ in at_bounds(problem, at, errors)]
+    if wrong:  # a value that a bound holds is why inherited ones move
+        return Standing("not credible", "; ".join([*wrong, *short_of, *moved.contradictions()]), values.stage, request.accepted)
     short_of += _beyond_stated(problem, spread, request.adequate) if request.adequate and spread is not None else []
     short_of += [
         f"'{name}' lies {far:.1f} standard deviations from its prior (limit {STRAINED:g})"

@@ -553,7 +553,7 @@ def _value_line(v: FittedValue, width: int, estimate: FittedValue, ranges: Mappi
     fitted, errors = digits(v.in_unit, random), f"random +- {short(random)}   total +- {short(total)}{what}"
     if estimate is not v:
         error = v.shown(estimate.error)
-        fitted, errors = digits(estimate.in_unit, error), f"+- {short(error)}   fitted {fitted}   {errors}"
+        fitted, errors = digits(estimate.in_unit, error), f"+- {short(error)}   (the curves have {fitted}, {errors.replace('   ', ', ')})"
     return f"{v.path:<{width}}  {fitted:>12} {v.unit:<10}  {errors}   start {v.converted(v.start):.5g}{bounds}"
 
 

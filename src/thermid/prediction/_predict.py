@@ -69,8 +69,10 @@ NARROWS = {
     GAS_IN_JOINTS: "a record at low pressure, a gap in the deck, or gas = 'none' where a pad or grease fills the joint",
 }
 """Cause -> what would narrow a band that comes from it."""
-DRAWN_MEMBERS = 2000
-"""Members drawn where derivatives do not do."""
+DRAWN_MEMBERS = (500, 2000)
+"""Members drawn where derivatives do not do, at least and at most."""
+DRAWN_STEPS = 2_000_000
+"""Steps of the integrator for them: runs that switch many times are drawn less often; 500 know a half-width to some 4 %."""
 MAX_MEAN_MISS, MAX_WIDTH_MISS = 0.1, 0.1
 """What the mean may be off by, in half-widths of the 95 % band, and its half-width, relative, before derivatives do not do."""
 NEGLIGIBLE_HALF_WIDTH = 0.05
@@ -584,7 +586,8 @@ def predicted(
     find = {n: best[n].path for n in (nodes if nodes is not None else best.nodes)}
     find |= {alias: path for alias, path in budget.model.every_alias().items() if path in find.values()}
     why = Missed() if draws else missed(first.setting, first.linear)
-    count = draws or (DRAWN_MEMBERS if why.words else 0)
+    affordable = int(np.clip(DRAWN_STEPS // max(best.statistics.get("steps", 1), 1), *DRAWN_MEMBERS))
+    count = draws or (affordable if why.words else 0)
     sources = budget.drawn(budget.numbers(seed, 0, count))
     straight = not draws and not why.bent
     members, shares, lost = drawn_members(ways, budget.chosen(sources), sources, straight, executor) if count else ({}, {}, "")

@@ -136,7 +136,7 @@ class Moisture(Named[SurfaceMoisture]):
 def moisture(
     model: Model,
     scenario: Scenario,
-    humidity: Mapping[str, Any],
+    humidity: Mapping[str, Any] | None = None,
     volumes: Mapping[str, Volume] | None = None,
     *,
     every: str | float = 60.0,
@@ -151,7 +151,8 @@ def moisture(
     Parameters
     ----------
     model, scenario : Model, Scenario   What is run.
-    humidity : dict                     Boundary that is a gas -> its relative humidity over liquid water, a number or a signal. [-]
+    humidity : dict                     Boundary that is a gas -> its relative humidity over liquid water, a number or a signal, where that
+                                        is not what the scenario's environment states. [-]
     volumes : dict                      Gas node with vapour of its own -> `Volume`.
     every : str or float                Time between outputs, on which latent heat is a polygon. [s]
     progress : callable                 Told after each pass its number and how far temperatures still moved [K]; what it raises ends it.
@@ -160,7 +161,9 @@ def moisture(
     ------
     ScenarioError   When a name is no gas of the model, a humidity does not exist, or latent heat and temperatures find no balance.
     """
-    if not isinstance(humidity, Mapping) or not (humidity or volumes):
+    stated = {gas: e.humidity for gas, e in scenario.environment.items() if gas != "*" and e.humidity is not None}
+    humidity = stated if humidity is None else {**stated, **humidity} if isinstance(humidity, Mapping) else {}
+    if not (humidity or volumes):
         raise ScenarioError(
             "give the humidity by gas: gas -> relative humidity, such as {'air': 0.6}.", scenario.title, code="value.incomplete"
         )

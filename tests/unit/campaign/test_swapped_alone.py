@@ -231,3 +231,62 @@ def test_python_inherits_as_a_campaign_does(retuned: tuple[td.Campaign, td.Campa
     assert fixed["coefficient"].error < td.calibrate(bare, unit.request.records, own)["coefficient"].error * 10.0
     with pytest.raises(td.errors.NameNotFoundError, match="'head'"):
         td.calibrate(bare, unit.request.records, own, inherit={"haed": head})
+
+
+BAY = """
+title = "Bay"
+needs = ["air"]
+offers = ["base"]
+parameters = { coefficient = { value = "2 [W/(m^2 K)]", min = 0.2, max = 20 } }
+nodes = { base = { capacitance = "300 [J/K]" } }
+loads = { heater = { into = "base", power = "4 [W]" } }
+
+[surfaces]
+skin = { of = "base", to = "air", area = "300 [cm^2]", htc = { coefficient = "coefficient", exponent = 0.25 }, emissivity = 0.8 }
+"""
+ON_BENCH = """
+title = "Bay on a bench"
+needs = ["air"]
+submodels = { bay = { use = "bay.toml", bind = { air = "air" } } }
+"""
+WITH_BAY = """
+title = "Unit"
+needs = ["air"]
+
+[submodels]
+bay  = { use = "bay.toml", bind = { air = "air" } }
+head = { use = "head.toml", bind = { place = "bay.base" } }
+"""
+OF_BAY = CAMPAIGN.replace('"base", noise', '"bay.base", noise').replace(
+    '[[stages]]\nname    = "unit"',
+    '[[stages]]\nname = "bay"\nmodel = "bay_bench.toml"\nrecords = ["bay"]\nfree = ["bay.coefficient", "bay.base.capacitance"]\n\n'
+    '[[stages]]\nname    = "unit"',
+)
+OF_BAY = OF_BAY.replace('"coefficient", "base.capacitance"', '"bay.base.capacitance"').replace(
+    '{ head = { stage = "head", as = "prior" } }', '{ head = { stage = "head", as = "prior" }, "." = { stage = "bay", as = "prior" } }'
+)
+OF_BAY += """
+[records.bay]
+file     = "logs/bay.csv"
+time     = "time_s"
+
+[records.bay.channels]
+T_B  = { node = "bay.base", noise = "0.03 [K]", accuracy = "0.1 [K]" }
+ROOM = { boundary = "air" }
+"""
+
+
+def test_a_part_is_replaced_beside_one_that_was_tested_in_a_bench_deck(tmp_path: Path) -> None:
+    """The bench deck stands at the place of the whole unit, which has parts that the bench had not: its test is kept."""
+    for name, text in {"bay": BAY, "bay_bench": ON_BENCH}.items():
+        (tmp_path / f"{name}.toml").write_text(text)
+    bench = log(td.load_model(tmp_path / "bay_bench.toml"), {}, {"T_B": "bay.base"}, noise=0.03, samples=61, seed=5, hours=8.0)
+    write_log(bench, tmp_path / "logs" / "bay.csv")
+    nodes = {"T_E": "head.element", "T_B": "bay.base"}
+    before, new, data = campaign_of(tmp_path, HEAD, WITH_BAY, OF_BAY, {"head.pot.conductance": "0.12 [W/K]"}, nodes)
+    plan = td.design.plan_retune(before, "head", new)
+    assert {s.name: s.action for s in plan.stages} == {"head": "run", "bay": "kept", "unit": "run"}
+    assert plan.run(data, part_only=True)["unit"].model.submodel("head").title == "New head"
+    of_bay = td.design.plan_retune(before, "bay", td.load_model(tmp_path / "bay.toml"))
+    assert {s.name: s.action for s in of_bay.stages} == {"head": "kept", "bay": "run", "unit": "run"}
+    assert of_bay.tests == ("bay", "unit")

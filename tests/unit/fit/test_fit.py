@@ -445,4 +445,4 @@ def test_what_a_set_point_is_expected_to_be_is_on_its_own_scale() -> None:
     value = found[path]
     wider = replace(found.values, items_={**found.values, path: replace(value, error=2.0 * value.error)})
     told = str(replace(found, values=wider, expected={path: (313.15 + 1.25, 0.5)}))
-    assert "41.25 degC        +- 0.5   fitted " in told
+    assert "41.25 degC        +- 0.5   (the curves have " in told

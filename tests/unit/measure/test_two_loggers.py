@@ -16,7 +16,7 @@ from typer.testing import CliRunner
 
 from thermid.app.cli.app import app
 from thermid.measure._readers.common_step import CommonStep, LogCourse, common_step
-from thermid.measure._readers.look import _OffsetSoFar, _Way
+from thermid.measure._readers.look import _by_step, _OffsetSoFar, _Way
 from thermid.measure.looks import Look, clock_lines, clocks_of, look, named_apart
 
 
@@ -557,3 +557,11 @@ def test_a_log_that_is_placed_by_a_candidate_is_no_better_known() -> None:
     sure, guessed = CommonStep(5.0, 1.0, "a", "b", 0.99), CommonStep(5.0, 1.0, "a", "b", 0.99, candidate=True)
     for before, step in ((_OffsetSoFar(0.0), sure), (_OffsetSoFar(0.0, candidate=True), sure), (_OffsetSoFar(0.0), guessed)):
         assert _Way(before, 1, 2, step, None, False).place.candidate == (before.candidate or step.candidate)
+
+
+def test_stamps_that_a_step_contradicts_give_no_offset_to_a_log_without_any() -> None:
+    """A third log was placed beside a second one, of which nothing says when it began beside the first: this was a KeyError."""
+    step = {"offset": -1.5, "error": 1.0, "columns": ("load", "power"), "after": "cpu.csv", "candidate": False, "contradicted": True}
+    clock = {"file": "usb.csv", "record": "usb", "offset": None, "step": {**step, "stamps": -7.0}}
+    text, check = _by_step(clock, None, None)
+    assert "begins 1.5 s before cpu.csv" in text and "write" not in check and "line below" not in check

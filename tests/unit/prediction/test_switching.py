@@ -25,7 +25,7 @@ MEMBERS = 160
 
 @pytest.fixture(autouse=True)
 def _few(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(_predict, "DRAWN_MEMBERS", MEMBERS)
+    monkeypatch.setattr(_predict, "DRAWN_MEMBERS", (MEMBERS, MEMBERS))
 
 
 def deck(cell: float, bat: float, frame: float, power: float, switch: tuple[float, float] | None, **more: Any) -> td.Model:
@@ -71,7 +71,7 @@ def found() -> Calibration:
 @pytest.fixture(scope="module")
 def told(found: Calibration) -> td.Prediction:
     with pytest.MonkeyPatch.context() as few:
-        few.setattr(_predict, "DRAWN_MEMBERS", MEMBERS)
+        few.setattr(_predict, "DRAWN_MEMBERS", (MEMBERS, MEMBERS))
         return td.predict(found, COLD)
 
 

@@ -72,3 +72,13 @@ def test_sensitivities_pass_it_too() -> None:
         np.testing.assert_allclose(
             value * found.sensitivity("n", name), per_log, rtol=0, atol=2e-4
         )  # of 22 K; 0.025 before knees were found
+
+
+def test_a_knee_just_before_a_step_must_end_is_passed() -> None:
+    """A step up to just before the knee was lengthened to where the run had to stop, refused again, and so on for a million times."""
+    leaves_full_power = np.log((START - AIR - FULL / G) / (295.0 - AIR - FULL / G)) * C / G
+    for beyond in np.geomspace(0.003, 0.03, 9):
+        seconds = leaves_full_power + beyond
+        scenario = td.Scenario("short", boundaries={"air": f"{AIR} [K]"}, start=f"{START} [K]", duration=seconds)
+        run = td.simulate(_model(), scenario, times=[0.0, seconds], options=td.Options(error=1e-6, max_steps=2000))
+        assert run["n"].kelvin[-1] == pytest.approx(_exact()[0] + 295.0 - START, abs=0.08 * beyond + 1e-4)

@@ -198,3 +198,12 @@ def test_an_unknown_surface() -> None:
     """The nearest one is named."""
     with raises_code("name.unknown", match="'skim'.*'skin'"):
         td.site.moisture(BOX, TRANSFER.with_(duration="1 [min]"), {"air": 0.5})["skim"]
+
+
+def test_the_humidity_of_a_scenario_counts_in_python_as_on_the_command_line() -> None:
+    """It had to be given again, though the scenario stated it."""
+    brief = TRANSFER.with_(duration="30 [min]")
+    given = td.site.moisture(BOX, brief, {"air": 0.6})["skin"].margin
+    stated = brief.with_(environment={"air": td.simulation.Environment(humidity=0.6)})
+    assert td.site.moisture(BOX, stated)["skin"].margin == pytest.approx(given)
+    assert td.site.moisture(BOX, stated, {"air": 0.3})["skin"].margin.min() > given.min() + 5.0

@@ -50,8 +50,7 @@ def moisture(
     model, standing = judged_model(deck, values, keep_values, accept=accept)
     conditions = scenario_of(scenario, boundary, [], start, duration)
     times = moments(at, conditions.seconds)
-    humidities: dict[str, Any] = {gas: e.humidity for gas, e in conditions.environment.items() if gas != "*" and e.humidity is not None}
-    humidities |= {gas: literal(with_unit(text, "1"), "1", "--humidity") for gas, text in pairs(humidity, "--humidity").items()}
+    humidities = {gas: literal(with_unit(text, "1"), "1", "--humidity") for gas, text in pairs(humidity, "--humidity").items()}
     run = moist_run(model, conditions, humidities, every=with_unit(every, "s"))
     traces = [run.solution[n] for n in run.solution.nodes]
     rows = [f"  at {t:g} s: " + ", ".join(f"{x.path} {float(x.at(t)):.2f}" for x in traces) + " degC" for t in times]

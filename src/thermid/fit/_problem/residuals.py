@@ -77,8 +77,11 @@ class Unknown:
         return math.log(value) if self.log else value
 
     def to_value(self, fitted: float) -> float:
-        """Return the value of a fitted form. [SI]"""
-        return math.exp(min(max(fitted, -700.0), 700.0)) if self.log else fitted
+        """Return the value of a fitted form; at a bound the bound itself, from which exp(log(x)) differs in its last digits. [SI]"""
+        if not self.log:
+            return fitted
+        value = math.exp(min(max(fitted, -700.0), 700.0))
+        return next((b for b in (self.low, self.high) if math.isclose(value, b, rel_tol=1e-12)), value)
 
     def slope(self, fitted: float) -> float:
         """Return d value / d fitted."""

@@ -574,12 +574,11 @@ def _by_step(clock: dict[str, Any], first: Look, other: Look) -> list[str]:
         used = f"{better}, and are used where no fit finds the offset" if clock.get("at", {}).get("by_stamps") else ""
         near = f"; its stamps are {away:.3g} s from that, within {MAX_OFFSET_ERRORS:g} errors{used}"
         return [text if step["stamps"] is None else text + near]
-    by_stamps = clock["at"]["offset"] - late + step["stamps"] if clock["offset"] is None else clock["offset"]
-    return [
-        text,
-        f"    check: its stamps are {away:.3g} s from that, {away / error:.0f} errors, so a clock is wrong. The line below follows the "
-        f"step. If both clocks are right, heat arrives late: write {by_stamps:.6g} s",
-    ]
+    by_stamps = clock["at"]["offset"] - late + step["stamps"] if clock["offset"] is None and "at" in clock else clock["offset"]
+    both_right = "" if by_stamps is None else f" If both clocks are right, heat arrives late: write {by_stamps:.6g} s"
+    follows = " The line below follows the step." if "at" in clock else ""
+    check = f"    check: its stamps are {away:.3g} s from that, {away / error:.0f} errors, so a clock is wrong.{follows}{both_right}"
+    return [text, check]
 
 
 def _digits(value: float, count: int) -> str:

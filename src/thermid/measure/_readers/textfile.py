@@ -47,6 +47,9 @@ BLOCK: Final = 1_000_000
 """Characters that are looked through at once: a whole text would be copied."""
 _CONTROL: Final = bytes(set(range(32)) - set(b"\t\n\r\f")) + b"\x7f"
 """Signs that no text log has."""
+_MARKED: Final = dict.fromkeys(_CONTROL, "\ufffd")
+MAX_BROKEN_LINES: Final = 0.01
+"""Share of lines with such signs up to which a file is a text that was broken on its way. [-]"""
 
 
 @dataclass(frozen=True)
@@ -475,8 +478,14 @@ def decoded(data: bytes, file: str) -> tuple[str, list[str]]:
     plain = text.encode() if notes == ["read as UTF-16"] else data
     blocks = (plain[at : at + BLOCK] for at in range(0, len(plain), BLOCK))
     if any(len(block.translate(None, _CONTROL)) < len(block) for block in blocks):
-        packed = " (a workbook or archive)" if data[:2] == b"PK" else ""
-        raise RecordError(f"this is a binary file, not a text log{packed}. Export it as CSV.", file, code="record.damaged")
+        lines = text.splitlines()
+        broken = [k for k, line in enumerate(lines, 1) if line.translate(_MARKED) != line]
+        if data[:2] == b"PK" or len(broken) > MAX_BROKEN_LINES * len(lines):
+            packed = " (a workbook or archive)" if data[:2] == b"PK" else ""
+            advice = f"Export it as CSV, or take out line {broken[0]} if a transmission broke there."
+            raise RecordError(f"this is a binary file, not a text log{packed}. {advice}", file, code="record.damaged")
+        text = text.translate(_MARKED)  # a cell with a mark is no number
+        notes.append(f"{counted(len(broken), 'line')} with signs that no text has, as broken transmissions leave them (line {broken[0]})")
     return text.replace("\r\n", "\n").replace("\r", "\n"), notes
 
 

@@ -14,7 +14,7 @@ import pytest
 from python_board import simulated
 
 from plain_errors import errors_in_full
-from thermid.app.cli.app import app, main
+from thermid.app.cli import app
 from thermid.bench.logger import Logger
 from thermid.campaign.stages import run_stages
 from unit.fit.project import make_project
