@@ -19,7 +19,7 @@ import pytest
 
 import thermid
 import thermid as td
-from thermid.base.memo import Memo
+from thermid.base.units import Memo
 from thermid.fit.calibration import Experiment, Problem
 from thermid.model.tree import Constant
 from thermid.simulation.runs import Media, Network

@@ -13,3 +13,6 @@ ATMOSPHERE = 101325.0
 
 AMBIENT_DEFAULT = 293.15
 """At which a property is quoted that depends on temperature, where nothing says at which: 20 degC. [K]"""
+
+DEVIATION_OF_MEDIAN = 1.4826
+"""Standard deviation of normal samples over the median of their absolute values (Hampel, J. Am. Stat. Assoc. 69 (1974) 383-393). [-]"""

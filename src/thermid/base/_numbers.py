@@ -1,4 +1,4 @@
-"""Numbers in arrays, and `Dual`: numbers that carry their derivatives with respect to the free parameters of a fit.
+"""What frozen values hold: numbers in arrays, numbers with their derivatives (`Dual`), and what a value has worked out (`Memo`).
 
 Only `+ - * / **` are needed: every conductance is arithmetic over parameters, so the chain rule stays exact from the text of a deck to
 the coefficients of the kernel. Griewank and Walther, Evaluating Derivatives, 2nd ed., SIAM 2008, chapter 3.
@@ -7,8 +7,9 @@ the coefficients of the kernel. Griewank and Walther, Evaluating Derivatives, 2n
 from __future__ import annotations
 
 import math
+from collections.abc import Callable, Hashable
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -133,3 +134,28 @@ def value_of(number: Number) -> float:
 def gradient_of(number: Number, free: int) -> Array:
     """Return the gradient (free,), zero for a plain number."""
     return number.gradient if isinstance(number, Dual) else np.zeros(free)
+
+
+Made = TypeVar("Made")
+
+
+class Memo(dict[Hashable, Any]):
+    """Results by key, made once; a copy of one, by pickle too, is empty.
+
+    In a frozen dataclass it is a field with ``init=False, default_factory=Memo, compare=False, repr=False``. `dataclasses.replace` does not
+    hand such a field on, so a value with another field starts with an empty memo and nothing has to be reset.
+    """
+
+    def value(self, key: Hashable, make: Callable[[], Made], most: int = 0) -> Made:
+        """Return what is kept under a key, made now where nothing is; with `most` above zero the oldest gives way beyond so many."""
+        if key not in self:
+            result = make()
+            while most and len(self) >= most:
+                del self[next(iter(self))]
+            self[key] = result
+        out: Made = self[key]
+        return out
+
+    def __reduce__(self) -> tuple[type[Memo], tuple[()]]:
+        """Return how to make it anew: empty."""
+        return Memo, ()

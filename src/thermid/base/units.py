@@ -3,6 +3,7 @@
 from thermid.base._constants import (
     AMBIENT_DEFAULT as AMBIENT_DEFAULT,
     ATMOSPHERE as ATMOSPHERE,
+    DEVIATION_OF_MEDIAN as DEVIATION_OF_MEDIAN,
     STANDARD_GRAVITY as STANDARD_GRAVITY,
     STEFAN_BOLTZMANN as STEFAN_BOLTZMANN,
 )
@@ -38,6 +39,7 @@ from thermid.base._numbers import (
     Dual as Dual,
     Indices as Indices,
     Ints as Ints,
+    Memo as Memo,
     Number as Number,
     gradient_of as gradient_of,
     real_power as real_power,

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from thermid.base.errors import DeckError, MissingDataError, RecordError, errors_at, extension, nearest, refuse_unknown
 from thermid.base.files import Places, by_grammar, read_toml, resolve_inside
-from thermid.base.memo import Memo
+from thermid.base.units import Memo
 from thermid.campaign._cache import file_name, log_kept
 from thermid.fit.calibration import LocalSpec
 from thermid.measure.readers import read_record

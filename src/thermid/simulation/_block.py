@@ -11,9 +11,8 @@ import numpy as np
 
 from thermid.base.errors import NameNotFoundError, ScenarioError, SolverError, nearest, refuse_unknown
 from thermid.base.linear_algebra import anderson_step
-from thermid.base.memo import Memo
 from thermid.base.results import Result
-from thermid.base.units import TEMPERATURE, Array
+from thermid.base.units import TEMPERATURE, Array, Memo
 from thermid.model.tree import FACES, Block, Constant, Drawn, Exchange, Signal, common_cycle, in_run, literal, multiplied
 from thermid.physics.convection import convection_conductance
 from thermid.physics.radiation import radiation_coefficient

@@ -12,9 +12,8 @@ import numpy as np
 
 from thermid.base.errors import NameNotFoundError, ScenarioError, look_up, optional
 from thermid.base.files import NETCDF_SOURCE, FileKinds, replacing
-from thermid.base.memo import Memo
 from thermid.base.results import PlottedTrace, Result, Row
-from thermid.base.units import ICE_POINT, Array, amount, kelvin, value_of
+from thermid.base.units import ICE_POINT, Array, Memo, amount, kelvin, value_of
 from thermid.model.tree import Standing, degrees, literal, worst
 from thermid.physics.correlations import GapLaw, correlation
 from thermid.simulation._condensation import condensation

@@ -564,7 +564,7 @@ def _read_typical_year(path: Path, year: int, epw: bool) -> Columns:
     seconds = np.asarray((stamps - stamps[0]).total_seconds(), dtype=np.float64)
     # EPW stamps of pvlib stand at the beginning of their hour; its values belong to the end, as those of TMY3 do
     ahead = 3600.0 if epw else 0.0
-    first = (stamps[0] + _delta(ahead)).to_pydatetime()
+    first = (stamps[0] + timedelta(seconds=ahead)).to_pydatetime()
     place = {"latitude": "latitude", "longitude": "longitude", "altitude": "altitude", "timezone": "TZ"}
     notes = (f"a typical year, dated {year}",) if mixed else ()
     if (np.diff(seconds) <= 0).any():
@@ -574,13 +574,6 @@ def _read_typical_year(path: Path, year: int, epw: bool) -> Columns:
     values = _converted(data, _EPW if epw else _TMY3)
     where = {k: float(meta[v]) for k, v in place.items() if v in meta}
     return Columns(seconds, values, first, _step(seconds), True, where, notes)
-
-
-def _delta(seconds: float) -> Any:
-    """Return seconds as pandas has them."""
-    import pandas
-
-    return pandas.Timedelta(seconds=seconds)
 
 
 def _converted(data: pandas.DataFrame, table: Mapping[str, tuple[str, str, float]]) -> dict[str, FloatArray]:

@@ -7,8 +7,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from thermid.base.memo import Memo
-from thermid.base.units import Array
+from thermid.base.units import Array, Memo
 from thermid.fit._error_model.courses import ElementCourse, OperatingPoint, course_of, point_of
 from thermid.fit._error_model.elements import (
     AS_BUILT,

@@ -16,8 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thermid.base.errors import IdentificationError
-from thermid.base.memo import Memo
-from thermid.base.units import Array, value_of
+from thermid.base.units import Array, Memo, value_of
 from thermid.fit._estimation.process import ProcessNoise
 from thermid.fit._problem.experiment import UNKNOWN_START_SD, UNSAID_NOISE, Experiment
 from thermid.fit._problem.residuals import Bench

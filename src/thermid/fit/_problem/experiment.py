@@ -13,8 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thermid.base.errors import NameNotFoundError, RecordError, ThermidError, refuse_unknown
-from thermid.base.memo import Memo
-from thermid.base.units import Array, Kelvin, Stamp
+from thermid.base.units import Array, Kelvin, Memo, Stamp
 from thermid.measure.records import Channel, Record, SecondClock, SensorPart
 from thermid.model.tree import Constant, Model, Names, Signal, Submodel, TableSignal, model_from_dict
 from thermid.simulation.runs import Engine, Jump, Network, Scenario, Wiring, compile_network

@@ -12,8 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thermid.base.errors import DeckError, SolverError
-from thermid.base.memo import Memo
-from thermid.base.units import Array, Dual, Number, gradient_of, value_of
+from thermid.base.units import Array, Dual, Memo, Number, gradient_of, value_of
 from thermid.fit._problem.experiment import CLOCK, OFFSET, STEPPED, SWITCH, Experiment, Observation, clock_target
 from thermid.simulation.runs import Engine, Options, Squares, Traces, Weighing, Wiring, kept_for
 

@@ -161,7 +161,11 @@ class _Case:
     def __init__(self, model: Model, point: SteadyPoint[Record], scenario: Scenario | None) -> None:
         """Bind the steady point to the model, sensors at their nodes."""
         self.of = model
-        record = _at_their_seats(point.record)
+        # sensors read their nodes themselves once nothing changes: no lag, no heat capacity; leads stay
+        parts = {c: c.part for c in point.record.channels.values() if c.part is not None}
+        record = point.record.with_channels(
+            *(replace(c, part=replace(part, lag=0.0, lag_accuracy=0.0, capacitance=0.0)) for c, part in parts.items())
+        )
         self.model = attached(model, record)[0]
         experiment = bind(model, record, scenario)
         network, self.base = experiment.network, experiment.scenario
@@ -261,10 +265,3 @@ def refuse_controllers(controls: Mapping[str, FlatControl], named: Sequence[str]
                 "control, or simulate.",
                 code="model.element-not-supported",
             )
-
-
-def _at_their_seats(record: Record) -> Record:
-    """Return a record whose sensors read their nodes themselves, as they do once nothing changes: no lag, no heat capacity; leads stay."""
-    parts = {c: c.part for c in record.channels.values() if c.part is not None}
-    bare_channels = [replace(c, part=replace(part, lag=0.0, lag_accuracy=0.0, capacitance=0.0)) for c, part in parts.items()]
-    return record.with_channels(*bare_channels) if bare_channels else record

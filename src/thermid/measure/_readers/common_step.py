@@ -15,8 +15,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from thermid.base.units import DEVIATION_OF_MEDIAN
 from thermid.measure._readers.questions import SWITCH
-from thermid.measure._record.channel import DEVIATION_OF_MEDIAN, FloatArray
+from thermid.measure._record.channel import FloatArray
 
 MAX_COMPARED_READINGS, TRIED_OFFSETS = 400, 300
 """Most readings that two courses are compared at, and offsets that are tried at first. [-]"""

@@ -16,6 +16,7 @@ from thermid.base.arguments import guard_methods
 from thermid.base.errors import CodedText, ExpressionError, NameNotFoundError, RecordError, UnitError, errors_at, nearest, refuse_unknown
 from thermid.base.results import Row, Shown
 from thermid.base.units import (
+    DEVIATION_OF_MEDIAN,
     TEMPERATURE,
     Stamp,
     Unit,
@@ -35,8 +36,6 @@ from thermid.base.units import (
 )
 from thermid.measure._record.sensor import KEYS, SensorCertificate, SensorPart
 
-DEVIATION_OF_MEDIAN = 1.4826
-"""Standard deviation of normal samples over the median of their absolute values (Hampel, J. Am. Stat. Assoc. 69 (1974) 383-393). [-]"""
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
 

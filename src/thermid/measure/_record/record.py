@@ -19,6 +19,7 @@ from thermid.base.errors import RecordError, ThermidError, errors_at, optional, 
 from thermid.base.files import FileKinds, replacing
 from thermid.base.results import PlottedTrace, Result, Row
 from thermid.base.units import (
+    DEVIATION_OF_MEDIAN,
     TEMPERATURE,
     amount,
     clocked,
@@ -34,7 +35,6 @@ from thermid.base.units import (
 )
 from thermid.measure._record import windows
 from thermid.measure._record.channel import (
-    DEVIATION_OF_MEDIAN,
     ROLES,
     Channel,
     FloatArray,

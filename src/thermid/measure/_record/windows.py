@@ -6,7 +6,8 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from thermid.measure._record.channel import DEVIATION_OF_MEDIAN, BoolArray, FloatArray, usual_step
+from thermid.base.units import DEVIATION_OF_MEDIAN
+from thermid.measure._record.channel import BoolArray, FloatArray, usual_step
 
 _CELLS = 1_000_000
 

@@ -10,8 +10,7 @@ from typing import Any, Final
 import numpy as np
 
 from thermid.base.errors import DeckError
-from thermid.base.memo import Memo
-from thermid.base.units import STEFAN_BOLTZMANN, Array, Number, gradient_of, value_of
+from thermid.base.units import STEFAN_BOLTZMANN, Array, Memo, Number, gradient_of, value_of
 from thermid.model._laws.stores import refuse_first
 from thermid.model._parts.elements import Enclosure, Law, Surface, Take, exposed_area
 from thermid.physics.enclosure import absorbing_areas, check_view_factors, exchange_areas_of

@@ -9,8 +9,7 @@ from typing import Any, Generic, Self, TypeVar
 
 from thermid.base.errors import DeckError, ExpressionError, NameNotFoundError, errors_at, nearest, quoted, refuse_unknown
 from thermid.base.files import Places
-from thermid.base.memo import Memo
-from thermid.base.units import Dimension
+from thermid.base.units import Dimension, Memo
 from thermid.model._laws.stores import Curve
 from thermid.model._parts.controls import Control, named_control
 from thermid.model._parts.elements import KINDS, Conductor, Enclosure, HeatLoad, Joint, MadeIn, Node, Surface

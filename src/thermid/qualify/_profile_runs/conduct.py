@@ -15,8 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thermid.base.errors import ScenarioError, SolverError, extension, refuse_unknown
-from thermid.base.memo import Memo
-from thermid.base.units import ICE_POINT, Array, Kelvin, amount, duration_text
+from thermid.base.units import ICE_POINT, Array, Kelvin, Memo, amount, duration_text
 from thermid.measure.records import StabilityRule, rule_of
 from thermid.model.tree import Constant, Model, Signal, TableSignal, multiplied
 from thermid.qualify._profile_runs.profile_run import Phase, ProfileRun, SettledWater

@@ -17,9 +17,8 @@ from typing import Any, Final
 import numpy as np
 
 from thermid.base.errors import RecordError, ScenarioError
-from thermid.base.memo import Memo
 from thermid.base.results import Result, Row
-from thermid.base.units import ICE_POINT, Array, Bools, amount, duration_text, positive_seconds, short
+from thermid.base.units import ICE_POINT, Array, Bools, Memo, amount, duration_text, positive_seconds, short
 from thermid.measure.records import FloatArray, Record, StabilityRule, effective_samples, rule_of
 from thermid.model.tree import Model
 from thermid.simulation.runs import Scenario, simulate

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thermid.base.files import FileKinds, replacing, sweep
-from thermid.base.memo import Memo
+from thermid.base.units import Memo
 
 
 def digest(thing: Any) -> str:

@@ -14,8 +14,7 @@ from typing import Any
 import numpy as np
 
 from thermid.base.errors import CodedText, ScenarioError, quoted
-from thermid.base.memo import Memo
-from thermid.base.units import AMBIENT_DEFAULT, ATMOSPHERE, STANDARD_GRAVITY, Array, Number, value_of
+from thermid.base.units import AMBIENT_DEFAULT, ATMOSPHERE, STANDARD_GRAVITY, Array, Memo, Number, value_of
 from thermid.model.tree import (
     ACCOMMODATION,
     Constant,

@@ -17,8 +17,7 @@ from typing import Any, Final
 import numpy as np
 
 from thermid.base.errors import CodedText, DeckError, errors_at
-from thermid.base.memo import Memo
-from thermid.base.units import Number, value_of
+from thermid.base.units import Memo, Number, value_of
 from thermid.model.tree import (
     COMPLEMENT,
     Curve,

@@ -14,8 +14,7 @@ from typing import Any
 import numpy as np
 
 from thermid.base.errors import CodedText, ScenarioError, quoted
-from thermid.base.memo import Memo
-from thermid.base.units import AMBIENT_DEFAULT, ATMOSPHERE, ICE_POINT, Number
+from thermid.base.units import AMBIENT_DEFAULT, ATMOSPHERE, ICE_POINT, Memo, Number
 from thermid.model.tree import Constant, Drawn, Flat, FlatConductor, Law, Mixed, Signal, streams_of
 from thermid.physics.gas import GASES
 from thermid.simulation._network.medium import AIR_RANGE, VACUUM_LIMIT, Media

@@ -14,8 +14,7 @@ from numpy.typing import NDArray
 
 from thermid import _kernel
 from thermid.base.errors import ScenarioError, SolverError, ThermidError, refuse_unknown
-from thermid.base.memo import Memo
-from thermid.base.units import Array, gradient_of, value_of
+from thermid.base.units import Array, Memo, gradient_of, value_of
 from thermid.model.tree import Constant, Curve, Drawn, Signal, Sine, TableSignal, Tree, literal, named_control
 from thermid.simulation._network.controls import FREE, FactorForm, GuardForm
 from thermid.simulation._network.network import Network, Numbers, held_in

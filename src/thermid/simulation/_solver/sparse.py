@@ -10,8 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thermid import _kernel
-from thermid.base.memo import Memo
-from thermid.base.units import Array, Ints
+from thermid.base.units import Array, Ints, Memo
 from thermid.model.tree import Constant, Curve, Drawn
 from thermid.simulation._network.rows import CONTROLS, LOADS, conductor_law, curve_arrays, tables_behind
 from thermid.simulation._solver.extremes import Turnings

@@ -11,8 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thermid.base.errors import ScenarioError, errors_at, nearest, refuse_unknown
-from thermid.base.memo import Memo
-from thermid.base.units import TEMPERATURE, Array, Dual, Number, gradient_of, require, value_of
+from thermid.base.units import TEMPERATURE, Array, Dual, Memo, Number, gradient_of, require, value_of
 from thermid.model.tree import (
     COMPLEMENT,
     Constant,
