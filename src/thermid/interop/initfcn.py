@@ -240,8 +240,8 @@ def _hint(comment: str) -> str:
     words = comment.rstrip(" .").rpartition(",")[2].split()
     for text in (*(" ".join(words[k:]) for k in range(len(words))), *re.findall(r"\((.*)\)", comment)):
         with suppress(UnitError):  # the longest first: of W/(m^2 K) the end K) alone is none
-            found = _unit_text(re.sub(r"^\((.*)\)$", r"\1", text))
-            return f" in brackets (is it [{found}]?)"
+            unit_text = _unit_text(re.sub(r"^\((.*)\)$", r"\1", text))
+            return f" in brackets (is it [{unit_text}]?)"
     return ""
 
 
