@@ -296,11 +296,21 @@ def plan_retune(
         plans += [replace(p, bind=_bound(campaign.requests[p.of], p, seats)) for p in plan]
         touched += touches
     rest = _at_rest(campaign[top], part)
-    watts = _watts(above, rest, part), _watts(swapped, rest, part)
     before = _observed(_steady(above, rest), campaign[top])
     after = _observed(_steady(swapped, rest), campaign[top], {f"{part}.{a}": f"{part}.{b}" for a, b in seats.items()})
     return RetunePlan(
-        part, old.title, model.title, tuple(plans), tuple(touched), before, after, watts, _powered(above, part), what, campaign, model
+        part,
+        old.title,
+        model.title,
+        tuple(plans),
+        tuple(touched),
+        before,
+        after,
+        (_watts(above, rest, part), _watts(swapped, rest, part)),
+        _powered(above, part),
+        what,
+        campaign,
+        model,
     )
 
 

@@ -169,13 +169,11 @@ class _Reader:
         """Return the unit that the comment names, or None, and the comment with the brackets that are none."""
         faults = list[str]()
         for k in reversed(range(len(s.brackets))):
+            others = " ".join(f"[{b}]" for b in (*s.brackets[:k], *s.brackets[k + 1 :]))
             try:
-                text = _unit_text(s.brackets[k])
+                return _unit_text(s.brackets[k]), f"{s.comment} {others}".strip()
             except UnitError as error:
                 faults.append(error.message)
-                continue
-            others = " ".join(f"[{b}]" for b in (*s.brackets[:k], *s.brackets[k + 1 :]))
-            return text, f"{s.comment} {others}".strip()
         if faults:
             self.remarks.append(f"line {s.line}: '{s.name}' is taken as a plain number. {' '.join(reversed(faults))}")
         return None, " ".join([s.comment, *(f"[{b}]" for b in s.brackets)]).strip()
@@ -242,8 +240,8 @@ def _hint(comment: str) -> str:
     words = comment.rstrip(" .").rpartition(",")[2].split()
     for text in (*(" ".join(words[k:]) for k in range(len(words))), *re.findall(r"\((.*)\)", comment)):
         with suppress(UnitError):  # the longest first: of W/(m^2 K) the end K) alone is none
-            found = _unit_text(re.sub(r"^\((.*)\)$", r"\1", text))
-            return f" in brackets (is it [{found}]?)"
+            unit_text = _unit_text(re.sub(r"^\((.*)\)$", r"\1", text))
+            return f" in brackets (is it [{unit_text}]?)"
     return ""
 
 

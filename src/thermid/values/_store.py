@@ -610,7 +610,7 @@ class Store(Shown):
             table = tables.setdefault(s.at, (model.submodel(s.at) if s.at else model).parameter_table())
             ahead = len(s.at) + 1 if s.at else 0
             now = table[path].deck_text if s.deck and (path := s.path[ahead:]) in table else s.deck
-            if not _alike(s.deck, now):
+            if not any(_alike(text, now) for text in (s.deck, s.as_parameter().text)):  # a saved fit has the fitted value itself
                 gone[name] = Dropped(
                     name, s.as_parameter().text, str(s.origin), f"the deck has {now}, but had {s.deck} when this value was fitted"
                 )
@@ -875,7 +875,7 @@ def _chosen(path: str, several: Sequence[tuple[str, State, Array]]) -> tuple[Sta
         one, two = nearest_root[0][1].origin, nearest_root[1][1].origin
         raise DeckError(
             f"{one} and {two} both give '{path}' independently of each other. Inherit one of them, or leave the value out of one by "
-            f'without = ["{path}"].',
+            f'without = ["{path}"] in a campaign, or by fit.values.only([...]) in Python.',
             code="value.excludes-another",
         )
     _, state, row = candidates[0]

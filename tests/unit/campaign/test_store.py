@@ -162,6 +162,9 @@ def test_a_value_that_the_deck_gives_otherwise_by_now_is_dropped_and_listed(tmp_
     deck.write_text(deck.read_text().replace('"300 [mW/K]"', '"0.5 [W/K]"'))
     kept = whole.store.matching(load_model(tmp_path / "whole.toml"))
     assert set(kept.parameters) == {E, f"s.{J}"}
+    fitted = whole.store.parameters[f"s.p.{G}"].as_parameter().text
+    deck.write_text(deck.read_text().replace('"0.5 [W/K]"', f'"{fitted}"'))
+    assert whole.store.matching(load_model(tmp_path / "whole.toml")) is whole.store, "the fitted value itself is no other value"
     (gone,) = kept.dropped
     assert (gone.path, gone.origin) == (f"s.p.{G}", "stage 'component'")
     assert gone.why.startswith("the deck has 0.5 [W/K], but had 0.30 [W/K]")

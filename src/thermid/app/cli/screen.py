@@ -118,7 +118,7 @@ class Progress:
     """How far a command is, on standard error, once it takes over `SECONDS_TO_FIRST_PROGRESS`.
 
     In a terminal one line says what is done, for how long, and the time left as far as it can be estimated; it is cleared at the end.
-    Elsewhere each new text is one line.
+    Elsewhere each new text is one line, with the time left too.
 
     Parameters
     ----------
@@ -149,7 +149,7 @@ class Progress:
         with self._pen:
             if not self._in_terminal and self._step and self._step != self._told:
                 self._told = self._step
-                typer.echo(self.text, err=True)
+                typer.echo(f"{self.text}{self.time_left()}", err=True)
 
     def say(self, text: str) -> None:
         """Print a text that stays."""

@@ -145,19 +145,7 @@ def improve(
     DeckError               When there is no such stage, or it fits nothing.
     OutputError             When a file is there that thermid did not write.
     """
-    source = read_campaign(path, data)
-    names = [s.name for s in source.content.stages]
-    name = stage or names[-1]
-    refuse_unknown([name], names, path.name, "no stage '{}'.", DeckError)
-    may_write(path.with_name(f"{path.stem}_{NEXT}.toml"), TEMPLATE.titled(f"{path.stem}_{NEXT}"))  # refused before the search
-    before = run_stages(source.unjudged, cache=results or path.parent / "results", executor=executor).stages[name]
-    if (request := before.request) is None or not request.records:
-        raise DeckError(
-            f"stage '{name}' has values tuned by hand and fits nothing, so structures cannot be compared. Give a stage that fits records.",
-            path.name,
-            code="campaign.refused",
-        )
-    refuse_unseen(request.model, "a search for another structure")
+    source, name, before, request = _stage_to_improve(path, stage, data, results, executor)
     may = _may_delay(source, request)
     first = search_structure(
         request, changes=lambda s: [c for c in s.changes() if may or not c.delay], evaluations=evaluations, executor=executor
@@ -189,6 +177,32 @@ def improve(
         return Improved(first, before, before, (), then=then, refused=error.message)
     delays = _delay_of_tables(source, name, request, after, longest)
     return Improved(first, before, after, tuple(_written(path, name, request, new, delays)), delays, then)
+
+
+def _stage_to_improve(
+    path: Path, stage: str, data: Path | None, results: Path | None, executor: Workers
+) -> tuple[CampaignSource, str, Calibration, Request]:
+    """Return the campaign, the name of the stage, its fit and its request.
+
+    Raises
+    ------
+    DeckError     When there is no such stage, or it fits nothing.
+    OutputError   When a file is there that thermid did not write.
+    """
+    source = read_campaign(path, data)
+    names = [s.name for s in source.content.stages]
+    name = stage or names[-1]
+    refuse_unknown([name], names, path.name, "no stage '{}'.", DeckError)
+    may_write(path.with_name(f"{path.stem}_{NEXT}.toml"), TEMPLATE.titled(f"{path.stem}_{NEXT}"))  # refused before the search
+    before = run_stages(source.unjudged, cache=results or path.parent / "results", executor=executor).stages[name]
+    if (request := before.request) is None or not request.records:
+        raise DeckError(
+            f"stage '{name}' has values tuned by hand and fits nothing, so structures cannot be compared. Give a stage that fits records.",
+            path.name,
+            code="campaign.refused",
+        )
+    refuse_unseen(request.model, "a search for another structure")
+    return source, name, before, request
 
 
 def _full_fit(request: Request, stage: str, changes: Sequence[MissingElement] = ()) -> Calibration:

@@ -435,7 +435,12 @@ class _Searching:
                 complete = not self.budget.over
                 break
             best = better
-        best = self._with_masses(self._challenged(self._simplest(self._pruned(best))))
+        best = self._challenged(self._simplest(self._pruned(best)))
+        # early rounds may have taken lags and laws that bend for a mass; where readings do not tell them from masses alone, they stay
+        places = [k for k, change in enumerate(best.changes) if change.stands_in]
+        plain = self._without(best, *places) if places and not self.budget.over else None
+        other = self._challenged(plain, masses=True) if plain else best
+        best = other if self.log(other) > self.log(best) + TIE * max(other.nodes - best.nodes, 1) else best
         # refit what a law that bends may stand for: a contact in its place, which of equals is the simpler one
         for place in [k for k, change in enumerate(best.changes) if change.bends]:
             plain = None if self.budget.over else self._without(best, place)
@@ -491,16 +496,6 @@ class _Searching:
                 break
             best = max(able, key=lambda m: self.log(m))
         return best
-
-    def _with_masses(self, best: FittedStructure) -> FittedStructure:
-        """Return the best after masses alone were tried in place of lags and of laws that bend, which early rounds may have taken for one.
-
-        Where readings do not tell them apart, what a round took first stays.
-        """
-        places = [k for k, change in enumerate(best.changes) if change.stands_in]
-        plain = self._without(best, *places) if places and not self.budget.over else None
-        other = self._challenged(plain, masses=True) if plain else best
-        return other if self.log(other) > self.log(best) + TIE * max(other.nodes - best.nodes, 1) else best
 
     def _scores(self, best: FittedStructure) -> list[PromisedChange]:
         """Return what every change promises, the most first."""

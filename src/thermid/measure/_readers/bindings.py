@@ -116,11 +116,7 @@ def _one(key: str, written: Any, where: str) -> Binding:
             "power is a formula of columns in watts, so it needs load = '...' too, and no full_scale.",
             "value.incomplete",
         ),
-        (
-            "temperature" in written and role not in ("boundary", "prescribed", "node"),
-            "temperature is a formula of columns, so it needs boundary = '...', prescribed = '...' or node = '...' too.",
-            "value.incomplete",
-        ),
+        ("temperature" in written and role in ("auto", "load", "command"), "temperature is for a boundary or node.", "value.incomplete"),
         (
             written.get("prompt") and role not in ("load", "command"),
             "prompt states that a power or command was logged at every change, so it applies to a load or command only.",
