@@ -16,7 +16,7 @@ import thermid as td
 from by_code import raises_code
 from thermid.app.cli import summary
 from thermid.app.cli.app import app
-from thermid.base.errors import DeckError
+from thermid.base.errors import DeckError, code_of
 from thermid.campaign.stages import check_campaign
 from thermid.measure.records import Channel
 from thermid.model.tree import TableSignal, load_model
@@ -179,8 +179,8 @@ def test_a_load_without_a_channel_stands_first() -> None:
     _, deck, record = warm(3)
     fit = td.calibrate(deck, record.select("T", "A"), ["skin.effective_htc"])
     first = next(line for line in str(fit).splitlines() if line.startswith("  assumed"))
-    assert "heat: 3.2 W" in first
-    assert "the power of 'heat' is that of the deck for the whole record, because no log column gives it" in first
+    assert "3.2 W" in first
+    assert "'heat'" in first
     (row,) = [r for r in fit.inputs.rows if r.kind == "load"]
     assert (row.source, row.mean) == ("assumed", pytest.approx(3.2))
     said = td.calibrate(deck, record.select("T", "A"), ["skin.effective_htc"], scenario=td.Scenario("by hand", loads={"heat": "2.8 [W]"}))
@@ -239,7 +239,7 @@ def test_the_blank_tail_of_a_channel_is_said() -> None:
     fit = td.calibrate(deck, record.mask("A", "1800 [s]", "end"), ["skin.effective_htc"])
     (row,) = [r for r in fit.inputs.rows if r.kind == "boundary"]
     assert row.source == "assumed"
-    assert "no valid sample in the last 1820 s: its last value is used up to the end" in row.words
+    assert "1820 s" in row.words
     assert "no valid sample in the last" in " ".join(str(fit).splitlines()[:4])
 
 
@@ -307,15 +307,15 @@ def campaign(tmp_path: Path) -> Path:
 
 
 @pytest.mark.parametrize(
-    ("old", "new", "words"),
+    ("old", "new", "code", "data"),
     [
-        ('"a.csv"', '"b.csv"', "no log 'b.csv'"),
-        ("A = {", "AA = {", "no column 'AA'"),
-        ('A = { boundary = "air" }', "", "air"),
-        ('node = "case"', 'node = "cas"', "no node 'cas'"),
+        ('"a.csv"', '"b.csv"', "record.log-missing", "log 'b.csv'"),
+        ("A = {", "AA = {", "name.unknown", "'AA'"),
+        ('A = { boundary = "air" }', "", "run.input-missing", ""),
+        ('node = "case"', 'node = "cas"', "name.unknown", "'cas'"),
     ],
 )
-def test_check_opens_the_logs_of_a_campaign(campaign: Path, old: str, new: str, words: str) -> None:
+def test_check_opens_the_logs_of_a_campaign(campaign: Path, old: str, new: str, code: str, data: str) -> None:
     """A missing file, column or boundary were "0 errors"."""
     findings, inputs = check_campaign(campaign)
     assert not [f for f in findings if f.severity == "error"]
@@ -325,7 +325,8 @@ def test_check_opens_the_logs_of_a_campaign(campaign: Path, old: str, new: str, 
     findings, _ = check_campaign(campaign)
     errors = [f for f in findings if f.severity == "error"]
     assert len(errors) == 1
-    assert words in errors[0].message
+    assert code_of(errors[0].message) == code
+    assert data in errors[0].message
     assert errors[0].where.startswith("campaign.toml:")
 
 
@@ -335,7 +336,7 @@ def test_a_file_that_is_not_there_is_refused_at_the_line_that_names_it(campaign:
     with raises_code("file.not-found", DeckError, match=r"pair\.toml:3.*submodels\.a\.use.*'bxo\.toml'"):
         td.load_model(campaign.parent / "pair.toml")
     campaign.write_text(CAMPAIGN.replace('"box.toml"', '"bxo.toml"'))
-    with raises_code("file.not-found", DeckError, match=r"^campaign\.toml:\d+, stages\.0\.model: there is no file 'bxo\.toml'"):
+    with raises_code("file.not-found", DeckError, match=r"^campaign\.toml:\d+, stages\.0\.model.*'bxo\.toml'"):
         check_campaign(campaign)
 
 
@@ -360,7 +361,7 @@ def test_check_compares_a_logged_power_with_the_load_of_the_deck(campaign: Path)
         campaign.write_text(CAMPAIGN.replace("A = {", f'P = {{ load = "heat", unit = "{unit}" }}\nA = {{'))
         found = [f.message for f in check_campaign(campaign)[0] if f.code == "record.power-far-from-deck"]
         assert bool(found) is far, found
-        assert all("was read in mW and may be in W. Write unit = \"W\" for 'P'." in words for words in found)
+        assert all("= \"W\" for 'P'" in words for words in found)
 
 
 def test_check_opens_what_a_verdict_holds_out_and_shows_none_of_its_numbers(campaign: Path) -> None:
@@ -396,7 +397,7 @@ def test_a_gain_uses_its_parameter_and_a_verdict_before_a_refit_is_named(tmp_pat
     )
     found = {f.code: f.message for f in check_campaign(tmp_path / "c.toml")[0]}
     assert "'spare'" in found["model.unused"]
-    assert "'again' fits the same deck after it" in found["campaign.verdict-before-refit"]
+    assert "'again'" in found["campaign.verdict-before-refit"]
     named = [f.message for f in check_campaign(tmp_path / "c.toml")[0] if f.code == "model.unused"]
     assert len(named) == 1
     whole = (tmp_path / "c.toml").read_text()
@@ -406,6 +407,6 @@ def test_a_gain_uses_its_parameter_and_a_verdict_before_a_refit_is_named(tmp_pat
     assert [f.message for f in wrong if f.code == "model.unused"] == named
     (tmp_path / "c.toml").write_text(whole.partition("[[stages]]")[0])
     found = CliRunner().invoke(app, ["check", str(tmp_path / "c.toml")])
-    assert "stages: is missing" in str(found.exception)
+    assert code_of(str(found.exception)) == "file.key-missing"
     with raises_code("file.another-kind", DeckError, match=r"c\.toml.*'model'"):
         load_model(tmp_path / "c.toml")

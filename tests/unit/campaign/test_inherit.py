@@ -133,14 +133,14 @@ def test_nothing_in_common_hands_nothing_on(stack: Model, records: tuple[Record,
 
 def test_a_record_that_is_in_the_prior_already(records: tuple[Record, Record], below: Calibration) -> None:
     (remark,) = counted_twice(below.store, FREE, (records[0].trim(600.0), records[1]))
-    assert remark.startswith("record 'below' was fitted by stage 'below' too, whose result is a prior here. Its readings count twice,")
+    assert all(part in remark for part in ("'below'", "'below' too"))
 
 
 def test_what_moved_is_said(stack: Model, below: Calibration) -> None:
     # in the assembly the first part gives 8 W, far from what it gave alone
     data = log(stack, {"a.power": "7 [W]"}, {"A": "a.case", "B": "b.case"}, boundary="room", accuracy=0.4, noise=0.3, seed=4)
     moved = fit(Request(stack, (data,), FREE, store=below.store, prior=FREE))
-    assert any(w.startswith("check: significantly different from the stage below: a.power (+") for w in moved.warnings)
+    assert any("a.power (+" in w for w in moved.warnings)
     same = fit(Request(stack, (bench(stack, "x", 9, "30 [degC]"),), FREE, store=below.store, prior=FREE))
     assert not any("significantly different from" in w for w in same.warnings)
 

@@ -201,16 +201,16 @@ def test_of_all_levels_nothing_is_left_out(campaign: Campaign) -> None:
 
 
 @pytest.mark.parametrize(
-    ("table", "words"),
+    ("table", "match"),
     [
-        ('[joint]\nstages = ["pear"]\n', r"no stage 'pear'\. Did you mean 'pair'"),
-        ('[joint]\nfreeze = ["a.skin.effective_hts"]\n', r"'a\.skin\.effective_hts' is listed as frozen, but it is not free\. Did you"),
-        ('[joint]\nfreeze = ["*.x"]\n', r"no parameter that can be fitted matches '\*\.x'\."),
-        ('[joint]\npriors = { "b.power" = { sd = "1 [W]" } }\n', r"a prior is given for 'b\.power', which is not free"),
+        ('[joint]\nstages = ["pear"]\n', "'pear'.*'pair'"),
+        ('[joint]\nfreeze = ["a.skin.effective_hts"]\n', r"'a\.skin\.effective_hts'"),
+        ('[joint]\nfreeze = ["*.x"]\n', r"'\*\.x'"),
+        ('[joint]\npriors = { "b.power" = { sd = "1 [W]" } }\n', r"'b\.power'"),
     ],
 )
-def test_bad_tables(project: Path, table: str, words: str) -> None:
-    with pytest.raises(td.ThermidError, match=words):
+def test_bad_tables(project: Path, table: str, match: str) -> None:
+    with raises_code("name.unknown", td.ThermidError, match=match):
         td.run_stages(with_text(project, ("[joint]\n", table)))
 
 

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from by_code import raises_code
-from thermid.base.errors import DeckError, ThermidError
+from thermid.base.errors import DeckError, ThermidError, code_of
 from thermid.campaign._stages import Campaign, run_stages
 from thermid.model.tree import Dropped, load_model
 from thermid.values.store import Cut, Normal, Source, State, Store, Uniform, ValueOrigin, graft, load_store, load_values, save_store
@@ -50,8 +50,8 @@ def test_what_the_component_found_reaches_the_third_level(tmp_path: Path, how: s
 
 def test_a_fit_lists_what_it_was_given_and_by_whom(tmp_path: Path) -> None:
     text = str(three_levels(tmp_path)["whole"]).splitlines()
-    assert any(line.split()[0] == f"s.p.{G}" and line.endswith("(stage 'component', fixed)") for line in text)
-    assert any(line.split()[0] == f"s.{J}" and line.endswith("(stage 'pair', fixed)") for line in text)
+    assert any(line.split()[0] == f"s.p.{G}" and "'component'" in line for line in text)
+    assert any(line.split()[0] == f"s.{J}" and "'pair'" in line for line in text)
 
 
 def hand_tuned(folder: Path, rows: str, how: str = "fixed") -> Campaign:
@@ -103,18 +103,19 @@ def test_what_was_tuned_by_hand_may_be_a_prior(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("rows", "words"),
+    ("rows", "code", "data"),
     [
-        ("", "holds no value. Write rows"),
-        ('"g.conductanc" = "0.2 [W/K]"\n', "no parameter 'g.conductanc'. Did you mean 'g.conductance'"),
-        ('"g.conductance" = "0.2 [kg]"\n', "kg"),
-        ('"g.conductance" = { sd = "1 [W/K]" }\n', "needs a text with a unit, { value, sd } or { low, high }"),
+        ("", "file.key-missing", ""),
+        ('"g.conductanc" = "0.2 [W/K]"\n', "name.unknown", "'g.conductance'"),
+        ('"g.conductance" = "0.2 [kg]"\n', "unit.wrong-dimension", ""),
+        ('"g.conductance" = { sd = "1 [W/K]" }\n', "value.wrong-kind", ""),
     ],
 )
-def test_rows_that_are_none_are_refused(tmp_path: Path, rows: str, words: str) -> None:
+def test_rows_that_are_none_are_refused(tmp_path: Path, rows: str, code: str, data: str) -> None:
     with pytest.raises(ThermidError) as caught:
         hand_tuned(tmp_path, rows)
-    assert words in str(caught.value)
+    assert code_of(str(caught.value)) == code
+    assert data in str(caught.value)
 
 
 @pytest.mark.parametrize("how", ["fixed", "prior"])
@@ -167,7 +168,7 @@ def test_a_value_that_the_deck_gives_otherwise_by_now_is_dropped_and_listed(tmp_
     assert whole.store.matching(load_model(tmp_path / "whole.toml")) is whole.store, "the fitted value itself is no other value"
     (gone,) = kept.dropped
     assert (gone.path, gone.origin) == (f"s.p.{G}", "stage 'component'")
-    assert gone.why.startswith("the deck has 0.5 [W/K], but had 0.30 [W/K]")
+    assert "0.5 [W/K], but had 0.30 [W/K]" in gone.why
 
 
 def test_of_two_states_of_one_value_the_nearer_to_the_root_holds_and_equals_are_refused(tmp_path: Path) -> None:
@@ -296,4 +297,4 @@ def test_a_values_file_on_the_command_line(tmp_path: Path) -> None:
     without, kept = end("--values", str(tmp_path / "v.toml")), end("--values", str(tmp_path / "v.toml"), "--keep-values")
     assert kept[0] == laid[0] != without[0]
     assert f"s.p.{G} = " in without[1]
-    assert "was ignored: the deck has 0.31 [W/K], but had 0.30 [W/K] when this value was fitted. --keep-values keeps it." in without[1]
+    assert "0.31 [W/K], but had 0.30 [W/K]" in without[1]

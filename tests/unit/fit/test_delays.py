@@ -10,7 +10,7 @@ import pytest
 
 import thermid as td
 from by_code import raises_code
-from thermid.base.errors import RecordError, ThermidError
+from thermid.base.errors import RecordError, ThermidError, code_of
 from thermid.fit._search import widened_by_noise_of_powers
 from thermid.model.tree import TableSignal
 from unit.fit.test_clocks import AIR, BOX, FREE
@@ -96,20 +96,21 @@ def test_a_campaign_finds_a_delay(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("by", "channels", "message"),
+    ("by", "channels", "code", "data"),
     [
-        (5.0, ["T"], "'T' is no load, command or boundary, so it cannot be delayed. Name the channels that drive the model."),
-        (5.0, [], "the record has no load or command, so it cannot be delayed."),
-        ((5.0, 2.0), None, "the range 5 .. 2 of the delay must begin with the lower number."),
-        ((1.0, 2.0, 3.0), None, "the range of the delay has two ends, not 3"),
-        ("1 [h]", None, "a delay of up to 3600 s is as long as the record. Give a shorter delay."),
-        (5.0, ["Q"], "Q"),
+        (5.0, ["T"], "record.does-not-apply", "'T'"),
+        (5.0, [], "record.does-not-apply", ""),
+        ((5.0, 2.0), None, "value.outside-range", "5 .. 2"),
+        ((1.0, 2.0, 3.0), None, "value.wrong-kind", "3"),
+        ("1 [h]", None, "record.too-short", "up to 3600 s"),
+        (5.0, ["Q"], "name.unknown", ""),
     ],
 )
-def test_what_cannot_be_delayed(by, channels, message) -> None:
+def test_what_cannot_be_delayed(by, channels, code: str, data: str) -> None:
     with pytest.raises(ThermidError) as refused:
         late(0.0).delayed(by, channels)
-    assert message in str(refused.value)
+    assert code_of(str(refused.value)) == code
+    assert data in str(refused.value)
 
 
 def test_only_one_clock_is_left_to_the_fit() -> None:

@@ -87,7 +87,7 @@ def test_a_fit_is_as_adequate_as_its_values_to_quote(fit: td.Calibration) -> Non
     assert fit.own.state == "credible"
     assert fit.verdict is None
     assert not fit.contradicted
-    assert any("grows as dT^0.2" in w and "exponent = 0.25 } for 'skin'" in w for w in fit.warnings)
+    assert any("dT^0.2" in w and "= 0.25 } for 'skin'" in w for w in fit.warnings)
     assert not any(w.startswith("NOT CREDIBLE") for w in fit.warnings)
     for expected in ({}, fit.expected | {HEAT: (0.5 * TRUE, 1.0)}):
         far = replace(fit, expected=expected)

@@ -55,7 +55,7 @@ def test_fitted_in_air_the_joint_is_doubtful_without() -> None:
     assert last.low < truth < last.high
     alone = td.simulate(fit.model, EMPTY)["block"].final
     assert alone + 5.0 < truth  # by itself the fitted joint carries twice as much as what is left of it
-    assert any(w.startswith("'joint.contact_conductance' was fitted in air. No log shows how much") for w in found.warnings)
+    assert any("'joint.contact_conductance'" in w for w in found.warnings)
     assert any("gas in joints" in cause for cause in found.causes)
     in_air = td.predict(fit, BENCH)
     assert not any("gas in joints" in cause for cause in in_air.causes)

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import thermid as td
+from by_code import raises_code
 from thermid.base.errors import IdentificationError, SolverError
 from thermid.model.tree import TableSignal
 
@@ -51,7 +52,7 @@ def said(record: td.Record, free: list[str]) -> str:
 
 def test_a_power_that_no_log_gives_is_named() -> None:
     told = said(log().select("T0", "T1"), ["*.conductance"])
-    assert "he power of 'heat' is that of the deck for the whole record, because no log column gives it." in told
+    assert "'heat'" in told
 
 
 @pytest.mark.parametrize(("factor", "shown", "unit"), [(1000.0, "8000", "mW"), (0.001, "0.008", "kW")])
@@ -66,5 +67,5 @@ def test_a_power_near_its_deck_is_not_asked_for() -> None:
 
 
 def test_a_fit_that_breaks_off_asks_for_the_unit_too() -> None:
-    with pytest.raises(SolverError, match=r"\. If it falls below 0 K, a negative power is too large\."):
+    with raises_code("run.did-not-finish", SolverError, match="0 K"):
         td.calibrate(PAIR, log(1e6), ["*.conductance"], scenario=td.Scenario("bench", {"room": "22 [degC]"}), search="local")

@@ -73,7 +73,7 @@ def test_a_prior_beside_a_power_is_one_thing_in_two_forms() -> None:
 
 @pytest.mark.parametrize("door", [fitted, known, advised])
 def test_the_range_of_a_data_sheet_is_a_prior_at_every_door(door: Callable[[Any], float]) -> None:
-    with raises_code("value.without-effect", match="has no range"):
+    with raises_code("value.without-effect"):
         door({MASS: "range"})
 
 

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import thermid as td
+from by_code import raises_code
 from thermid.base.errors import RecordError
 from thermid.campaign._stages import mistakes_of
 from thermid.fit._calibrate import calibrate
@@ -79,14 +80,14 @@ def test_channels_say_what_their_samples_are(tmp_path: Path) -> None:
     path.write_text("time_s,ROOM,T\n0,20,20\n60,21,20\n", "ascii")
     room = {"boundary": "air", "samples": "average"}
     assert read_record(path, {"ROOM": room, "T": {"node": "case"}})["ROOM"].samples == "average"
-    for channels, why in (
-        ({"ROOM": room | {"samples": "mean"}}, "neither 'instant' nor 'average'"),
-        ({"T": {"node": "case", "samples": "average"}}, "samples applies to inputs of the model"),
-        ({"ROOM": {"boundary": "air", "interpolation": "cubic"}}, "neither 'linear' nor 'previous'"),
-        ({"T": {"node": "case", "interpolation": "linear"}}, "interpolation applies to inputs of the model"),
-        ({"ROOM": room | {"interpolation": "linear"}}, "averages are steps over their intervals"),
+    for channels, code, match in (
+        ({"ROOM": room | {"samples": "mean"}}, "name.unknown", "'instant' nor 'average'"),
+        ({"T": {"node": "case", "samples": "average"}}, "record.does-not-apply", ""),
+        ({"ROOM": {"boundary": "air", "interpolation": "cubic"}}, "name.unknown", "'linear' nor 'previous'"),
+        ({"T": {"node": "case", "interpolation": "linear"}}, "record.does-not-apply", ""),
+        ({"ROOM": room | {"interpolation": "linear"}}, "value.incomplete", ""),
     ):
-        with pytest.raises(RecordError, match=why):
+        with raises_code(code, RecordError, match=match):
             read_record(path, channels)
     with pytest.raises(RecordError, match="'instant' or 'average'"):
         replace(averaged("average")["ROOM"], samples="mean")

@@ -195,7 +195,7 @@ area = { value = '600 [cm^2]', spread = '60 [cm^2]', source = 'assumed', basis =
     skin = {**DECK["surfaces"]["skin"], "area": held["area"]}
     wrong = {**DECK, "nodes": {**DECK["nodes"], "case": {"capacitance": held["case"]}}, "surfaces": {"skin": skin}}
     found = td.inference.fleet(model_from_dict(wrong), boxes(3, 21, spreads=dict.fromkeys(FREE, 0.01))[0], FREE)
-    assert any(r.startswith("counted as exact: 1 value without a stated spread ('case.capacitance')") for r in found.remarks)
+    assert any("('case.capacitance')" in r for r in found.remarks)
     assert np.sqrt(found.shared[1, 1]) == pytest.approx(0.1, rel=0.2)
     v, bare = found.values["skin.effective_htc"], interval_of_mean(found.population, np.eye(2)[1])
     assert np.log(v.high / v.low) == pytest.approx(np.hypot(bare.high - bare.low, 3.92 * np.sqrt(found.shared[1, 1])), rel=1e-2)
@@ -207,7 +207,7 @@ def test_the_worst_fit_of_a_unit_stands_first(fleet: td.inference.Fleet) -> None
     of_unit = {"a": ("credible", "", "check: 'T1' differs by 1 K."), "b": (*BAD, "check: 'T2' differs by 2 K.")}
     fits = {n: UnitJudgement(Standing(state, because), (check,), "", np.eye(2)) for n, (state, because, check) in of_unit.items()}
     told = replace(fleet, standing=standing_of(fits))
-    assert str(told).startswith("NOT CREDIBLE: 1 of 2 units, such as 'b': P would need an error of +9 %\n")
+    assert all(part in str(told) for part in ("NOT CREDIBLE: 1 of 2", "'b': P", "+9 %\n"))
     assert told.to_dict()["standing"]["state"] == "not credible"
     assert checks_of(fits) == ("check: 'T1' differs by 1 K (2 units of 2, 'a' shown)",)
 
@@ -261,16 +261,16 @@ def test_covariates_move_means() -> None:
 
 
 @pytest.mark.parametrize(
-    ("free", "covariates", "words"),
+    ("free", "covariates", "code", "match"),
     [
-        (["skin.effective_htc", "skin.area"], {}, "skin"),
-        (list(FREE), {"b000": {"mass": 1.0}}, "mass"),
-        (list(FREE), {"nobody": {"mass": 1.0}}, "nobody"),
+        (["skin.effective_htc", "skin.area"], {}, "fleet.not-identifiable", ""),
+        (list(FREE), {"b000": {"mass": 1.0}}, "fleet.covariate", ""),
+        (list(FREE), {"nobody": {"mass": 1.0}}, "name.unknown", ""),
     ],
 )
-def test_what_cannot_be_is_refused(logs: dict[str, td.Record], free: list[str], covariates: dict, words: str) -> None:
+def test_what_cannot_be_is_refused(logs: dict[str, td.Record], free: list[str], covariates: dict, code: str, match: str) -> None:
     few = {n: logs[n] for n in list(logs)[:4]}
-    with pytest.raises(IdentificationError, match=words):
+    with raises_code(code, IdentificationError, match=match):
         td.inference.fleet(MODEL, few, free, covariates=covariates)
 
 

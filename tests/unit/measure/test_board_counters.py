@@ -9,7 +9,7 @@ import pytest
 import thermid as td
 from by_code import raises_code
 from thermid.app.cli.logs import parts_between_restarts
-from thermid.base.errors import RecordError
+from thermid.base.errors import RecordError, code_of
 from thermid.measure.looks import look
 
 
@@ -44,7 +44,8 @@ def test_a_counter_that_begins_again_is_a_restart_of_the_board(tmp_path: Path) -
     path.write_text("\n".join(["millis,T1,T2", *rows(), *rows(30)]) + "\n")
     with raises_code("record.time-order", RecordError, match=r"b\.csv:32.*'millis'.*3.*29003"):
         td.read_record(path, {"T1": {"node": "a"}})
-    assert "`thermid look b.csv --cut FOLDER` writes each part as a log of its own" in look(path).problem
+    assert code_of(look(path).problem) == "record.time-order"
+    assert "`thermid look b.csv --cut FOLDER`" in look(path).problem
 
 
 def test_a_log_is_cut_at_restarts_into_logs_of_their_own(tmp_path: Path) -> None:
@@ -74,7 +75,7 @@ def test_a_counter_beside_stamps_is_ignored_and_its_restart_named(tmp_path: Path
     assert counter.guess == "ignored"
     assert "counts milliseconds" in counter.why
     (question,) = [q for q in seen.questions if "restart" in q]
-    assert question.startswith("the board restarted at 35 s: its counter 't' begins again")
+    assert all(part in question for part in ("35 s", "'t'"))
     assert question in td.read_record(path, {"T1": {"node": "a"}}).origin.questions
 
 
@@ -86,7 +87,7 @@ def test_of_a_counter_that_begins_again_and_stamps_the_stamps_are_the_clock(tmp_
     seen = look(path)
     assert (seen.problem, [c.name for c in seen.columns if c.guess == "time"]) == ("", ["stamp"])
     assert seen.times.values[-1] - seen.times.values[0] == pytest.approx(59 * 60.0)
-    assert any("the board restarted at 30 min: its counter 'ms' begins again" in q for q in seen.questions)
+    assert any("30 min" in q and "'ms'" in q for q in seen.questions)
 
 
 @pytest.mark.parametrize(("digits", "clock"), [(".000", "stamp"), ("", "stamp"), ("00", "ms")])
@@ -108,4 +109,5 @@ def test_a_counter_in_seconds_is_a_clock_and_its_restart_is_named(tmp_path: Path
     path.write_text("\n".join(["s,T1", *lines]) + "\n")
     assert look(path).times.values[-1] == pytest.approx(1180.0)
     path.write_text("\n".join(["s,T1", *lines, "s,T1", *lines, "1200,23.1"]) + "\n")
-    assert "at 0 after 1180:" in look(path).problem
+    assert code_of(look(path).problem) == "record.time-order"
+    assert "1180" in look(path).problem

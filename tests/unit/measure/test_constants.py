@@ -12,7 +12,7 @@ from thermid.base.errors import RecordError
 from thermid.measure._readers.binary import _matlab_size, _tdms_times
 from thermid.measure._readers.common_step import Explanation, LogCourse, _rows
 from thermid.measure._readers.guess import _by_name
-from thermid.measure._record.channel import codes_of
+from thermid.measure._record.channel import Channel, codes_of
 from thermid.measure.readers import read_record
 
 
@@ -58,3 +58,18 @@ def test_readings_are_explained_where_both_clocks_ran() -> None:
     rows, target = _rows(seen, Explanation(np.array([0.0, 40.0]), np.array([[0.0], [40.0]]), np.zeros(0), np.zeros(0)), 30.0)
     assert target.tolist() == [3.0, 4.0, 5.0, 6.0, 7.0]
     assert rows[:, 2].tolist() == [0.0, 10.0, 20.0, 30.0, 40.0]
+
+
+@pytest.mark.parametrize(("away", "told"), [(499.0, False), (501.0, True)])
+def test_a_value_held_for_a_third_of_a_log_is_a_code_from_500_degrees_on(away: float, told: bool) -> None:
+    """Furnaces and joints beside them differ by less; an open circuit or an overrange reads further away."""
+    values = np.concatenate([np.linspace(20.0, 21.0, 40), np.full(20, 21.0 + away)])
+    assert (21.0 + away in codes_of(values)) is told
+
+
+@pytest.mark.parametrize(("samples", "told"), [(9, False), (10, True)])
+def test_readings_show_their_noise_from_eight_differences_on(samples: int, told: bool) -> None:
+    """Differences are of second order at least; a median of fewer than eight of them is off by a third."""
+    values = 300.0 + np.random.default_rng(5).normal(0.0, 0.1, samples)
+    channel = Channel.from_array("T", values, unit="K", role="node", target="n")
+    assert (channel.white_noise > 0.0) is told

@@ -193,5 +193,5 @@ def test_entries_are_added_to_a_list_and_taken_from_it(rows: str) -> None:
     assert [r["name"] for r in shorter.content["rows"]] == ["d", "c"]
     assert shorter.undo().undo().undo().text == rows
     for wrong in (Edit(("rows", 3), {"name": "e"}), Edit(("rows", 2)), Edit(("rows", -1), {"name": "e"})):
-        with pytest.raises(DeckError, match="no such entry"):
+        with raises_code("output.edit-refused", DeckError):
             document.edited(wrong)

@@ -54,7 +54,7 @@ def passed(flow: str) -> td.Model:
 @pytest.mark.parametrize("flow", ["1e-300 [m^3/h]", "1e-160 [m^3/h]"])
 def test_a_point_of_a_system_that_makes_no_resistance_is_refused(flow: str) -> None:
     """The square of a flow below 1e-154 is zero: a ZeroDivisionError."""
-    with raises_code("value.outside-range", td.ThermidError, match="no finite resistance"):
+    with raises_code("value.outside-range", td.ThermidError):
         passed(flow)
 
 

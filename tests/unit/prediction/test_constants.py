@@ -190,7 +190,7 @@ def case() -> td.Calibration:
 def test_two_thousand_members_where_derivatives_miss_the_band(sd: float, drawn: bool) -> None:
     fit = case()
     told = predict(fit, BENCH, spread={"skin.area": {"log_sd": sd}})
-    assert any("2000 members were drawn" in w for w in told.warnings) is drawn
+    assert any("2000" in w for w in told.warnings) is drawn
 
 
 class TestWhereDerivativesDo:

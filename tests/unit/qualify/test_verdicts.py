@@ -118,7 +118,7 @@ def test_a_chamber_that_nobody_logged_is_not_passed(tmp_path: Path) -> None:
     measured(tmp_path)
     hot, _ = tried(tmp_path, ONE + 'log = { file = "hot.csv" }\n')
     assert hot.passed is None
-    assert "no column of the log gives 'air', so there is no measurement that its levels were applied" in hot.open
+    assert any("'air'" in words for words in hot.open)
 
 
 def test_a_stretch_that_is_called_settled_and_drifts(tmp_path: Path) -> None:
@@ -127,7 +127,7 @@ def test_a_stretch_that_is_called_settled_and_drifts(tmp_path: Path) -> None:
     assert hot.correlation is not None
     assert set(hot.correlation.verdicts.values()) == {True}
     assert hot.passed is None
-    assert any("is stated as steady but is not: T_" in line and "'3 C/h' [read]" in line for line in hot.open)
+    assert any("not: T_" in line and "'3 C/h' [read]" in line for line in hot.open)
 
 
 def test_a_rule_from_memory_raises_no_doubt(tmp_path: Path) -> None:
@@ -236,7 +236,7 @@ def test_a_rule_on_stored_heat_needs_every_node_measured(tmp_path: Path) -> None
     """The plate has no sensor: that the stretch is settled cannot be told, with the reason; with one it is told."""
     measured(tmp_path)
     hot, _ = tried(tmp_path, ONE + LOG + 'stable = "stored 3 %"\n')
-    assert [r for r in hot.remarks if "its steadiness cannot be judged" in r and "'plate' is not measured (60 % of the capacitance)" in r]
+    assert [r for r in hot.remarks if "its steadiness cannot be judged" in r and "'plate'" in r and "60 %" in r]
     deck = td.model_from_dict({**UNIT, "nodes": {k: v for k, v in UNIT["nodes"].items() if k != "plate"}, "conductors": BARE})
     measured(tmp_path, deck)
     file = project(tmp_path, ONE + LOG + 'stable = "stored 3 %"\n')

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import thermid as td
+from by_code import raises_code
 
 CELLS = (6, 4, 2)
 NODES = [f"c{i}_{j}_{k}" for i in range(6) for j in range(4) for k in range(2)]
@@ -41,7 +42,7 @@ def test_the_inputs_of_the_start_were_held_without_a_word() -> None:
     found = td.steady(plate(), course(["chip"]))
     assert any("inputs of 0 s, although air, chip change in time" in w for w in found.warnings)
     late = td.steady(plate(), course(["chip"]), "30 [min]")
-    assert any("inputs of 1800 s, although" in w for w in late.warnings)
+    assert any("1800 s" in w for w in late.warnings)
     assert found["hottest"].final > late["hottest"].final + 10.0
     run = td.simulate(plate(), course(["chip"], start="steady"))
     assert any("inputs of 0 s, although" in w for w in run.warnings)
@@ -66,7 +67,7 @@ def test_every_start_is_that_of_the_model(start: str) -> None:
 def test_means_levels_and_the_period_are_those_of_the_model() -> None:
     whole, loads = model()
     mean = td.steady(plate(), course(["chip"]), "mean")
-    assert any("the means over a period of 3600 s of air, chip are the inputs" in w for w in mean.warnings)
+    assert any("3600 s of air" in w for w in mean.warnings)
     own = td.steady(whole, course(loads), "mean")
     assert np.abs(mean.final_field.ravel() - [own[n] for n in NODES]).max() < 1e-3
     period = td.steady(plate(), course(["chip"]), "periodic")
@@ -125,5 +126,5 @@ def test_a_block_without_a_boundary_has_none() -> None:
         "chip", "1 [W]", cells=np.s_[:, :, :]
     )
     for start in ("periodic", "steady, mean"):
-        with pytest.raises(td.ThermidError, match="no steady state"):
+        with raises_code("run.no-steady-state", td.ThermidError):
             td.simulate(alone, td.Scenario(commands={"chip": PULSE}, start=start, duration="1 [h]"))

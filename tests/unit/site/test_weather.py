@@ -58,7 +58,7 @@ def test_months_of_several_years_become_one_and_it_is_said(tmp_path: Path) -> No
     weather = td.site.read_weather(epw(tmp_path / "w.epw", years=(2004, 1999)), year=2026)
     assert weather.begin is not None
     assert weather.begin.year == 2026
-    assert "a typical year, dated 2026" in weather.notes
+    assert any("2026" in words for words in weather.notes)
     assert weather.duration == 46.5 * 3600.0  # radiation ends in the middle of the last hour
 
 

@@ -140,9 +140,7 @@ def integrate(
         **limits(options, network.inputs, end),
     )
     if raw.status != _kernel.OK:
-        raise SolverError(
-            _message(raw, options, end, name, any(not g.fixed for g in network.loads), outside), where, code="run.did-not-finish"
-        )
+        raise SolverError(_message(raw, options, end, name, network, outside), where, code="run.did-not-finish")
     statistics = {
         "method": NAMES[raw.method],
         "reason": "",
@@ -170,10 +168,12 @@ def _part_of_step(network: SparseNetwork, initial: Array) -> float:
     return float(min(1.0, (USUAL_CHANGE / max(change, 1e-300)) ** 0.5))
 
 
-def _message(raw: Any, options: Options, end: float, name: Any, follows: bool, outside: Callable[[float, Array], str] | None) -> str:
+def _message(
+    raw: Any, options: Options, end: float, name: Any, network: SparseNetwork, outside: Callable[[float, Array], str] | None
+) -> str:
     """Return why a run of a large network ended early, in words: what ran out, when, where and what to change.
 
-    `raw` is the kernel's answer, `name` gives the name of a node, `follows` as in `ending`, `outside` as in `integrate`.
+    `raw` is the kernel's answer, `name` gives the name of a node, `outside` is as in `integrate`.
     """
     may_have_left = outside is not None and raw.status in UNSOLVED
     if outside is not None and may_have_left and (beyond := outside(raw.time, raw.final_temperatures)):
@@ -183,7 +183,9 @@ def _message(raw: Any, options: Options, end: float, name: Any, follows: bool, o
         _kernel.SINGULAR_NODE: " RKC2 does not support massless nodes; TR-BDF2 does.",
     }
     status = _kernel.NEWTON_FAILED if raw.status == _kernel.NON_FINITE else raw.status  # what a step that is not solved leaves here
-    words = ending(status, raw.time, name(raw.node) if raw.node >= 0 else "", options.max_steps, end, follows)
+    words = ending(
+        status, raw.time, name(raw.node) if raw.node >= 0 else "", options.max_steps, end, any(not g.fixed for g in network.loads)
+    )
     return words + hints.get(raw.status, "") + (MAY_HAVE_LEFT if may_have_left else "")
 
 

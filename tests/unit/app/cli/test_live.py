@@ -101,7 +101,7 @@ def test_a_heater_that_changes_begins_a_new_stretch(warm: Fed) -> None:
     assert found is not None
     assert found.forecast is None  # too few readings under the new power
     assert ["heater1", "50", "%"] in [line.split() for line in warm.lines()]
-    assert "heaters as they are for 19 s" in "\n".join(warm.lines())
+    assert "19 s" in "\n".join(warm.lines())
 
 
 @pytest.mark.parametrize("width", [40, 80, 120])
@@ -130,8 +130,8 @@ def test_sensors_without_a_name_stay_apart(tmp_path: Path) -> None:
 def test_a_fault_is_a_word_and_no_temperature(warm: Fed) -> None:
     warm.say(1_500_000, f"{warm.roms[1]},,crc")
     text = plain_line(warm.log, warm.judge)
-    assert "part 1 FAULT crc" in text
-    assert "part 0 38." in text
+    assert "1 FAULT crc" in text
+    assert "0 38" in text
     assert {"bold red", "yellow"} <= {str(row.style) for row in live_table(warm.log, warm.judge).rows}
 
 

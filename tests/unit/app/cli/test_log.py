@@ -39,7 +39,8 @@ def test_what_was_too_hot_is_heated_again_only_if_somebody_says_so(call: Call, t
     assert "Marks: overtemp 1." in call(*asked, "--limit", "21.5 [degC]").out
     said = call(*asked)
     assert said.code == 2
-    assert f"heaters 1 and 2 off: over-temperature of {made_up_rom(0)}, " in said.err
+    assert "bench.sensor" in said.codes
+    assert f"1 and 2 off: over-temperature of {made_up_rom(0)}" in said.err
     assert "--clear-latch" in said.err
     assert "cleared 1" in call(*asked, "--clear-latch").out
 
@@ -67,7 +68,7 @@ def test_no_board_is_an_error_and_not_a_wait(call: Call, tmp_path: Path, monkeyp
     monkeypatch.setattr(list_ports, "comports", list)
     said = call("log", tmp_path / "bench.log")
     assert said.code == 2
-    assert "no board found (ports: none)" in said.err
+    assert "bench.no-board" in said.codes
     named = call("log", tmp_path / "bench.log", "--port", tmp_path / "ttyUSB9")
     assert named.code == 2
     assert "the port does not exist. Connect" in named.err
@@ -82,7 +83,7 @@ def test_several_boards_are_asked_about(call: Call, tmp_path: Path, monkeypatch:
     for each in found:
         each.vid = 0x2341
     monkeypatch.setattr(list_ports, "comports", lambda: found)
-    assert "several boards: ttyA (Arduino), ttyB (Arduino)" in call("log", tmp_path / "bench.log").err
+    assert "bench.no-board" in call("log", tmp_path / "bench.log").codes
 
 
 @pytest.mark.skipif(os.name != "posix", reason="devices of posix")
@@ -164,4 +165,5 @@ def test_several_boards_want_a_choice(call: Call, tmp_path: Path, monkeypatch: p
     monkeypatch.setattr(list_ports, "comports", lambda: boards)
     said = call("log", tmp_path / "bench.log")
     assert said.code == 2
-    assert "several boards: /dev/ttyACM0 (Arduino), /dev/ttyUSB0 (CH340). Give one with --port." in said.err
+    assert "bench.no-board" in said.codes
+    assert "/dev/ttyACM0 (Arduino), /dev/ttyUSB0 (CH340). Give one" in said.err

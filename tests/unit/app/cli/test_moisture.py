@@ -44,7 +44,7 @@ def test_the_object_and_the_words(call: Call, deck: Path) -> None:
     assert said.object["water"]["relative"] < 1e-9
     assert said.object["water"]["settled_kg"] == pytest.approx(0.08 * skin["film_kg_m2"], rel=1e-3)
     words = call("moisture", deck, "--boundary", "air=30", "--start", "-10", "--for", "3 [h]", "--humidity", "air=60 [%]")
-    assert "condenses for 26.3 min" in words.out
+    assert "26.3 min" in words.out
 
 
 def test_an_option_wins_over_the_scenario(call: Call, deck: Path) -> None:
@@ -81,11 +81,11 @@ def test_a_run_without_the_heat_of_condensation_is_not_credible(call: Call, deck
     """A humid gas above its dew point everywhere changes nothing; where water settles, the first line says so and names the command."""
     said = call("simulate", deck, "--scenario", deck.parent / "transfer.toml")
     assert said.code == 1
-    assert said.out.startswith("NOT CREDIBLE: water condenses on 'skin', and this run leaves out its heat")
+    assert all(part in said.out for part in ("NOT CREDIBLE", "'skin'"))
     assert "`thermid moisture`" in said.out.splitlines()[0]
     course = td.load_scenario(deck.parent / "transfer.toml")
     prediction = td.predict(td.design.Knowledge(td.load_model(deck)), course)
-    assert (prediction.standing.state, str(prediction).startswith("NOT CREDIBLE: water condenses")) == ("not credible", True)
+    assert (prediction.standing.state, "NOT CREDIBLE" in str(prediction)) == ("not credible", True)
     dry = td.simulate(td.load_model(deck), course.with_(start="25 [degC]"))
     assert (dry.doubts, dry.warnings) == ((), ())
     wet = call("moisture", deck, "--scenario", deck.parent / "transfer.toml", "--at", "20 [min]", "--json").object

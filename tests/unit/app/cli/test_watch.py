@@ -55,7 +55,7 @@ class TestCommand:
     def test_what_the_file_leaves_open(self, call: Call, tmp_path: Path) -> None:
         path = tmp_path / "counted.csv"
         path.write_text("\n".join(["k;T [degC]", *(f"{10 * k};{20 + k / 10:.1f}" for k in range(60))]) + "\n")
-        assert "no time column" in call("watch", path, "--look", "once").err
+        assert "record.time-unclear" in call("watch", path, "--look", "once").codes
         assert "T: +36" in call("settle", path, "--time", "k").out
         read = ("--read", "time=k", "--read", "separator=;")
         assert call("watch", path, "--look", "once", "--json", *read).object["advice"] == "wait"

@@ -15,7 +15,7 @@ from by_code import raises_code
 from thermid.app.cli.app import app
 from thermid.app.studio.follow import Follower, LiveWatch
 from thermid.app.studio.project import Project
-from thermid.base.errors import RecordError, ThermidError
+from thermid.base.errors import RecordError, ThermidError, code_of
 from thermid.measure.records import rule_of
 from thermid.model.tree import Model
 from unit.fit.estimation.rig import Array, logged, rig, run
@@ -176,7 +176,7 @@ def test_another_log_is_watched_anew(log: Callable[..., Path]) -> None:
 
 
 def test_a_width_that_is_none_is_refused_in_words(log: Callable[..., Path]) -> None:
-    assert "above zero" in LiveWatch(held()).look(log(900.0), RULE, {"within": -1.0})["because"]
+    assert code_of(LiveWatch(held()).look(log(900.0), RULE, {"within": -1.0})["because"]) == "value.outside-range"
 
 
 def test_the_bench_view_has_it(tmp_path: Path, log: Callable[..., Path]) -> None:

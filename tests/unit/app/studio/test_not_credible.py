@@ -42,9 +42,7 @@ def test_a_stage_that_is_not_credible_says_so_and_whatever_rests_on_it(work: Wor
     assert not any(s.usable for s in states.values())
     assert "would need an error of" in states["part"].because
     for above in ("pair", "whole"):  # 'whole' takes a value of 'pair' alone, and rests on 'part' two levels below
-        assert states[above].because.startswith(
-            "NOT CREDIBLE: rests on stage 'part' (T_LAB would need an error of -3.07 K, 15 times its accuracy of 0.2 K)"
-        )
+        assert all(part in states[above].because for part in ("NOT CREDIBLE", "'part' (T_LAB", "-3.07 K, 15", "0.2 K"))
         assert not work._project.done[above].contradicted
 
 
@@ -54,7 +52,7 @@ def test_what_is_run_on_such_values_decides_nothing(work: Work) -> None:
     assert work.outcome is not None
     verdict = outcome_object(work.outcome)["verdict"]
     assert verdict["word"] == "not decided"
-    assert verdict["text"].startswith("The values are NOT CREDIBLE, so do not use them: rests on stage 'part' (T_LAB would")
+    assert all(part in verdict["text"] for part in ("NOT CREDIBLE, so do not use", "'part' (T_LAB"))
 
 
 def test_a_report_of_them_says_so_at_every_place_that_would_recommend_them(work: Work, tmp_path: Path) -> None:

@@ -136,7 +136,7 @@ def test_a_steady_period_is_read_in_any_unit_and_refused_where_it_is_none() -> N
     (case, [(begin, end)]) = next(iter(SETTLED.items()))
     texts = {case: [(f"{begin / 60.0!r} [min]", f"{end / 60.0!r} [min]")]}
     assert correlate(seen(0.1), ["ECSS"], steady=texts).to_dict() == correlate(seen(0.1), ["ECSS"], steady=SETTLED).to_dict()
-    with raises_code("value.wrong-kind", match="a steady period is a pair"):
+    with raises_code("value.wrong-kind"):
         correlate(seen(0.1), ["ECSS"], steady={case: [5.0]})
     with raises_code("value.not-an-amount"):
         correlate(seen(0.1), ["ECSS"], steady={case: [(None, 5.0)]})

@@ -58,7 +58,7 @@ def test_several_sets_at_once_each_with_its_verdict() -> None:
     (steady,) = (g for g in found.failed if g.kind == "steady")
     assert steady.sensor == "T1"
     assert steady.outside == ("T1", "T3")
-    assert "ours: NOT met" in str(found)
+    assert "NOT met" in str(found)
 
 
 def test_a_case_too_warm_does_not_make_up_for_one_too_cold() -> None:
@@ -83,12 +83,12 @@ def test_an_exclusion_needs_a_reason_and_room_under_the_cap() -> None:
     found = correlate(bad, steady=SETTLED, exclusions=Exclusions({"T1": "came off the wall at 0.3 h"}, 0.25))
     assert found.passed("ECSS")
     assert [d.excluded for d in found.deviations if d.sensor == "T1"] == ["came off the wall at 0.3 h"] * 2
-    for reasons, cap, word in (
-        ({"T1": " "}, 0.5, "without a reason"),
-        ({"T1": "loose", "T2": "loose"}, 0.25, "2 of 4 sensors are excluded, the project allows 25 %"),
-        ({"T9": "loose"}, 0.5, r"'T9' is excluded, but is not a sensor here\."),
+    for reasons, cap, code, match in (
+        ({"T1": " "}, 0.5, "verdict.criteria", ""),
+        ({"T1": "loose", "T2": "loose"}, 0.25, "verdict.criteria", "2 of 4.*25 %"),
+        ({"T9": "loose"}, 0.5, "name.unknown", "'T9'"),
     ):
-        with pytest.raises(IdentificationError, match=word):
+        with raises_code(code, IdentificationError, match=match):
             correlate(bad, steady=SETTLED, exclusions=Exclusions(reasons, cap))
 
 
@@ -118,14 +118,14 @@ def test_words_that_mean_nothing_are_refused() -> None:
         correlate(seen(0.1), steady=SETTLED).passed("MIL")
     with raises_code("value.outside-range", IdentificationError):
         correlate(seen(0.1), steady=SETTLED, weights={"T1": 0.0})
-    for table, word in (
-        ({}, "a set of criteria needs at"),
-        ({"each": "1 [K]", "kinds": ["stedy"]}, r"Did you mean 'steady'\?"),
-        ({"eech": "1 [K]"}, r"Did you mean 'each'\?"),
-        ({"each": "1 [K]", "share": 0.0}, "the share of sensors that"),
-        ({"each": "1 [K]", "mark": "heard"}, "is not a mark; use one of"),
+    for table, code, match in (
+        ({}, "value.incomplete", ""),
+        ({"each": "1 [K]", "kinds": ["stedy"]}, "name.unknown", r"'steady'\?"),
+        ({"eech": "1 [K]"}, "name.unknown", r"'each'\?"),
+        ({"each": "1 [K]", "share": 0.0}, "value.outside-range", ""),
+        ({"each": "1 [K]", "mark": "heard"}, "name.unknown", ""),
     ):
-        with pytest.raises(ScenarioError, match=word):
+        with raises_code(code, ScenarioError, match=match):
             Criteria.read(table, "plan.toml", "ours")
     assert Criteria.read({"mean": "1.5 [K]", "kinds": ["transient"]}, "plan.toml", "ours").limits == {"mean": 1.5}
 
@@ -164,7 +164,7 @@ def test_a_stretch_named_steady_in_which_a_sensor_drifts_is_remarked_on_with_the
         found = correlate([Overlay("hot", n, "", TIMES, readings + x, readings) for n, x in (("T1", 0.0), ("T2", noise))], steady=SETTLED)
         if drifts:
             (remark,) = found.remarks
-            assert "'T1' goes from 75.3 to 78.5 degC, +3.2 K/h, and 1 more drift" in remark or "'T2' goes" in remark
+            assert "'T1' goes from 75.3 to 78.5 degC, +3.2 K/h, and 1 more drift" in remark or "'T2'" in remark
             assert f"remark: {remark}" in str(found)
         assert found.to_dict()["remarks"] == list(found.remarks)
         assert bool(found.remarks) == drifts

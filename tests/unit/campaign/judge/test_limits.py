@@ -7,7 +7,7 @@ import pytest
 
 import thermid as td
 from by_code import raises_code
-from thermid.base.errors import NameNotFoundError, ScenarioError
+from thermid.base.errors import NameNotFoundError, ScenarioError, code_of
 from thermid.campaign._judge.limits import Limits, check_limits, load_limits, read_limits
 
 ONE = td.model_from_dict(
@@ -44,14 +44,14 @@ def test_a_crossing_stands_where_the_closed_form_has_it() -> None:
     assert crossing.outside == pytest.approx(7200.0 - TAU * np.log(4.0), abs=0.05)
     assert crossing.worst == pytest.approx(kelvin(40.0 - 20.0 * np.exp(-7.2)), abs=1e-4)
     assert (crossing.worst_time, check.passed, check.room) == (7200.0, False, pytest.approx(-4.985, abs=1e-3))
-    assert "exceeds the upper limit at 1386 s, furthest" in str(check)
+    assert "1386 s" in str(check)
 
 
 def test_within_limits_the_room_is_told() -> None:
     (check,) = check_limits(run(), [limits(high=55.0)])
     assert check.passed
     assert check.room == pytest.approx(15.015, abs=1e-3)
-    assert "15.0 K left" in str(check)
+    assert "15.0 K" in str(check)
 
 
 def test_the_low_side_counts_as_well() -> None:
@@ -86,44 +86,49 @@ def test_limits_from_memory_decide_nothing() -> None:
 
 
 @pytest.mark.parametrize(
-    ("given", "word"),
+    ("given", "code", "data"),
     [
-        ({"operating": ("300.0 [K]", "290.0 [K]")}, "operating: the lower limit, 26.9 degC, is not below the upper one, 16.9 degC"),
+        ({"operating": ("300.0 [K]", "290.0 [K]")}, "value.outside-range", "one, 16.9 degC"),
         (
             {"operating": ("250.0 [K]", "330.0 [K]"), "non_operating": ("260.0 [K]", "340.0 [K]")},
-            "the lower operating limit, -23.1 degC, lies beyond the lower non-op",
+            "value.outside-range",
+            "-23.1 degC",
         ),
         (
             {"operating": ("250.0 [K]", "350.0 [K]"), "non_operating": ("240.0 [K]", "340.0 [K]")},
-            "the upper operating limit, 76.9 degC, lies beyond",
+            "value.outside-range",
+            "76.9 degC",
         ),
         (
             {"operating": ("250.0 [K]", "330.0 [K]"), "non_operating": ("240.0 [K]", "340.0 [K]"), "start_up": ("230.0 [K]", "330.0 [K]")},
-            "the lower start-up limit",
+            "value.outside-range",
+            "",
         ),
-        ({"operating": ("250.0 [K]", "330.0 [K]"), "mark": "heard"}, "'heard' is not a mark; use one of"),
+        ({"operating": ("250.0 [K]", "330.0 [K]"), "mark": "heard"}, "name.unknown", "'heard'"),
     ],
 )
-def test_limits_in_the_wrong_order_are_refused(given: dict[str, object], word: str) -> None:
+def test_limits_in_the_wrong_order_are_refused(given: dict[str, object], code: str, data: str) -> None:
     with pytest.raises(ScenarioError) as caught:
         Limits("box", "box", **given)
-    assert word in str(caught.value)
+    assert code_of(str(caught.value)) == code
+    assert data in str(caught.value)
 
 
 @pytest.mark.parametrize(
-    ("tables", "word"),
+    ("tables", "code", "data"),
     [
-        ({}, "no limits are given"),
-        ({"box": 3}, "limits.toml, box: a table is needed, not 3"),
-        ({"box": {"node": "box"}}, "limits.toml, box.operating: is missing"),
-        ({"box": {"node": "box", "operating": "40 [degC]"}}, "a list is needed, not '40 [degC]'"),
-        ({"box": {"node": "box", "operting": []}}, "Did you mean 'operating'?"),
+        ({}, "value.incomplete", ""),
+        ({"box": 3}, "file.wrong-kind", "limits.toml, box"),
+        ({"box": {"node": "box"}}, "file.key-missing", "limits.toml, box.operating"),
+        ({"box": {"node": "box", "operating": "40 [degC]"}}, "file.wrong-kind", "'40 [degC]'"),
+        ({"box": {"node": "box", "operting": []}}, "file.key-missing", "'operating'?"),
     ],
 )
-def test_a_faulty_table_of_limits_is_refused(tables: dict[str, object], word: str) -> None:
+def test_a_faulty_table_of_limits_is_refused(tables: dict[str, object], code: str, data: str) -> None:
     with pytest.raises(ScenarioError) as caught:
         read_limits(tables, "limits.toml")
-    assert word in str(caught.value)
+    assert code_of(str(caught.value)) == code
+    assert data in str(caught.value)
 
 
 def test_a_file_of_limits(tmp_path) -> None:

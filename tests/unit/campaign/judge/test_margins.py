@@ -123,7 +123,7 @@ def test_the_duty_of_a_heater_and_its_power_margin() -> None:
 def test_what_cannot_be_asked() -> None:
     with raises_code("name.unknown", NameNotFoundError, match="'ECSS'"):
         margins({"hot": foresee(Knowledge(unit()), soak())}, [PROC], "ECS")
-    with raises_code("value.outside-range", ScenarioError, match="at least one run"):
+    with raises_code("value.outside-range", ScenarioError):
         margins({}, [PROC])
 
 

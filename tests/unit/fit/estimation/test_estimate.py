@@ -11,7 +11,7 @@ import pytest
 
 import thermid as td
 from by_code import raises_code
-from thermid.base.errors import IdentificationError, ThermidError
+from thermid.base.errors import IdentificationError
 from thermid.fit._estimation.estimation import Estimation
 from thermid.fit._estimation.likelihood import Likelihood
 from thermid.fit._problem.residuals import Prior, Unknown
@@ -134,21 +134,21 @@ def small() -> tuple[td.Model, Record]:
 
 
 @pytest.mark.parametrize(
-    ("noise", "message"),
+    ("noise", "code", "match"),
     [
-        ({}, "no process noise is given."),
-        ({"cass": "free"}, "Did you mean 'case'"),
-        ({"case": {"sigma": "1 [K]"}}, "a process noise has kind, size, time, start, not sigma"),
-        ({"case": {"kind": "pink"}}, "unknown process noise 'pink'."),
-        ({"case": {"kind": "wiener", "time": "1 [h]"}}, "noise has no correlation time."),
-        ({"case": "1 [W]"}, r"\[W\]"),
-        ({"case": "-1e-3 [K/s^0.5]"}, "must be above zero"),
-        ({"case": {"size": "1e-3 [K/s^0.5]", "start": "1e-3 [K/s^0.5]"}}, "a fixed size has no start value."),
+        ({}, "fit.nothing-free", ""),
+        ({"cass": "free"}, "name.unknown", "'case'"),
+        ({"case": {"sigma": "1 [K]"}}, "name.unknown", ""),
+        ({"case": {"kind": "pink"}}, "name.unknown", "'pink'"),
+        ({"case": {"kind": "wiener", "time": "1 [h]"}}, "value.without-effect", ""),
+        ({"case": "1 [W]"}, "unit.wrong-dimension", ""),
+        ({"case": "-1e-3 [K/s^0.5]"}, "value.outside-range", ""),
+        ({"case": {"size": "1e-3 [K/s^0.5]", "start": "1e-3 [K/s^0.5]"}}, "value.without-effect", ""),
     ],
 )
-def test_what_is_refused(noise: dict[str, Any], message: str) -> None:
+def test_what_is_refused(noise: dict[str, Any], code: str, match: str) -> None:
     model, record = small()
-    with pytest.raises(ThermidError, match=message):
+    with raises_code(code, match=match):
         td.inference.estimate(model, record, ["skin.effective_htc"], process_noise=noise)
 
 

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 import thermid as td
+from by_code import raises_code
 from thermid.base.errors import ThermidError
 from thermid.fit._estimation.estimation import Estimation
 from thermid.fit._estimation.likelihood import likelihood_of
@@ -85,18 +86,18 @@ def test_a_run_in_words_and_json(found: Estimation) -> None:
 
 
 @pytest.mark.parametrize(
-    ("change", "more", "message"),
+    ("change", "more", "code", "match"),
     [
-        ({"start": ""}, {}, "does not say at which temperature it starts"),
-        ({"boundaries": {}}, {}, "out"),
-        ({}, {"by": "kalman"}, "'kalman' is not a way to look at the logs"),
-        ({}, {"times": [-1.0, 5.0]}, "needs times from zero on"),
-        ({}, {"start_sd": {"out": "1 [K]"}}, "is a boundary without noise"),
+        ({"start": ""}, {}, "value.incomplete", ""),
+        ({"boundaries": {}}, {}, "run.input-missing", ""),
+        ({}, {"by": "kalman"}, "name.unknown", "'kalman' is not a way"),
+        ({}, {"times": [-1.0, 5.0]}, "value.incomplete", ""),
+        ({}, {"start_sd": {"out": "1 [K]"}}, "name.unknown", ""),
     ],
 )
-def test_runs_that_are_refused(found: Estimation, change: dict[str, Any], more: dict[str, Any], message: str) -> None:
+def test_runs_that_are_refused(found: Estimation, change: dict[str, Any], more: dict[str, Any], code: str, match: str) -> None:
     given = {"boundaries": {"out": "-5 [degC]"}, "start": "20 [degC]", "duration": DAY} | change
-    with pytest.raises(ThermidError, match=message):
+    with raises_code(code, match=match):
         found.predict(td.Scenario("cold", **given), **more)
 
 
@@ -115,7 +116,7 @@ def test_a_walk_that_is_not_there_takes_no_likelihood() -> None:
     assert -0.01 < done.ratio < 4.0
     assert done.assumed == ("what is added to out is unknown at the start to +- 10 K, and stays constant in output error",)
     assert "  assumed: what is added to out" in str(done)
-    assert any("'noise of out' went to zero" in w for w in done.warnings)
+    assert any("'noise of out'" in w for w in done.warnings)
     assert one_value(quiet, {"out": "1e-3 [K/s^0.5]"}, out="1 [K]").assumed == ()
 
 
@@ -179,7 +180,7 @@ def test_sensors_of_one_node_that_differ_are_named() -> None:
     }
     record = Record.from_arrays("two", case.record.times, {**both, "out": case.record["out"].values}, unit="K")
     done = one_value(replace(case, record=record), {"wall": "1.5e-3 [K/s^0.5]"})
-    assert any("'a' and 'b' on 'indoor' differ by 2 K" in w for w in done.warnings)
+    assert any("'a' and 'b' on 'indoor'" in w and "2 K" in w for w in done.warnings)
 
 
 @pytest.mark.parametrize(

@@ -79,7 +79,7 @@ def test_the_fault_is_named_with_its_size() -> None:
     assert found.best.name == "power of cpu"
     assert found.best.amount == pytest.approx(0.25, abs=0.02)
     assert found.best.left < 0.1
-    assert "power of cpu +2" in str(found)
+    assert "cpu +2" in str(found)
 
 
 def test_what_sensors_and_model_are_said_to_err_by_needs_no_fault() -> None:

@@ -11,7 +11,7 @@ import pytest
 
 import thermid as td
 from by_code import raises_code
-from thermid.base.errors import IdentificationError, NameNotFoundError
+from thermid.base.errors import IdentificationError, NameNotFoundError, code_of
 from thermid.prediction.advice import Option
 from unit.fit.bench import HTC, MASS, box, log, metered, pair
 
@@ -101,7 +101,7 @@ def test_hours_to_a_goal(fit: td.Calibration) -> None:
     assert at <= 0.016 * advice.value * 1.001
     assert option(advice, "the same test again").hours == np.inf
     assert "goal not within 4 h" in str(advice)
-    assert "wanted +- 1.6 %" in str(advice)
+    assert "+- 1.6 %" in str(advice)
 
 
 def test_a_prediction_is_bettered_by_what_it_depends_on(fit: td.Calibration) -> None:
@@ -110,7 +110,7 @@ def test_a_prediction_is_bettered_by_what_it_depends_on(fit: td.Calibration) -> 
     assert advice.now == pytest.approx(np.sqrt(td.predict(fit, hot)["case"].parts["values"][-1]), rel=0.05)
     assert advice.unit == "K"
     assert advice.best.error < advice.now
-    assert str(advice).startswith("Next test for 'case' in 'hot' at the end: now +- ")
+    assert "'case' in 'hot' at the end: now +-" in str(advice)
 
 
 BLACK = {"surfaces/skin/emissivity": {"value": "0.85", "min": 0.7, "max": 0.95}}
@@ -126,7 +126,7 @@ def test_without_gas_it_counts_what_a_prediction_counts() -> None:
     assert advice.now == pytest.approx(np.sqrt(parts["values"][-1]), rel=0.05)
     assert set(advice.beside) == {*parts} - {"values"}
     assert advice.beside["extrapolation"] > advice.now
-    assert "No test is credited with what it tells of 'extrapolation': one in the gas" in str(advice).splitlines()[-1]
+    assert "'extrapolation': one in the gas" in str(advice).splitlines()[-1]
 
 
 def test_without_gas_a_joint_is_as_doubtful_as_in_a_prediction() -> None:
@@ -172,7 +172,7 @@ def test_another_sensor_tells_a_joint() -> None:
     fit = td.calibrate(model, data, [JOINT], priors={JOINT: ("", "50 [%]")})
     advice = td.design.next_test(fit, JOINT, scenario=td.Scenario("bench", boundaries={"room": "24 [degC]"}, duration="5 [h]"))
     assert option(advice, "the same with a sensor at 'b.case'").error < 0.5 * option(advice, "the same test again").error
-    assert option(advice, "the same, pumped down").refused.startswith("the coefficient of")
+    assert code_of(option(advice, "the same, pumped down").refused) == "model.needs-gas-law"
     assert "cannot be made: the coefficient of" in str(advice)
 
 

@@ -121,7 +121,7 @@ def test_every_route_tells_that_the_deck_is_another(folder: Path, route: Callabl
     # members differ by 0.53 K, since parts differ from run to run by some per cent: the median of 64 has an error of 0.08 K
     assert bare == pytest.approx(20.0 + 10.0 / 0.8, abs=0.3 if route is by_hold else 0.1)
     assert f"{G} = " in said
-    assert "the deck has 0.8 [W/K], but had 0.5 [W/K] when this value was fitted." in said
+    assert "0.8 [W/K], but had 0.5 [W/K]" in said
 
 
 def test_a_delivery_keeps_them_if_asked_to(folder: Path) -> None:
@@ -191,7 +191,7 @@ def test_values_of_a_part_without_its_place_are_refused_with_the_way(rig: Path) 
 def test_a_deck_has_no_stages_to_predict_with(rig: Path) -> None:
     given = ["predict", f"{rig}/plate.toml", "--values", f"{rig}/fit.toml"]
     for more in ([], ["--scenario", f"{rig}/soak.toml", "--stage", "x"]):
-        with raises_code("value.excludes-another", match="has no stages"):
+        with raises_code("value.excludes-another"):
             CliRunner().invoke(app, [*given, *more], catch_exceptions=False)
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -10,6 +11,7 @@ import pytest
 import thermid as td
 from by_code import raises_code
 from thermid.base.errors import ScenarioError, SolverError
+from thermid.qualify._profile_runs import conduct
 from thermid.qualify._profile_runs.profile_run import verdict_remarks
 
 PREDICTED = ("-5 [degC]", "45 [degC]")
@@ -189,6 +191,21 @@ def test_a_level_out_of_reach_is_refused():
     strong = {"heater": {"into": "plate", "power": "5000 [W]"}}
     with raises_code("value.outside-range", ScenarioError, match="'plate' to 71"):
         td.qualify.run_profile(box(loads=strong), cycle(), base="plate")
+
+
+def test_a_set_point_that_is_not_found_in_twelve_steady_states_is_refused():
+    """A secant gains digits by a factor of 1.6 a step: from 300 K off to 1 mK takes seven where radiation bends the way, so twelve do."""
+    tried = []
+
+    def steady(names, chamber):
+        tried.append(chamber)
+        return {"plate": 320.0 + 1.5 + math.sin(chamber)}
+
+    bench = SimpleNamespace(leg=lambda plan, state, since: SimpleNamespace(steady=lambda names: steady(names, state.chamber)))
+    course = SimpleNamespace(base="plate", bench=bench, remarks={}, profile=SimpleNamespace(title="cycle"))
+    with raises_code("value.outside-range", ScenarioError, match="'plate'"):
+        conduct._Course._set_point(course, conduct.ChamberConditions(chamber=300.0, power=True, pressure=None, humidity=None), 320.0)
+    assert len(tried) == 12
 
 
 def test_humidity_is_followed_and_condensation_named():
