@@ -49,7 +49,10 @@ def test_a_sensor_that_is_grossly_wrong_fails_the_campaign(tmp_path: Path) -> No
     lines = told.stdout.splitlines()
     assert lines[0].startswith("NOT CREDIBLE: stage 'box' (T_A would need an error of +1")
     head = next(line for line in lines if line.startswith("box: NOT CREDIBLE: T_A would need an error of +1"))
-    assert "times its accuracy of 0.3 K; 'skin.effective_htc' ended at its lower bound. A column, a unit, a node, an accuracy or the model is wrong. Do not use these values." in head
+    assert (
+        "times its accuracy of 0.3 K; 'skin.effective_htc' ended at its lower bound. A column, a unit, a node, an accuracy or the model is wrong. Do not use these values."
+        in head
+    )
     made = json.loads(CliRunner().invoke(app, ["calibrate", str(path), "--json"]).output)
     assert made["passed"] is False
     assert list(made["stages"][0]["contradicted"]) == ["sensor T_A"]

@@ -13,7 +13,12 @@ DECK = {
     "parameters": {"fan": "0"},
     "nodes": {"case": {"capacitance": "40 [J/K]"}, "lid": {"capacitance": "2 [J/K]"}},
     "conductors": {
-        "skin": {"kind": "convection", "between": ["case", "air"], "area": "100 [cm^2]", "htc": {"coefficient": "3 [W/(m^2 K)]", "exponent": 0.25}},
+        "skin": {
+            "kind": "convection",
+            "between": ["case", "air"],
+            "area": "100 [cm^2]",
+            "htc": {"coefficient": "3 [W/(m^2 K)]", "exponent": 0.25},
+        },
         "blown": {"kind": "conduction", "between": ["lid", "air"], "conductance": "0.2 [W/K] * fan"},
         "seat": {"kind": "conduction", "between": ["case", "lid"], "conductance": "0.3 [W/K]"},
     },
