@@ -280,8 +280,8 @@ def bound_by(record: Record, stage: StageTable) -> Record:
     """Return a record with the bindings of a stage in place of its own."""
     for channel in (*stage.bind, *stage.ignore):
         record.channel(channel)
-    channels = [_rebound(c, stage.bind[n]) if n in stage.bind else c for n, c in record.channels.items() if n not in stage.ignore]
-    return replace(record, channels={c.name: c for c in channels})
+    kept = record.select(*(n for n in record.channels if n not in stage.ignore))
+    return replace(kept, channels={n: _rebound(c, stage.bind[n]) if n in stage.bind else c for n, c in kept.channels.items()})
 
 
 def _rebound(channel: Channel, target: str | dict[str, str]) -> Channel:

@@ -477,6 +477,7 @@ def _at_rest(done: Calibration, without: str) -> Scenario:
         boundaries=constant(bare.boundaries, "K"),
         loads=constant(bare.loads, "W"),
         commands=constant(bare.commands, "1"),
+        gains={k: v for k, v in bare.gains.items() if not k.startswith(f"{without}.")},
     )
 
 

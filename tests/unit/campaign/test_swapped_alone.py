@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 import thermid as td
+from thermid.campaign._retune import _at_rest
 from thermid.fit.error_model import ERRORS_KEY, ErrorModel, errors_without
 from thermid.values.store import LaterTable
 from unit.fit.bench import log
@@ -290,3 +292,16 @@ def test_a_part_is_replaced_beside_one_that_was_tested_in_a_bench_deck(tmp_path:
     of_bay = td.design.plan_retune(before, "bay", td.load_model(tmp_path / "bay.toml"))
     assert {s.name: s.action for s in of_bay.stages} == {"head": "kept", "bay": "run", "unit": "run"}
     assert of_bay.tests == ("bay", "unit")
+
+
+def test_a_share_of_a_logged_power_goes_with_the_load_of_the_part_that_is_replaced() -> None:
+    """A part whose logged power had a fitted share could not be replaced: the share stayed, without its power."""
+    power = {"head.heat": (np.array([0.0, 60.0]), td.quantity(np.array([1.0, 3.0]), unit="W"))}
+    shared = {"head.heat": "head.share"}
+    bare = td.Scenario("log", boundaries={"air": "20 [degC]"}, loads=power, gains=shared, start="air", duration="60 [s]")
+    done = SimpleNamespace(experiments=[SimpleNamespace(bare=bare)])
+    assert not _at_rest(done, "head").loads
+    assert not _at_rest(done, "head").gains
+    kept = _at_rest(done, "bay")
+    assert kept.gains == shared
+    assert [*kept.loads] == ["head.heat"]

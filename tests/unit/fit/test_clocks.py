@@ -508,3 +508,12 @@ def test_a_clock_at_the_end_of_its_range_is_flagged_with_its_value() -> None:
     said = str(td.validate(right, narrow, td.Criteria(rmse="9 [K]"), scenario=AIR))
     assert "fitted to this record: clock offset 60" in said
     assert "'bench: clock offset'" in said
+
+
+def test_a_stage_that_ignores_channels_of_a_joined_log_has_no_clock_of_them() -> None:
+    """A campaign of levels over one test ended in an error after all its fits: the clock still named the channels of another level."""
+    first, second = logs(130.0, 1.0)
+    joint = first.joined(second.with_channels(replace(second["P"], name="Q", target="")), (0.0, 300.0))
+    assert joint.clocks[0].channels == ("P", "Q")
+    assert joint.select("T").clocks == ()
+    assert joint.select("T", "Q").clocks[0].channels == ("Q",)

@@ -240,6 +240,7 @@ class _Place:
     capacity : float        Heat capacity. [J/K]
     loss : float            Sum of the constant conductances that end at it. [W/K]
     boundary : str          A boundary beside it; empty for none.
+    gas : bool              Whether it is gas, which does not radiate.
     area : float            Area of its surfaces; zero where none is stated. [m^2]
     rise : float            Range of its predicted temperature. [K]
     misfit : float          Root mean square of its residuals, in units of the noise. [-]
@@ -252,6 +253,7 @@ class _Place:
     capacity: float
     loss: float
     boundary: str
+    gas: bool
     area: float
     rise: float
     misfit: float
@@ -384,7 +386,8 @@ def plain_lacks(structure: Fitted) -> Iterator[MissingElement]:
     places = _missed_most(_places(structure))
     for place in (p for p in places if p.boundary):
         yield _steeper_convection(structure.request, place)
-        yield _radiation(structure.request, place)
+        if not place.gas:
+            yield _radiation(structure.request, place)
     yield from _same_everywhere(structure, places)
 
 
@@ -400,7 +403,8 @@ def _at_a_place(structure: Fitted, place: _Place) -> Iterator[MissingElement]:
         )
     if place.boundary:
         yield _steeper_convection(request, place)
-        yield _radiation(request, place)
+        if not place.gas:
+            yield _radiation(request, place)
     if place.load and _may_grow(request, place.load):
         yield _growing_power(structure, place)
 
@@ -410,7 +414,7 @@ def _same_everywhere(structure: Fitted, places: Sequence[_Place]) -> Iterator[Mi
     request = structure.request
     kinds: tuple[tuple[str, Callable[[Request, _Place], MissingElement], list[_Place]], ...] = (
         ("a lag of every sensor", _lag, [p for p in places if p.channels and not p.lags]),
-        ("radiation of every part", _radiation, [p for p in places if p.boundary]),
+        ("radiation of every part", _radiation, [p for p in places if p.boundary and not p.gas]),
         ("coefficients that grow with the difference (dT^(1/4)) at every part", _steeper_convection, [p for p in places if p.boundary]),
         (
             "powers that grow with temperature",
@@ -462,7 +466,9 @@ def _places(structure: Fitted, hidden: bool = False) -> list[_Place]:
         own_channels, load = () if tip else tuple(channels.get(node, ())), loads.get(seat, "")
         rise, misfit = max(structure.rises.get(node, 1.0), 1e-3), structure.misfits.get(node, 0.0)
         lags, loss = tip or seat in tips.values(), strength.get(seat, 0.0)
-        out[seat] = _Place(seat, own_channels, lags, held[seat], loss, boundary, area, rise, misfit, load, watts.get(load, 0.0))
+        out[seat] = _Place(
+            seat, own_channels, lags, held[seat], loss, boundary, seat in flat.gas_nodes, area, rise, misfit, load, watts.get(load, 0.0)
+        )
     return list(out.values())
 
 

@@ -158,7 +158,11 @@ class Record(Samples, Result):
         ------
         NameNotFoundError   When there is none of a name.
         """
-        return replace(self, channels={name: self.channel(name) for name in names})
+        clocks, stated = (
+            tuple(replace(c, channels=tuple(n for n in c.channels if n in names)) for c in several if {*c.channels} & {*names})
+            for several in (self.clocks, self.stated_clocks)
+        )
+        return replace(self, channels={name: self.channel(name) for name in names}, clocks=clocks, stated_clocks=stated)
 
     def with_channels(self, *channels: Channel) -> Record:
         """Return the record with these channels added, or in place of those of the same name."""

@@ -14,7 +14,7 @@ import pytest
 
 import thermid as td
 from thermid.fit.calibration import Request, fit
-from thermid.inference._explain.candidates import Fitted
+from thermid.inference._explain.candidates import Fitted, plain_lacks
 from thermid.inference._explain.structures import TIE, FittedStructure, StructureSearch, fitted_structure, search_structure
 from thermid.inference._explain.weighing import CauseScore
 from unit.fit.bench import HTC, MASS, box, log
@@ -170,3 +170,24 @@ def test_the_noise_is_that_of_the_structure_that_leaves_least() -> None:
         for logs, left in scores
     )
     assert StructureSearch((first, better), first, (), 1, 9, True).likelihood(better) == 88.0
+
+
+def test_air_inside_a_housing_is_not_tried_as_a_radiating_part() -> None:
+    """It took one of five places of `criticise`, was refused when its time came, and no other candidate was refitted in its place."""
+    skin = {"of": "case", "to": "air", "area": "200 [cm^2]", "htc": "6 [W/(m^2 K)]"}
+    wall = {"of": "case", "to": "inside", "area": "150 [cm^2]", "htc": "4 [W/(m^2 K)]"}
+    vent = {"kind": "conduction", "between": ["inside", "air"], "conductance": "0.02 [W/K]"}
+    model = td.model_from_dict(
+        {
+            "title": "housing",
+            "needs": ["air"],
+            "nodes": {"case": {"capacitance": "120 [J/K]"}, "inside": {"capacitance": "5 [J/K]"}},
+            "surfaces": {"skin": skin, "wall": wall},
+            "conductors": {"vent": vent},
+            "loads": {"heat": {"into": "case", "power": "2 [W]"}},
+        }
+    )
+    fit = td.calibrate(model, log(model, {}, {"T": "case", "T_A": "inside"}, samples=61), ["case.capacitance"])
+    names = [c.name for c in plain_lacks(Fitted.of_calibration(fit, fit.request))]
+    assert "radiation of 'case' to 'air'" in names
+    assert not any(n.startswith("radiation of 'inside'") for n in names)
