@@ -39,7 +39,7 @@ from thermid.fit._error_model.elements import (
     ways_of,
 )
 from thermid.fit._error_model.gaussian import log_sum, weights_of
-from thermid.fit._error_model.model import GROUPS, FittedWay, before, course_in_fit, evidence_of_structure, fitted_way, points_of
+from thermid.fit._error_model.model import GROUPS, FittedWay, before, course_in_fit, fitted_way, left_prior, points_of
 from thermid.fit._error_model.runs import Departures, Smooth, UnknownColumn
 from thermid.fit._error_model.sizes import (
     COUNTED,
@@ -346,18 +346,20 @@ class ErrorModel(Result):
         logs = np.concatenate([w.members.log_evidence + math.log(w.way.before / total) for w in fitted_ways])
         every = weights_of(logs)
         shares = np.split(every, np.cumsum([len(w.left) for w in fitted_ways])[:-1])
+        departs, holds = weights_of([log_sum(logs) + math.log(DEPARTURE_ODDS), log_sum(as_built.members.log_evidence)]).tolist()
         likeliest = max(zip(fitted_ways, shares, strict=True), key=lambda pair: float(pair[1].sum()))[0]
         apart = sum(share @ w.members.square for w, share in zip(fitted_ways, shares, strict=True))
         misfit = math.hypot(math.sqrt(apart), likeliest.nonlinearity())
         named = {u.name: u for u in problem.unknowns}
-        ways = [KeptWay.of_fitted(w, share) for w, share in zip(fitted_ways, shares, strict=True) if share.sum() > COUNTED]
+        mixed = [(w, departs * share) for w, share in zip(fitted_ways, shares, strict=True)]
+        mixed.append((as_built, holds * weights_of(as_built.members.log_evidence)))
+        ways = [KeptWay.of_fitted(w, share) for w, share in mixed if share.sum() > COUNTED * departs]
         whole = sum(w.weight for w in ways)
-        departs, holds = weights_of([log_sum(logs) + math.log(DEPARTURE_ODDS), log_sum(as_built.members.log_evidence)]).tolist()
-        ways = [replace(w, weight=departs * w.weight / whole) for w in ways]
-        if holds > COUNTED:
-            ways.append(KeptWay.of_fitted(as_built, holds * weights_of(as_built.members.log_evidence)))
+        ways = [replace(w, weight=w.weight / whole) for w in ways]
         fitted_values = {n: SeenValue.of_unknown(named[n]) for n in ways[0].values}
-        gain, spot = log_sum(logs) - evidence_of_structure(problem, fitted, courses), ""
+        still = as_built.runs.posteriors(np.zeros(len(as_built.runs.values)), np.zeros((1, len(GROUPS))))  # neither elements nor rooms
+        prior, spot = left_prior(), ""
+        gain = log_sum(logs) - log_sum([prior[remainder] + m.log_evidence[0] for remainder, m in still.items()])
         heated = {node for course in courses for node, _ in course.powers.values() if node in course.stores}
         spots = tuple(sorted(heated & {o.seat for e in problem.experiments for o in e.observations}))
         if gain > MIN_LOG_BAYES_FACTOR and spots:

@@ -162,11 +162,10 @@ class RunsOfFit:
         laws: Mapping[str, ElementLaw],
         points: Mapping[str, OperatingPoint],
         departures: Departures | None,
-        along: Sequence[ElementCourse] = (),
     ) -> RunsOfFit:
-        """Return the runs at some values and laws, or along courses that are known; departures are laid over them where none are yet."""
+        """Return the runs at some values and laws; departures are laid over them where none are yet."""
         networks = [with_laws(e.network, laws) for e in problem.experiments]
-        courses = along or [course_in_fit(problem, i, n, fitted) for i, n in enumerate(networks)]
+        courses = [course_in_fit(problem, i, n, fitted) for i, n in enumerate(networks)]
         spans = tuple(float(c.times[-1]) for c in courses)
         departures_used = departures or departures_of(
             networks,
@@ -351,14 +350,6 @@ def _averaged(runs: RunsOfFit, way: Way, laws: Mapping[str, ElementLaw], centre:
     sizes_left = np.repeat([(SIZES["left"].value * size, time) for size, time in likely], sets, axis=0)
     joined = replace(Members.joined(members), log_evidence=np.concatenate(logs_of))
     return FittedWay(way, laws, runs, joined, np.concatenate(sizes), sizes_left)
-
-
-def evidence_of_structure(problem: Problem, fitted: Array, courses: Sequence[ElementCourse]) -> float:
-    """Return ln of the evidence of the readings where nothing departs from the structure of a fit, with what no element explains."""
-    runs, nothing = RunsOfFit.of_problem(problem, fitted, Way(""), {}, {}, Departures({}, ()), courses), np.zeros((1, len(GROUPS)))
-    centre = np.zeros(len(runs.values))
-    prior = left_prior()
-    return log_sum([prior[r] + several.log_evidence[0] for r, several in runs.posteriors(centre, nothing).items()])
 
 
 def left_prior() -> dict[tuple[float, float], float]:
