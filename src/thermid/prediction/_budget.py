@@ -544,8 +544,8 @@ class Budget:
         for cause, name in _departures_of_run(errors, network, self.scenario, as_logged):
             room = name.removesuffix(" wanders 0")  # what it is off by at the beginning: what starts at its temperature is too
             begins = [Target(room, "add")] if room in network.boundaries else []
-            size = errors[0].sizes["unlogged" if isinstance(self.scenario.boundaries.get(room, Constant(0.0)), Constant) else "room"]
-            gains = np.array([[1.0], [size]])[: 1 + len(begins)]
+            wander = errors[0].sizes["unlogged" if isinstance(self.scenario.boundaries.get(room, Constant(0.0)), Constant) else "room"]
+            gains = np.array([[1.0], [wander]])[: 1 + len(begins)]
             out = out.beside([Source(name, "structural", Normal(), name)], cause, [Target(name, "heat"), *begins], gains)
         elements = {c.source for e in errors for w in e.ways for c in w.columns} or {*network.nodes}
         places = [Target(n, "node") for n in network.nodes if n in elements]

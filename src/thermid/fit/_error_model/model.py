@@ -298,8 +298,7 @@ def fitted_way(problem: Problem, fitted: Array, way: Way, points: Mapping[str, O
     What no element explains has every size and time while they are looked for: fixed, a small one would bend values until they follow what
     they do not explain, and a large one would leave them where they began.
     """
-    at, laws, share = fitted.copy(), dict(way.laws), 1.0
-    departures = Departures({}, ()) if way.name == AS_BUILT else None
+    at, laws, share, departures = fitted.copy(), dict(way.laws), 1.0, Departures({}, ()) if way.name == AS_BUILT else None
     costs: list[float] = []
     for _ in range(NEWTON_POINTS):
         runs = RunsOfFit.of_problem(problem, at, way, laws, points, departures)
