@@ -88,7 +88,6 @@ from thermid.fit._uncertainty.noise import (
     binned as binned,
     evidences as evidences,
     score_excess as score_excess,
-    stretch_means as stretch_means,
     wander_times as wander_times,
     white_rows as white_rows,
 )

@@ -540,10 +540,13 @@ class Budget:
         target_names = {t.name for t in out.targets}
         driven = {*self.scenario.boundaries, *(f"scale.{n}" for n in self.scenario.loads)} if as_logged else set()
         acting = dict.fromkeys(n for e in errors for v in e.seen.values() for n, _, _ in v.acts if n in driven - target_names)
-        acting |= dict.fromkeys(b for b in (network.boundaries if as_logged else ()) if b not in target_names)
         out = out.beside([], BandCause.VALUES, [Target(n, "add") for n in acting], np.zeros((len(acting), 0)))
         for cause, name in _departures_of_run(errors, network, self.scenario, as_logged):
-            out = out.beside([Source(name, "structural", Normal(), name)], cause, [Target(name, "heat")], 1.0)
+            room = name.removesuffix(" wanders 0")  # what it is off by at the beginning: what starts at its temperature is too
+            begins = [Target(room, "add")] if room in network.boundaries else []
+            wander = errors[0].sizes["unlogged" if isinstance(self.scenario.boundaries.get(room, Constant(0.0)), Constant) else "room"]
+            gains = np.array([[1.0], [wander]])[: 1 + len(begins)]
+            out = out.beside([Source(name, "structural", Normal(), name)], cause, [Target(name, "heat"), *begins], gains)
         elements = {c.source for e in errors for w in e.ways for c in w.columns} or {*network.nodes}
         places = [Target(n, "node") for n in network.nodes if n in elements]
         sources = [Source(f"left over at {t.name}", "misfit", Normal(), BandCause.UNEXPLAINED) for t in places]
@@ -563,10 +566,6 @@ class Budget:
         """Return a way of carrying heat, from that of every model of error: its probability, means, and gain (targets, sources)."""
         gain, at = self.gain.copy(), dict[str, float]()
         place = {s.name: k for k, s in enumerate(self.sources)}
-        for row, t in zip(gain, self.targets, strict=True):
-            if (begun := f"{t.name} wanders 0") in place:  # what a room is off by at the beginning: what starts at its temperature is too
-                still = isinstance(self.scenario.boundaries.get(t.name, Constant(0.0)), Constant)
-                row[place[begun]] = several[0][1].sizes["unlogged" if still else "room"]
         for e, way in several:
             unknown, begin, end = way.places, place[f"errors of {e.stage}: 0"], place[f"expected of {e.stage}"]
             means = dict(zip((c.name for c in way.columns), way.mean.tolist(), strict=True))

@@ -8,8 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cache
-from itertools import pairwise
 from statistics import NormalDist
 from typing import Any
 
@@ -25,7 +23,6 @@ from thermid.fit.calibration import (
     Request,
     as_found,
     fit as fitted_to,
-    stretch_means,
     wired,
 )
 from thermid.fit.error_model import (
@@ -43,7 +40,7 @@ from thermid.fit.error_model import (
     split,
 )
 from thermid.measure.records import Record
-from thermid.model.tree import UNJUDGED, Constant, Standing, TableSignal, literal
+from thermid.model.tree import UNJUDGED, Constant, Standing, literal
 from thermid.prediction._budget import AVERAGED, Budget, budget_of, first_line, in_order
 from thermid.prediction._known import Knowledge, rows_of
 from thermid.prediction._predict import parted, predicted, shares
@@ -51,10 +48,6 @@ from thermid.prediction._setting import Setting
 from thermid.simulation.runs import Scenario
 from thermid.values.store import LeftOut, error_table_of
 
-SLICES = 120
-"""Stretches of time between which residuals are looked at for what grows with a command."""
-CHANCE_DEVIATIONS, MIN_CORRELATION = 3.0, 0.3
-"""Standard deviations of chance, and correlation, from which residuals are said to grow with a command. [-]"""
 WORST_STRETCH_SHARE = 0.1
 """Length of the stretch that is named as the worst, in lengths of the record. [-]"""
 SAME_TEMPERATURE = 1e-6
@@ -329,8 +322,7 @@ def record_bands(calibration: Calibration, shown: Calibration, without: Sequence
     )
     omitted = in_order((*(x for x in budget.omitted if not x.listed), *listed))
     locally = tuple(dict.fromkeys(i.name for i in shown.local))
-    remarks = (*budget.remarks, *_follow_commands(bands, e.scenario))
-    return RecordPrediction(calibration.stage, e.record.name, bands, locally, remarks, omitted, calibration.standing)
+    return RecordPrediction(calibration.stage, e.record.name, bands, locally, budget.remarks, omitted, calibration.standing)
 
 
 def _switched(bands: dict[str, SensorBand], budget: Budget, run: Mapping[str, Array]) -> dict[str, SensorBand]:
@@ -394,39 +386,6 @@ def _banded(
         centre = o.measured + weights @ np.array([c[i] for c in sensors])
         parts = {s: v for s, v in at.items() if v.any()} | {READING: trace.noise**2}
         out[o.sensor] = SensorBand(o.sensor, o.seat, trace.times, o.measured, centre, parts)
-    return out
-
-
-def _follow_commands(bands: Mapping[str, SensorBand], scenario: Scenario) -> list[str]:
-    """Return where what a prediction misses grows with a command more than chance would let it.
-
-    A command sets a power, and a power a slope, so changes of the residuals are compared with the command between. In closed loop the
-    controller answers to what the model misses, so that such a residual is no noise. The variance of a correlation of two series that
-    remember is the mean of the products of their autocorrelations (Bartlett, J. R. Stat. Soc. 98 (1935) 536).
-    """
-    logged = {load: course for load, course in scenario.loads.items() if isinstance(course, TableSignal)}
-    # once for all sensors of the same instants
-    means = cache(lambda course, middle: np.array([course.mean_over(x, y) for x, y in pairwise(middle)]))
-    out = []
-    for name, b in bands.items():
-        edges = np.linspace(b.times[0], b.times[-1], min(max(b.times.size // 2, 3), SLICES) + 1)
-        place = np.clip(np.searchsorted(edges, b.times, side="right") - 1, 0, edges.size - 2)
-        slope = np.diff(stretch_means(b.measured - b.predicted, place, edges.size - 1))
-        middle = 0.5 * (edges[1:] + edges[:-1])
-        for load, course in (*logged.items(), *scenario.commands.items()):
-            between = means(course, tuple(middle.tolist()))
-            if np.ptp(between) <= 0.0 or np.ptp(slope) <= 0.0:
-                continue
-            first, second = slope - slope.mean(), between - between.mean()
-            correlation = float(first @ second / np.sqrt((first @ first) * (second @ second)))
-            memory = [np.correlate(x, x, "full")[x.size :] / (x @ x) for x in (first, second)]
-            spread = float(np.sqrt(max(1.0 + 2.0 * float(memory[0] @ memory[1]), 1.0) / slope.size))
-            if abs(correlation) > CHANCE_DEVIATIONS * spread and abs(correlation) > MIN_CORRELATION:
-                chance = f"correlation {correlation:+.2f}, by chance +- {spread:.2f}"
-                out.append(
-                    f"what {name} misses grows with the {'command' if load in scenario.commands else 'power'} of '{load}' ({chance}): its "
-                    "power or its delay may be wrong. In closed loop the controller also reacts to errors of the model"
-                )
     return out
 
 

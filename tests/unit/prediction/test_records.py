@@ -78,14 +78,15 @@ def found() -> Calibration:
 
 def test_a_right_model_holds_the_share_it_states(found: Calibration) -> None:
     told = [predict_record(found, log(f"c{k}", 10 + k, 7.0)) for k in range(4)]
-    for level in LEVELS:  # of two runs nobody knows that no element departs: bands are wider than a right model needs
+    for level in LEVELS:
         assert np.mean([t.coverage[level] for t in told]) > level - 0.04
     for b in (b for t in told for b in t.bands.values()):
         # with values known and nothing known of this run but how elements usually differ from one to the next, it would be this wide
         rise = float(np.ptp(b.predicted))
         assert b.half_width().mean() < 1.96 * np.hypot(0.1, SIZES["run"].value * rise)
-        # noise, and a centre that is off by no more than the standard error it states
-        assert 0.085 < b.rmse < np.sqrt(np.mean(b.error**2))
+        assert b.rmse > 0.085
+    # over all, readings lie as far off as their bands state
+    assert np.mean([b.rmse**2 / np.mean(b.error**2) for t in told for b in t.bands.values()]) == pytest.approx(1.0, abs=0.15)
 
 
 def test_a_room_of_the_runs_own_is_followed(found: Calibration) -> None:
@@ -186,39 +187,6 @@ def test_a_record_that_observes_nothing_is_refused(found: Calibration) -> None:
     blind = Record.from_arrays("blind", record.times, {"P": record.channel("P"), "ROOM": record.channel("ROOM")})
     with raises_code("record.does-not-apply"):
         predict_record(found, blind)
-
-
-def commanded(levels: np.ndarray, hidden: float, seed: int) -> Record:
-    rng, times = np.random.default_rng(seed), np.linspace(0.0, 14400.0, 481)
-    given = td.Scenario("c", boundaries={"air": "21 [degC]"}, start="21 [degC]", duration="4 [h]", commands={"part.heat": (times, levels)})
-    run = td.simulate(unit(0.31, 0.45, 950.0).with_values({"part.heat.power": f"{hidden} [W]"}), given, times=times)
-    noise = {n: 0.05 * rng.standard_normal(481) for n in SENSORS.values()}
-    channels = {s: Channel.from_array(s, run[n].kelvin + noise[n], unit="K", role="node", target=n, noise=0.05) for s, n in SENSORS.items()}
-    channels["Q"] = Channel.from_array("Q", levels, quantity="command", role="command", target="part.heat")
-    channels["ROOM"] = Channel.from_array("ROOM", np.full(481, 294.15), unit="K", role="boundary", target="air")
-    return Record.from_arrays("commanded", times, channels)
-
-
-def test_a_residual_that_grows_with_a_command_is_named(found: Calibration) -> None:
-    levels = np.repeat(np.random.default_rng(8).uniform(0.0, 1.0, 37), 13)
-    wrong = predict_record(found, commanded(levels, 8.0, 7))
-    assert any("'part.heat'" in w for w in wrong.warnings)
-    right = predict_record(found, commanded(levels, 5.0, 7))
-    assert not any("grows with the command" in w for w in right.warnings)
-
-
-def test_a_residual_that_grows_with_a_logged_power_is_named(found: Calibration) -> None:
-    """A controller whose power is logged in watts: the log says 5 W at full power, and 8 W go in."""
-    levels = np.repeat(np.random.default_rng(8).uniform(0.0, 1.0, 37), 13)
-
-    def powered(hidden: float) -> Record:
-        record = commanded(levels, hidden, 7)
-        watts = Channel.from_array("Q", 5.0 * levels, quantity="power", role="load", target="part.heat")
-        return record.with_channels(watts)
-
-    wrong = predict_record(found, powered(8.0))
-    assert any("'part.heat'" in w for w in wrong.warnings)
-    assert not any("grows with" in w for w in predict_record(found, powered(5.0)).warnings)
 
 
 def test_a_record_is_banded_by_the_accuracy_of_its_own_instruments(found: Calibration) -> None:

@@ -39,7 +39,7 @@ from thermid.fit._error_model.elements import (
     ways_of,
 )
 from thermid.fit._error_model.gaussian import log_sum, weights_of
-from thermid.fit._error_model.model import GROUPS, FittedWay, before, course_in_fit, evidence_of_structure, fitted_way, points_of
+from thermid.fit._error_model.model import GROUPS, FittedWay, before, course_in_fit, fitted_way, left_prior, points_of
 from thermid.fit._error_model.runs import Departures, Smooth, UnknownColumn
 from thermid.fit._error_model.sizes import (
     COUNTED,
@@ -341,42 +341,39 @@ class ErrorModel(Result):
         courses = [course_in_fit(problem, i, e.network, fitted) for i, e in enumerate(problem.experiments)]
         (points, paths), network = points_of(problem, courses), problem.experiments[0].network
         values = network.numbers({p: v.value for p, v in fit.values.assignments.items()}).values
-        fitted_ways = list[FittedWay]()
-        for way in ways_of(network, points, values, paths):
-            like = next((w for w in fitted_ways if w.way.laws is way.laws), None)
-            fitted_ways.append(fitted_way(problem, fitted, way, points, like))
-        *fitted_ways, as_built = fitted_ways
+        *fitted_ways, as_built = [fitted_way(problem, fitted, w, points) for w in ways_of(network, points, values, paths)]
         total = sum(w.way.before for w in fitted_ways)
         logs = np.concatenate([w.members.log_evidence + math.log(w.way.before / total) for w in fitted_ways])
         every = weights_of(logs)
         shares = np.split(every, np.cumsum([len(w.left) for w in fitted_ways])[:-1])
+        departs, holds = weights_of([log_sum(logs) + math.log(DEPARTURE_ODDS), log_sum(as_built.members.log_evidence)]).tolist()
         likeliest = max(zip(fitted_ways, shares, strict=True), key=lambda pair: float(pair[1].sum()))[0]
         apart = sum(share @ w.members.square for w, share in zip(fitted_ways, shares, strict=True))
         misfit = math.hypot(math.sqrt(apart), likeliest.nonlinearity())
-        named = {u.name: u for u in problem.unknowns}
-        ways = [KeptWay.of_fitted(w, share) for w, share in zip(fitted_ways, shares, strict=True) if share.sum() > COUNTED]
-        whole = sum(w.weight for w in ways)
-        departs, holds = weights_of([log_sum(logs) + math.log(DEPARTURE_ODDS), log_sum(as_built.members.log_evidence)]).tolist()
-        ways = [replace(w, weight=departs * w.weight / whole) for w in ways]
-        if holds > COUNTED:
-            ways.append(KeptWay.of_fitted(as_built, holds * weights_of(as_built.members.log_evidence)))
-        fitted_values = {n: SeenValue.of_unknown(named[n]) for n in ways[0].values}
-        gain, spot = log_sum(logs) - evidence_of_structure(problem, fitted, courses), ""
+        probabilities = [*(departs * share for share in shares), holds * weights_of(as_built.members.log_evidence)]
+        ways = normalised(
+            [
+                KeptWay.of_fitted(w, share)
+                for w, share in zip((*fitted_ways, as_built), probabilities, strict=True)
+                if share.sum() > COUNTED * departs
+            ]
+        )
+        fitted_values = {u.name: SeenValue.of_unknown(u) for u in problem.unknowns if u.name in ways[0].values}
+        still = as_built.runs.posteriors(np.zeros(len(as_built.runs.values)), np.zeros((1, len(GROUPS))))  # neither elements nor rooms
+        gain, spot = log_sum(logs) - log_sum([left_prior()[r] + m.log_evidence[0] for r, m in still.items()]), ""
         heated = {node for course in courses for node, _ in course.powers.values() if node in course.stores}
         spots = tuple(sorted(heated & {o.seat for e in problem.experiments for o in e.observations}))
         if gain > MIN_LOG_BAYES_FACTOR and spots:
-            moved = fitted_way(problem, fitted, replace(likeliest.way, spots=spots), points, likeliest).members
+            moved = fitted_way(problem, fitted, replace(likeliest.way, spots=spots), points).members
             if log_sum(moved.log_evidence) - log_sum(likeliest.members.log_evidence) > MIN_LOG_BAYES_FACTOR:
                 sizes = np.abs(weights_of(moved.log_evidence) @ moved.mean)[-len(spots) :]
                 spot = spots[int(np.argmax(sizes))] if sizes.max() > BIOT_LIMIT else ""  # below, a lag or leads of the sensor do as much
-        return cls(fit.stage, fitted_values, tuple(ways), misfit, gain=gain, spot=spot)
+        return cls(fit.stage, fitted_values, ways, misfit, gain=gain, spot=spot)
 
     @property
     def departing(self) -> ErrorModel:
         """What it says where some element departs from its law."""
-        ways = [w for w in self.ways if w.name != AS_BUILT] or self.ways
-        whole = sum(w.weight for w in ways)
-        return replace(self, ways=tuple(replace(w, weight=w.weight / whole) for w in ways))
+        return replace(self, ways=normalised([w for w in self.ways if w.name != AS_BUILT] or self.ways))
 
     @property
     def carriers(self) -> dict[str, float]:
@@ -408,8 +405,8 @@ class ErrorModel(Result):
     @property
     def exponents(self) -> dict[str, float]:
         """Surface -> exponent of the temperature difference in its coefficient, where free air is the likeliest carrier. [-]"""
-        likeliest = max(self.departing.ways, key=lambda w: w.weight)
-        return {p: law.exponent for p, law in likeliest.laws.items() if isinstance(law, SurfaceLaw) and law.exponent > 0.0}
+        laws = max(self.departing.ways, key=lambda w: w.weight).laws
+        return {p: law.exponent for p, law in laws.items() if isinstance(law, SurfaceLaw) and law.exponent > 0.0}
 
     @property
     def unknowns(self) -> tuple[str, ...]:
@@ -465,10 +462,7 @@ class ErrorModel(Result):
         fresh = [w.only({*w.elements} - {*outside(w.elements, places)}, {n: n for n in self.seen}) for w in self.ways]
         pairs = [(a, b) for a in kept for b in fresh]
         ways = [a.beside(b) for a, b in [(a, b) for a, b in pairs if a.name == b.name] or pairs]
-        whole = sum(w.weight for w in ways)
-        return replace(
-            self, seen={**{n: rest.seen[n] for n in rest_names}, **self.seen}, ways=tuple(replace(w, weight=w.weight / whole) for w in ways)
-        )
+        return replace(self, seen={**{n: rest.seen[n] for n in rest_names}, **self.seen}, ways=normalised(ways))
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain numbers and texts for a file."""
@@ -500,6 +494,12 @@ class ErrorModel(Result):
                 str(data.get("stage", "")),
                 code=FOLLOWED,
             ) from error
+
+
+def normalised(ways: Sequence[KeptWay]) -> tuple[KeptWay, ...]:
+    """Return ways whose probabilities sum one."""
+    whole = sum(w.weight for w in ways)
+    return tuple(replace(w, weight=w.weight / whole) for w in ways)
 
 
 def deviation(c: UnknownColumn, sizes: Mapping[str, float], beyond: Mapping[str, tuple[str, float]]) -> float:
@@ -544,9 +544,13 @@ class ErrorsOfFit:
             errors = ErrorModel.of_fit(self.fit)
         except (ThermidError, np.linalg.LinAlgError) as error:
             errors = errors_of_values(self.fit, getattr(error, "message", "its runs leave the sizes of departures open"))
-        departing = errors.departing
-        moved = {n: float(x - self.fit.fitted[n]) for n, x in zip(errors.unknowns, departing.mean.tolist(), strict=True)}
-        return {"table": errors.to_dict(), "moved": moved, "covariance": departing.covariance.tolist(), "gain": float(errors.gain)}
+        moved = {n: float(x - self.fit.fitted[n]) for n, x in zip(errors.unknowns, errors.departing.mean.tolist(), strict=True)}
+        return {
+            "table": errors.to_dict(),
+            "moved": moved,
+            "covariance": errors.departing.covariance.tolist(),
+            "gain": float(errors.gain),
+        }
 
     def table(self) -> Mapping[str, Any]:
         """Return the table for files."""

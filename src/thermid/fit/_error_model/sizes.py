@@ -76,6 +76,8 @@ SIZE_SETS: Final = {
     "house": "locie/pySIP, da70d25; none stated; indoor air and wall in series to the outside",
 }
 """Sets behind them, none of which is part of thermid: where below github.com, and commit; licence; structure."""
+DEPARTURE_ODDS: Final = len(SIZE_SETS) + 1.0
+"""Odds before any reading that some element departs from its law: in all of the sets one does (Laplace's rule of succession). [-]"""
 
 ROOM_TIME: Final = 3600.0
 """Time constant with which a room wanders; prior. [s]"""
@@ -99,9 +101,6 @@ FINISH: Final = 0.15
 """What an emissivity of a deck is good to, relative, whose range nobody prints; prior. [-]"""
 OTHER_FINISH: Final = 0.2
 """Probability before any reading that finishes are not those of the deck; prior. [-]"""
-DEPARTURE_ODDS: Final = 10.0
-"""Odds before any reading that some element departs from its law: in nine of nine public sets one does (Laplace's rule of succession).
-[-]"""
 LACK_ODDS, PATH_SHARE = 0.5, 0.2
 """Odds before any reading that there is what a deck lacks, a path to a boundary or parts through which heat enters, each; and scale of the
 part of its node's heat that the path then carries; priors. [-]"""
