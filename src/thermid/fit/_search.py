@@ -180,15 +180,12 @@ def searched(
 
 def doubts(problem: Problem, minimum: Fit) -> str:
     """Return why one descent may have ended in the wrong valley, or an empty text."""
-    if not minimum.converged:
-        return "the first descent did not converge"
-    times = _level(problem, minimum)
-    if not _noise_is_stated(problem) or times <= TWICE:
-        return ""
+    if not minimum.converged or not _noise_is_stated(problem) or (times := _level(problem, minimum)) <= TWICE:
+        return "" if minimum.converged else "the first descent did not converge"
     noise = {(e.record.name, o.sensor): o.sigma(problem.noise) for e in problem.experiments for o in e.observations}
     record, sensor, sums = max(minimum.sums, key=lambda of: of[2].mean_square / noise[of[:2]] ** 2)
-    rms = f"{math.sqrt(sums.mean_square):.2g} K RMS"
-    return f"the residuals are {math.sqrt(times):.2g} times the stated noise, most at '{sensor}' in {record} ({rms})"
+    where = f"'{sensor}' in {record} ({math.sqrt(sums.mean_square):.2g} K RMS)"
+    return f"the residuals are {math.sqrt(times):.2g} times the stated noise, most at {where}"
 
 
 def at_bound(problem: Problem, minimum: Fit) -> str:
@@ -308,9 +305,10 @@ class Search:
         best = self.descents([first], why, many, UNASKED_ROUNDS) if many else first
         if many == DESCENTS or best.stopped:
             return best
-        extra = "no further one was" if not many else "one further was" if many == 1 else f"{many} further ones were"
-        words = f"{why}, so a descent may have ended in the wrong valley. One takes {2 * UNASKED_ROUNDS} evaluations, so {extra} "
-        words += f"made unasked. search = 'multistart' makes {DESCENTS}."
+        words = (
+            f"{why}, so a descent may have ended in the wrong valley. One takes {2 * UNASKED_ROUNDS} evaluations, so only {many} of "
+            f"{DESCENTS} were made unasked. search = 'multistart' makes all."
+        )
         return replace(best, remarks=(*best.remarks, words))
 
     def _further(self, first: Fit) -> int:
@@ -399,8 +397,8 @@ class Search:
         shares = np.asarray(qmc.Sobol(self.population.at.size, rng=np.random.default_rng(1)).random(SCREENED))
         costs = [self.population.costs(shares[:BATCH])]
         seconds = (time.perf_counter() - begun) * (SCREENED / BATCH - 1.0) + many * float(np.mean(self.spent))
-        missing = ". No start helps where a part or a path is missing: `thermid criticise` looks for it" * ("noise, most" in why)
-        self.tell(f"up to {counted(many, 'descent')} from the best of {SCREENED} points ({why}){missing}", seconds)
+        lacks = ". No start helps where a part or a path is missing: `thermid criticise` looks for it" * ("noise, most" in why)
+        self.tell(f"up to {counted(many, 'descent')} from the best of {SCREENED} points ({why}){lacks}", seconds)
         costs += [self.population.costs(shares[at : at + BATCH]) for at in range(BATCH, SCREENED, BATCH)]
         return shares, np.concatenate(costs)
 

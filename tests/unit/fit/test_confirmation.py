@@ -151,7 +151,7 @@ class TestPrice:
     def test_what_nobody_asked_for_is_limited_and_said(self, monkeypatch: pytest.MonkeyPatch) -> None:
         monkeypatch.setattr(search, "UNASKED", 0.0)
         found = td.calibrate(chain(), log(TRUTH, extra=0.6), FREE, scenario=BENCH)
-        assert any("no further one was made unasked. search = 'multistart' makes 5." in w for w in found.warnings)
+        assert any("only 0 of 5 were made unasked. search = 'multistart' makes all." in w for w in found.warnings)
 
     def test_what_is_made_unasked_does_not_depend_on_the_clock(self, monkeypatch: pytest.MonkeyPatch) -> None:
         """On a machine on which every look at the clock costs an hour the same descents are made, with the same end."""
@@ -171,8 +171,7 @@ class TestPrice:
         problem, told = problem_of(log(TRUTH, extra=0.6), start), Told()
         first = searched(problem, "local", "linear", 1.0)
         found = searched(problem, "auto", "linear", 1.0, told)
-        assert "most at 'n2' in log (0." in told.words[1][0]
-        assert "`thermid criticise` looks for it" in told.words[1][0]
+        assert all(word in told.words[1][0] for word in ("'n2' in log (0.", "thermid criticise"))
         assert found.evaluations <= first.evaluations + search.SCREENED + search.DESCENTS * 2 * search.UNASKED_ROUNDS
         assert found.chi_square == pytest.approx(searched(problem, "multistart", "linear", 1.0).chi_square, rel=1e-6)
 
@@ -183,7 +182,7 @@ class TestPrice:
         steps = sum(m.size for m in problem.compressed(first.fitted).meshes)
         monkeypatch.setattr(search, "UNASKED", 2.5 * 2 * search.UNASKED_ROUNDS * steps * 7 * (1 + len(problem.unknowns)))
         found = searched(problem, "auto", "linear", 1.0)
-        assert any(f"One takes {2 * search.UNASKED_ROUNDS} evaluations, so 2 further" in w for w in found.remarks)
+        assert any(f"One takes {2 * search.UNASKED_ROUNDS} evaluations, so only 2 of 5" in w for w in found.remarks)
 
 
 class TestInterrupt:

@@ -341,8 +341,7 @@ class ErrorModel(Result):
         values = network.numbers({p: v.value for p, v in fit.values.assignments.items()}).values
         fitted_ways = list[FittedWay]()
         for way in ways_of(network, points, values, paths):
-            like = next((w for w in fitted_ways if w.way.laws is way.laws), None)
-            fitted_ways.append(fitted_way(problem, fitted, way, points, like))
+            fitted_ways.append(fitted_way(problem, fitted, way, points, next((w for w in fitted_ways if w.way.laws is way.laws), None)))
         total = sum(w.way.before for w in fitted_ways)
         logs = np.concatenate([w.members.log_evidence + math.log(w.way.before / total) for w in fitted_ways])
         every = weights_of(logs)

@@ -166,11 +166,11 @@ class RunsOfFit:
         points: Mapping[str, OperatingPoint],
         departures: Departures | None,
         along: Sequence[ElementCourse] = (),
-        known: Sequence[Mapping[str, Sequence[Array]]] = (),
+        before: Sequence[Mapping[str, Sequence[Array]]] = (),
     ) -> RunsOfFit:
         """Return the runs at some values and laws, or along courses that are known; departures are laid over them where none are yet.
 
-        `known` are `responses` at the same values and laws, which are not looked for again.
+        `before` are `responses` at the same values and laws, which are not looked for again.
         """
         networks = [with_laws(e.network, laws) for e in problem.experiments]
         courses = along or [course_in_fit(problem, i, n, fitted) for i, n in enumerate(networks)]
@@ -189,14 +189,17 @@ class RunsOfFit:
         size, traces, responses = len(problem.unknowns), [], []
         for i, (network, (shared, single)) in enumerate(zip(networks, parts, strict=True)):
             heats = {n: DepartureHeat(n, ()) for n in columns} | {c.name: h for c, h in (*shared, *single)}
-            there = known[i] if known else {}
-            more = [h for n, h in heats.items() if n not in there]
+            more = [h for n, h in heats.items() if not before or n not in before[i]]
             rows = [t.averaged() for t in traces_of(problem, i, network, more, fitted)]
-            responses.append({**there, **{h.name: [t.rows[:, size + k] for t in rows] for k, h in enumerate(more)}})
-            wide = [replace(t, rows=np.column_stack([t.rows[:, :size], *(responses[i][n][k] for n in heats)])) for k, t in enumerate(rows)]
-            order = [*values, *range(size, size + len(columns)), *alone[i], *range(size + len(columns), size + len(heats))]
-            far = np.array([prior_mean(problem.unknowns[k], fitted[k]) - fitted[k] for k in alone[i]])
-            traces.append(tuple(t.about(alone[i], far).taken(order) for t in wide))
+            added = {h.name: [t.rows[:, size + k] for t in rows] for k, h in enumerate(more)}
+            responses.append({**before[i], **added} if before else added)
+            aside = np.array([prior_mean(problem.unknowns[k], fitted[k]) - fitted[k] for k in alone[i]])
+            by_sensor = []
+            for k, t in enumerate(rows):
+                every = [responses[i][n][k] for n in heats]
+                alike = np.column_stack([t.rows[:, values], *every[: len(columns)], t.rows[:, alone[i]], *every[len(columns) :]])
+                by_sensor.append(replace(t, residuals=t.residuals - t.rows[:, alone[i]] @ aside, rows=alike))
+            traces.append(tuple(by_sensor))
         own = tuple((*own_columns(problem, i), *(c for c, _ in run)) for i, (_, run) in enumerate(parts))
         return cls(problem, fitted, values, departures_used, tuple(columns.values()), own, tuple(traces), spans, tuple(responses))
 
@@ -310,8 +313,8 @@ def fitted_way(problem: Problem, fitted: Array, way: Way, points: Mapping[str, O
     one where both have the same laws (`like`).
     """
     at, laws, share = fitted.copy(), dict(way.laws), 1.0
-    departures, known = (like.begun.departures, like.begun.responses) if like is not None else (None, ())
-    begun = runs = RunsOfFit.of_problem(problem, at, way, laws, points, departures, (), known)
+    departures, responses = (like.begun.departures, like.begun.responses) if like is not None else (None, ())
+    begun = runs = RunsOfFit.of_problem(problem, at, way, laws, points, departures, (), responses)
     costs, values = list[float](), runs.values
     for _ in range(NEWTON_POINTS):
         runs = RunsOfFit.of_problem(problem, at, way, laws, points, begun.departures) if costs else begun
@@ -323,15 +326,15 @@ def fitted_way(problem: Problem, fitted: Array, way: Way, points: Mapping[str, O
             centre[k] = way.laws[path].shape[what] - laws[path].shape[what]
         cost, step, spread = runs.likeliest([*range(len(values)), *shapes.values()], centre)
         step[: len(values)] = (runs.moved(step[: len(values)]) - at)[values]
-        least = min(costs, default=np.inf)
+        lowest = min(costs, default=np.inf)
         costs.append(cost)
-        if cost < least:
+        if cost < lowest:
             best, share = (runs, laws, centre, step), min(2.0 * share, 1.0)
-            if (np.abs(step) < ARRIVED * spread).all() or least - cost < WORTH_A_POINT:
+            if (np.abs(step) < ARRIVED * spread).all() or lowest - cost < WORTH_A_POINT:
                 break
         else:
             share *= 0.25
-            if min(costs[:-2], default=np.inf) - least < WORTH_A_POINT:
+            if min(costs[:-2], default=np.inf) - lowest < WORTH_A_POINT:
                 break
         runs, laws, _, step = best
         at = runs.moved(share * step[: len(values)])
