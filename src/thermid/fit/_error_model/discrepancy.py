@@ -191,8 +191,8 @@ def with_discrepancy(fit: Calibration, assumed: AssumedMoves) -> Calibration:
     conditions = {p: point for p, c in surfaces.items() if (point := point_of(histories, c)) is not None}
     decided = _decided(problem, list(fit.values.assignments))
     before = fit.request.store.provenance.values() if fit.request is not None else ()
-    kept = {p: OperatingPoint(float(d), float(t)) for stage in before for p, (d, t) in stage.get("conditions", {}).items()}
-    conditions |= {p: c for p, c in kept.items() if p in conditions and p not in decided}
+    stored = {p: OperatingPoint(float(d), float(t)) for stage in before for p, (d, t) in stage.get("conditions", {}).items()}
+    conditions |= {p: c for p, c in stored.items() if p in conditions and p not in decided}
     place = {u.name: k for k, u in enumerate(problem.unknowns)}
     names = tuple(fit.values)
     misfit = misfit_found(problem, fit.autocorrelation) if fit.autocorrelation is not None else {}

@@ -69,7 +69,6 @@ class FittedWay:
     members : Members           Of values, less where the derivatives were taken, and of columns.
     sizes : array (members, groups)     Of each member, in the order of `GROUPS`.
     left : array (members, 2)   Size of what no element explains [K], and its time constant in parts of a run.
-    begun : RunsOfFit           At the values and laws where its search began.
     """
 
     way: Way
@@ -78,7 +77,6 @@ class FittedWay:
     members: Members
     sizes: Array
     left: Array
-    begun: RunsOfFit
 
     def nonlinearity(self) -> float:
         """Return how far a network in which the expected departures act ends from their straight lines, over what is allowed. [-]
@@ -142,7 +140,6 @@ class RunsOfFit:
     own : tuple                 What each run has for itself, per run.
     traces : tuple              Sensors, per run; unknowns are values, columns and own columns.
     spans : tuple of float      Durations. [s]
-    responses : tuple of dict   Per run: what departs -> what a unit of it adds to the readings of each sensor. [K]
     """
 
     problem: Problem
@@ -153,7 +150,6 @@ class RunsOfFit:
     own: tuple[tuple[UnknownColumn, ...], ...]
     traces: tuple[tuple[SensorRows, ...], ...]
     spans: tuple[float, ...]
-    responses: tuple[Mapping[str, Sequence[Array]], ...]
     memo: Memo = field(init=False, default_factory=Memo, repr=False, compare=False)
 
     @classmethod
@@ -166,12 +162,8 @@ class RunsOfFit:
         points: Mapping[str, OperatingPoint],
         departures: Departures | None,
         along: Sequence[ElementCourse] = (),
-        before: Sequence[Mapping[str, Sequence[Array]]] = (),
     ) -> RunsOfFit:
-        """Return the runs at some values and laws, or along courses that are known; departures are laid over them where none are yet.
-
-        `before` are `responses` at the same values and laws, which are not looked for again.
-        """
+        """Return the runs at some values and laws, or along courses that are known; departures are laid over them where none are yet."""
         networks = [with_laws(e.network, laws) for e in problem.experiments]
         courses = along or [course_in_fit(problem, i, n, fitted) for i, n in enumerate(networks)]
         spans = tuple(float(c.times[-1]) for c in courses)
@@ -186,22 +178,17 @@ class RunsOfFit:
         columns = {c.name: c for shared, _ in parts for c, _ in shared}
         alone = [alone_in(problem, i) for i in range(len(courses))]
         values = [k for k in range(len(problem.unknowns)) if not any(k in places for places in alone)]
-        size, traces, responses = len(problem.unknowns), [], []
+        traces = []
         for i, (network, (shared, single)) in enumerate(zip(networks, parts, strict=True)):
-            heats = {n: DepartureHeat(n, ()) for n in columns} | {c.name: h for c, h in (*shared, *single)}
-            more = [h for n, h in heats.items() if not before or n not in before[i]]
-            rows = [t.averaged() for t in traces_of(problem, i, network, more, fitted)]
-            added = {h.name: [t.rows[:, size + k] for t in rows] for k, h in enumerate(more)}
-            responses.append({**before[i], **added} if before else added)
-            aside = np.array([prior_mean(problem.unknowns[k], fitted[k]) - fitted[k] for k in alone[i]])
-            by_sensor = []
-            for k, t in enumerate(rows):
-                every = [responses[i][n][k] for n in heats]
-                alike = np.column_stack([t.rows[:, values], *every[: len(columns)], t.rows[:, alone[i]], *every[len(columns) :]])
-                by_sensor.append(replace(t, residuals=t.residuals - t.rows[:, alone[i]] @ aside, rows=alike))
-            traces.append(tuple(by_sensor))
-        own = tuple((*own_columns(problem, i), *(c for c, _ in run)) for i, (_, run) in enumerate(parts))
-        return cls(problem, fitted, values, departures_used, tuple(columns.values()), own, tuple(traces), spans, tuple(responses))
+            by_name = {c.name: h for c, h in shared}
+            heats = [*(by_name.get(n, DepartureHeat(n, ())) for n in columns), *(h for _, h in single)]
+            first, last = len(problem.unknowns), len(problem.unknowns) + len(columns)
+            order = [*values, *range(first, last), *alone[i], *range(last, last + len(single))]
+            apart = np.array([prior_mean(problem.unknowns[k], fitted[k]) - fitted[k] for k in alone[i]])
+            means = (t.averaged() for t in traces_of(problem, i, network, heats, fitted))
+            traces.append(tuple(replace(t, residuals=t.residuals - t.rows[:, alone[i]] @ apart).taken(order) for t in means))
+        own_columns_of_runs = tuple((*own_columns(problem, i), *(c for c, _ in run)) for i, (_, run) in enumerate(parts))
+        return cls(problem, fitted, values, departures_used, tuple(columns.values()), own_columns_of_runs, tuple(traces), spans)
 
     def moved(self, step: Array) -> Array:
         """Return the unknowns of the fit (unknowns,) after a step (values,) of the values that runs share; none goes beyond its bound."""
@@ -305,19 +292,17 @@ def noise_of(e: Experiment, o: Observation) -> float:
     return (noise if noise > LEAST_NOISE else UNSAID_NOISE) / float(np.sqrt(o.effective_share))
 
 
-def fitted_way(problem: Problem, fitted: Array, way: Way, points: Mapping[str, OperatingPoint], like: FittedWay | None = None) -> FittedWay:
+def fitted_way(problem: Problem, fitted: Array, way: Way, points: Mapping[str, OperatingPoint]) -> FittedWay:
     """Return the posterior where the heat is carried in one way: about the likeliest values and laws at usual sizes, then at all sizes.
 
     What no element explains has every size and time while they are looked for: fixed, a small one would bend values until they follow what
-    they do not explain, and a large one would leave them where they began. The runs in which another way's search began are those of this
-    one where both have the same laws (`like`).
+    they do not explain, and a large one would leave them where they began.
     """
-    at, laws, share = fitted.copy(), dict(way.laws), 1.0
-    departures, responses = (like.begun.departures, like.begun.responses) if like is not None else (None, ())
-    begun = runs = RunsOfFit.of_problem(problem, at, way, laws, points, departures, (), responses)
-    costs, values = list[float](), runs.values
+    at, laws, departures, share = fitted.copy(), dict(way.laws), None, 1.0
+    costs: list[float] = []
     for _ in range(NEWTON_POINTS):
-        runs = RunsOfFit.of_problem(problem, at, way, laws, points, begun.departures) if costs else begun
+        runs = RunsOfFit.of_problem(problem, at, way, laws, points, departures)
+        departures, values = runs.departures, runs.values
         place = {c.name: len(values) + k for k, c in enumerate(runs.columns)}
         shapes = {(p, w): place[n] for p, law in way.laws.items() for w in law.shape if (n := f"{w} of {p}") in place}
         # the prior's means, as seen from where the derivatives were taken
@@ -326,25 +311,25 @@ def fitted_way(problem: Problem, fitted: Array, way: Way, points: Mapping[str, O
             centre[k] = way.laws[path].shape[what] - laws[path].shape[what]
         cost, step, spread = runs.likeliest([*range(len(values)), *shapes.values()], centre)
         step[: len(values)] = (runs.moved(step[: len(values)]) - at)[values]
-        lowest = min(costs, default=np.inf)
+        gain = min(costs, default=np.inf) - cost
         costs.append(cost)
-        if cost < lowest:
+        if gain > 0.0:
             best, share = (runs, laws, centre, step), min(2.0 * share, 1.0)
-            if (np.abs(step) < ARRIVED * spread).all() or lowest - cost < WORTH_A_POINT:
+            if gain < WORTH_A_POINT or (np.abs(step) < ARRIVED * spread).all():
                 break
         else:
             share *= 0.25
-            if min(costs[:-2], default=np.inf) - lowest < WORTH_A_POINT:
+            if min(costs[:-2], default=np.inf) - min(costs) < WORTH_A_POINT:
                 break
         runs, laws, _, step = best
         at = runs.moved(share * step[: len(values)])
         moved = dict(zip(shapes, share * step[len(values) :], strict=True))
         laws = {p: law.moved({w: float(x) for (q, w), x in moved.items() if q == p}) for p, law in laws.items()}
     runs, laws, centre, _ = best
-    return _averaged(runs, way, laws, centre, begun)
+    return _averaged(runs, way, laws, centre)
 
 
-def _averaged(runs: RunsOfFit, way: Way, laws: Mapping[str, ElementLaw], centre: Array, begun: RunsOfFit) -> FittedWay:
+def _averaged(runs: RunsOfFit, way: Way, laws: Mapping[str, ElementLaw], centre: Array) -> FittedWay:
     """Return the posterior at all sizes that count."""
     most = SETS_COST / (len(runs.values) + len(runs.columns)) ** 3
     sets = int(np.clip(most, FEWEST_SETS, SETS))
@@ -364,7 +349,7 @@ def _averaged(runs: RunsOfFit, way: Way, laws: Mapping[str, ElementLaw], centre:
         sizes.append(sizes_at(points))
     sizes_left = np.repeat([(SIZES["left"].value * size, time) for size, time in likely], sets, axis=0)
     joined = replace(Members.joined(members), log_evidence=np.concatenate(logs_of))
-    return FittedWay(way, laws, runs, joined, np.concatenate(sizes), sizes_left, begun)
+    return FittedWay(way, laws, runs, joined, np.concatenate(sizes), sizes_left)
 
 
 def evidence_of_structure(problem: Problem, fitted: Array, courses: Sequence[ElementCourse]) -> float:
