@@ -49,8 +49,8 @@ UNASKED = 6e8
 """What further descents may take that nobody asked for, in temperatures and derivatives of integrator steps: some minute of a processor,
 whichever computes."""
 USUAL = 12
-"""Evaluations of a descent, as most need. Further ones that nobody asked for end after so many in each of their two parts, and the best goes
-on: in thirteen chains whose deck lacks something, and in a drive whose deck lacks a path, a hundred each gained nothing."""
+"""Evaluations of a descent, as most need. Further ones that nobody asked for end after so many in each of their two parts, and the best
+goes on: in thirteen chains whose deck lacks something, and in a drive whose deck lacks a path, a hundred each gained nothing."""
 
 
 @dataclass(frozen=True, eq=False)
