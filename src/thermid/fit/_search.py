@@ -50,7 +50,7 @@ UNASKED = 6e8
 whichever computes."""
 USUAL = 12
 """Evaluations of a descent, as most need. Further ones that nobody asked for end after so many in each of their two parts, and the best
-goes on: in thirteen chains whose deck lacks something, and in a drive whose deck lacks a path, a hundred each gained nothing."""
+goes on: in thirteen chains whose deck lacks something, and in a drive whose deck lacks a path, whole ones gained nothing."""
 
 
 @dataclass(frozen=True, eq=False)
