@@ -45,13 +45,12 @@ PROVED = 9.0
 GENERATIONS = 300
 BATCH = 16
 """Members that run at once; the interrupt key acts between batches."""
-UNASKED, UNASKED_ROUNDS = 6e8, 15
+UNASKED = 6e8
 """What further descents may take that nobody asked for, in temperatures and derivatives of integrator steps: some minute of a processor,
-whichever computes; and the evaluations of each of them, in each of its two parts. The best goes on to its end. Of the valleys that other
-starts found in benches with right decks, all cost less than the first one by then; where a deck lacks a part, none does, and each descent
-takes a hundred evaluations."""
+whichever computes."""
 USUAL = 12
-"""Evaluations of a descent, as most need."""
+"""Evaluations of a descent, as most need. Further ones that nobody asked for end after so many in each of their two parts, and the best
+goes on: in twelve chains whose deck lacks something, and in a drive whose deck lacks a path, whole ones gained nothing."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -180,15 +179,14 @@ def searched(
 
 def doubts(problem: Problem, minimum: Fit) -> str:
     """Return why one descent may have ended in the wrong valley, or an empty text."""
-    if not minimum.converged:
-        return "the first search did not converge"
-    times = _level(problem, minimum)
-    if not _noise_is_stated(problem) or times <= TWICE:
-        return ""
+    if not minimum.converged or not _noise_is_stated(problem) or (times := _level(problem, minimum)) <= TWICE:
+        return "" if minimum.converged else "the first search did not converge"
     noise = {(e.record.name, o.sensor): o.sigma(problem.noise) for e in problem.experiments for o in e.observations}
     record, sensor, sums = max(minimum.sums, key=lambda of: of[2].mean_square / noise[of[:2]] ** 2)
-    rms = f"{math.sqrt(sums.mean_square):.2g} K RMS"
-    return f"the residuals are {math.sqrt(times):.2g} times the stated noise, most at '{sensor}' in {record} ({rms})"
+    return (
+        f"the residuals are {math.sqrt(times):.2g} times the stated noise, most at '{sensor}' in {record} "
+        f"({math.sqrt(sums.mean_square):.2g} K RMS)"
+    )
 
 
 def at_bound(problem: Problem, minimum: Fit) -> str:
@@ -239,10 +237,9 @@ def preferred(population: Population, first: Fit, others: list[Fit]) -> Fit:
     best = min((f for f in others if f.converged or not first.converged), key=lambda f: f.cost, default=first)
     if best.cost >= first.cost:
         return first
-    problem = population.problem
-    traces = autocorrelation(problem, best, population.loss, population.loss_scale).traces
+    traces = autocorrelation(population.problem, best, population.loss, population.loss_scale).traces
     share = sum(t.effective_samples for t in traces) / max(sum(t.samples for t in traces), 1)
-    return best if 2.0 * (first.cost - best.cost) * share > PROVED * max(1.0, _level(problem, best)) else first
+    return best if 2.0 * (first.cost - best.cost) * share > PROVED * max(1.0, _level(population.problem, best)) else first
 
 
 def _level(problem: Problem, minimum: Fit) -> float:
@@ -305,12 +302,13 @@ class Search:
     def affordable(self, first: Fit, why: str) -> Fit:
         """Return the best of as many descents as an automatic search makes; a first one that took long is said to stand alone."""
         many = min(DESCENTS, self._further(first))
-        best = self.descents([first], why, many, UNASKED_ROUNDS) if many else first
+        best = self.descents([first], why, many, USUAL) if many else first
         if many == DESCENTS or best.stopped:
             return best
-        extra = "no further one was" if not many else "one further was" if many == 1 else f"{many} further ones were"
-        words = f"{why}, so the search may have ended in a local minimum. One takes {2 * UNASKED_ROUNDS} evaluations, so {extra} "
-        words += f"made unasked. search = 'multistart' makes {DESCENTS}."
+        words = (
+            f"{why}, so the search may have ended in a local minimum. One takes {USUAL} evaluations or "
+            f"twice as many, so only {many} of {DESCENTS} were made unasked. search = 'multistart' makes all."
+        )
         return replace(best, remarks=(*best.remarks, words))
 
     def _further(self, first: Fit) -> int:
@@ -318,7 +316,7 @@ class Search:
         problem = self.population.problem
         meshes = problem.compressed(first.fitted, self.population.loss, self.population.loss_scale).meshes
         steps = sum(len(e.network.nodes) * (m.size or e.times.size) for e, m in zip(problem.experiments, meshes, strict=True))
-        return int(UNASKED / (2 * UNASKED_ROUNDS * steps * (1 + len(problem.unknowns))))
+        return int(UNASKED / (USUAL * steps * (1 + len(problem.unknowns))))
 
     def confirmed(self, first: Fit, why: str) -> Fit:
         """Return the better of a descent and one from the other side of its start; the best of several where these two differ."""
@@ -332,20 +330,19 @@ class Search:
         opposite = np.clip(start - way * max(1.0, MIN_START_DISTANCE / float(np.abs(way).max())), 0.0, 1.0)
         self.tell(f"a second search from the other side of the start, because {why}", self.spent[0])
         second = self.descent(population.placed(opposite[None, :])[0])
-        problem = population.problem
         best = preferred(population, first, [second])
         total = first.evaluations + second.evaluations
         if second.stopped:
             return _stopped(first, [first, second], total)
         # whether two descents ended at the same values, within half a standard error of the better one
-        error = _errors(problem, min((first, second), key=lambda f: f.cost))
+        error = _errors(population.problem, min((first, second), key=lambda f: f.cost))
         if (np.abs(first.fitted - second.fitted) <= 0.5 * np.where(error > 0.0, error, np.inf)).all():
             return replace(
                 first, evaluations=total, search=f"{why}: a second search, from the other side of the start, ended at the same values"
             )
-        if contradictions(problem, best):
-            return self.descents([first, second], why, DESCENTS - 1, UNASKED_ROUNDS, proved=True)
-        words, remarks = _valleys(problem, best, [first, second], first)
+        if contradictions(population.problem, best):
+            return self.descents([first, second], why, DESCENTS - 1, USUAL, proved=True)
+        words, remarks = _valleys(population.problem, best, [first, second], first)
         return replace(best, evaluations=total, search=f"{why}: {words}", remarks=(*best.remarks, *remarks))
 
     def descents(self, ends: list[Fit], why: str, many: int, rounds: int = MOST_EVALUATIONS, proved: bool = False) -> Fit:
@@ -377,8 +374,9 @@ class Search:
             return _stopped(first, ends, count)
         best = preferred(population, first, ends) if proved else min(ends, key=lambda f: (round(f.cost, 6), f is not first))
         words, remarks = _valleys(population.problem, best, ends, first)
-        words = f"multistart, {why}: {costs.size} points, {words}"
-        return replace(best, evaluations=count, search=words, remarks=(*best.remarks, *remarks))
+        return replace(
+            best, evaluations=count, search=f"multistart, {why}: {costs.size} points, {words}", remarks=(*best.remarks, *remarks)
+        )
 
     def from_all(self, starts: Array, rounds: int) -> Iterator[Fit]:
         """Yield the ends of descents from starts (starts, unknowns), in their order; those that the model cannot be run at have none."""
@@ -399,8 +397,8 @@ class Search:
         shares = np.asarray(qmc.Sobol(self.population.at.size, rng=np.random.default_rng(1)).random(SCREENED))
         costs = [self.population.costs(shares[:BATCH])]
         seconds = (time.perf_counter() - begun) * (SCREENED / BATCH - 1.0) + many * float(np.mean(self.spent))
-        missing = ". No start helps where a part or a path is missing: `thermid criticise` looks for it" * ("noise, most" in why)
-        self.tell(f"up to {counted(many, 'further start')}, the best of {SCREENED} points ({why}){missing}", seconds)
+        lacks = ". No start helps where a part or a path is missing: `thermid criticise` looks for it" * ("noise, most" in why)
+        self.tell(f"up to {counted(many, 'further start')}, the best of {SCREENED} points ({why}){lacks}", seconds)
         costs += [self.population.costs(shares[at : at + BATCH]) for at in range(BATCH, SCREENED, BATCH)]
         return shares, np.concatenate(costs)
 
@@ -412,8 +410,10 @@ class Search:
             message = f"stopped by the user after {best.evaluations} members, at the best of them"
             return replace(ended(p.problem, at, p.loss, p.loss_scale, best.evaluations, message, False), stopped=True)
         end = self.descent(at)
-        words = f"differential evolution: {best.evaluations} members, cost {best.cost:.6g}; "
-        words += f"polished by {end.evaluations} evaluations to {end.cost:.6g}"
+        words = (
+            f"differential evolution: {best.evaluations} members, cost {best.cost:.6g}; polished by {end.evaluations} evaluations to "
+            f"{end.cost:.6g}"
+        )
         return replace(end, evaluations=end.evaluations + best.evaluations, search=words)
 
 

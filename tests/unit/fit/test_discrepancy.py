@@ -12,7 +12,8 @@ from thermid.base.errors import IdentificationError
 from thermid.base.units import quantity
 from thermid.fit._calibrate import calibrate
 from thermid.fit._calibration import Calibration
-from thermid.fit._error_model.discrepancy import Discrepancy, discrepancy, operating_points
+from thermid.fit._error_model.courses import OperatingPoint
+from thermid.fit._error_model.discrepancy import Discrepancy, discrepancy
 from thermid.measure.records import Channel, Record
 from thermid.model.tree import Model, model_from_dict
 from thermid.prediction._known import values_at
@@ -91,11 +92,11 @@ def test_draws_hold_it_too(constant: Calibration) -> None:
 def test_conditions_are_kept_with_the_values_and_go_up_with_them(constant: Calibration, tmp_path: object) -> None:
     path = f"{tmp_path}/one.values.toml"
     constant.save(path)
-    at = operating_points(load_values(path).provenance)["skin"]
+    at = OperatingPoint(*load_values(path).provenance["conditions"]["skin"])
     assert at == discrepancy(constant).conditions["skin"]
     assert str(at) == f"{at.difference:.2g} K at {at.level - 273.15:.0f} degC"
     assert 8.0 < at.difference < 13.3
-    assert operating_points(values_at(constant.values, "a").provenance) == {"a.skin": at}
+    assert values_at(constant.values, "a").provenance["conditions"] == {"a.skin": [at.difference, at.level]}
 
 
 def test_a_calibration_without_its_records_says_so(constant: Calibration) -> None:

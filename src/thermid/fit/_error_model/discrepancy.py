@@ -44,17 +44,14 @@ MAX_GAS_CONDUCTANCE: Final = float(GASES["air"].k(REFERENCE)) / MIN_CONTACT_GAP
 """The most that gas between faces can carry. [W/(m^2 K)]"""
 
 
-def bare_contacts(network: Network) -> list[FlatConductor]:
-    """Return the contacts whose deck does not say what of them is gas, by a gap or gas = "none": spots and gas in one conductance."""
-    conductors = network.flat.conductors
-    return [
-        c for c in conductors if c.kind == "contact" and "contact_conductance" in c.fields and not {"gap", "gas"} & {*c.fields, *c.words}
-    ]
-
-
 def contacts_in_other_gas(network: Network, media: Sequence[Media]) -> tuple[str, ...]:
-    """Return the contacts whose gas is another one, or has another pressure, than air on the ground in some of the states."""
-    return tuple(c.path for c in bare_contacts(network) if any(m.changed(g) for m in media for g in _gases(network, c)))
+    """Return the contacts whose gas is another one, or has another pressure, than air on the ground in some of the states.
+
+    Of those whose deck does not say what of them is gas, by a gap or gas = "none": spots and gas in one conductance.
+    """
+    bare = (c for c in network.flat.conductors if c.kind == "contact" and not {"gap", "gas"} & {*c.fields, *c.words})
+    several = (c for c in bare if "contact_conductance" in c.fields)
+    return tuple(c.path for c in several if any(m.changed(g) for m in media for g in _gases(network, c)))
 
 
 def _gases(network: Network, joint: FlatConductor) -> list[str]:
@@ -194,7 +191,8 @@ def with_discrepancy(fit: Calibration, assumed: AssumedMoves) -> Calibration:
     conditions = {p: point for p, c in surfaces.items() if (point := point_of(histories, c)) is not None}
     decided = _decided(problem, list(fit.values.assignments))
     before = fit.request.store.provenance.values() if fit.request is not None else ()
-    conditions |= {p: c for stage in before for p, c in operating_points(stage).items() if p in conditions and p not in decided}
+    stored = {p: OperatingPoint(float(d), float(t)) for stage in before for p, (d, t) in stage.get("conditions", {}).items()}
+    conditions |= {p: c for p, c in stored.items() if p in conditions and p not in decided}
     place = {u.name: k for k, u in enumerate(problem.unknowns)}
     names = tuple(fit.values)
     misfit = misfit_found(problem, fit.autocorrelation) if fit.autocorrelation is not None else {}
@@ -250,11 +248,6 @@ def _decided(problem: Problem, paths: Sequence[str]) -> set[str]:
     network = problem.experiments[0].network
     touched = set(network.flat.parameters.downstream(paths))
     return {path for path, c in constant_coefficients(network).items() if coefficient_path(c) in touched}
-
-
-def operating_points(provenance: Mapping[str, Any]) -> dict[str, OperatingPoint]:
-    """Return path of a conductor -> where its coefficient was found, as the provenance of fitted values keeps it."""
-    return {p: OperatingPoint(float(d), float(t)) for p, (d, t) in provenance.get("conditions", {}).items()}
 
 
 def assumed_moves(request: Request, problem: Problem, minimum: Fit, noise: Autocorrelation) -> AssumedMoves:

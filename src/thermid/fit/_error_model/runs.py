@@ -304,10 +304,6 @@ class SensorRows:
 
         return SensorRows(mean(self.times), mean(self.residuals), np.sqrt(mean(self.noise**2) / count), mean(self.rows))
 
-    def about(self, columns: Sequence[int], far: Array) -> SensorRows:
-        """Return residuals less what the unknowns in `columns`, moved by `far` (columns,), add to the readings."""
-        return replace(self, residuals=self.residuals - self.rows[:, list(columns)] @ far)
-
     def taken(self, columns: Sequence[int]) -> SensorRows:
         """Return the derivatives of the unknowns in `columns` only, in that order."""
         return replace(self, rows=self.rows[:, list(columns)])

@@ -401,19 +401,9 @@ def _range(values: ParameterSet, path: str, where: str) -> tuple[str, StatedRang
 
 def _channel_key(c: Channel) -> list[Any]:
     """Return what a fit depends on of a channel beside its numbers in the file, whose hash is of them as they are written."""
-    key = [
-        c.role,
-        c.target,
-        c.gain,
-        c.unit,
-        c.quantity,
-        c.noise,
-        c.accuracy,
-        c.resolution,
-        "sampled" if c.prompt is False else bool(c.prompt),
-        c.correction,
-    ]
-    return [*key, c.samples + c.interpolation, *([repr(c.part)] if c.part else [])]
+    prompt = "sampled" if c.prompt is False else bool(c.prompt)
+    limits = (c.noise, c.accuracy, c.resolution, prompt, c.correction, c.samples + c.interpolation)
+    return [c.role, c.target, c.gain, c.unit, c.quantity, *limits, *([repr(c.part)] if c.part else [])]
 
 
 def _by_hand(request: Request) -> list[str]:
