@@ -663,7 +663,7 @@ def _taken_as_switched(problem: Problem, minimum: Fit, total: Array) -> list[str
         f"{FIRST}prompt = false of '{n}' has no effect, and its changes count from their samples. A fit looks for the moment of a change "
         "only where samples are instants, held until the next one, and the model is no FMU."
         for n, c in sampled.items()
-        if n not in effective and np.ptp(c.values[c.valid]) > 0.0
+        if n not in effective and not c.interpolation and np.ptp(c.values[c.valid]) > 0.0
     ]
     switches = list(own_switches(problem, minimum))
     ratios = {
