@@ -133,6 +133,7 @@ def test_a_table_above_that_names_two_channels_alike_names_none(log):
         ("# Unit: °C\n", "Time;T1;T2", ("degC", "degC")),
         ("Device;Foo\nUnit;°C;W\n\n", "t;T1;P", ("degC", "W")),
         ("Unit;°F;mW\n", "t;T1;P", ("degF", "mW")),
+        ("Rig 3\nSampling;30 s;Unit;degC\n", "t;T1;T2", ("degC", "degC")),
         ("Unit;°F;mW\n", "t;T1 [°C];P", ("degC", "mW")),
         ("Unit;four;mW\n", "t;T1;P", (None, None)),
     ],

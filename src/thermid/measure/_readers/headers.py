@@ -204,9 +204,10 @@ _UNIT_WORDS: Final = ("unit", "units", "einheit", "einheiten", "unité", "unité
 def with_units_above(names: tuple[str, ...], above: Sequence[Sequence[str]]) -> tuple[str, ...]:
     """Return names with the units of a line above the header: one of each column, `Unit;°C;W`, or one of all but times, `Unit: °C`."""
     for row in above:
-        word, *rest = [part.strip() for cell in row for part in cell.split(":", 1)]
+        parts = [part.strip() for cell in row for part in cell.split(":", 1)]
+        rest = parts[1 + next((k for k, part in enumerate(parts) if part.lower() in _UNIT_WORDS), len(parts)) :]
         given = [text for text in rest if text]
-        if word.lower() not in _UNIT_WORDS or not given or not all(re.match(_UNIT_CELL, text) for text in given):
+        if not given or not all(re.match(_UNIT_CELL, text) for text in given):
             continue
         below = ["", *rest] if len(rest) == len(names) - 1 else ["", *given * (len(names) - 1)] if len(given) == 1 else [""] * len(names)
         clear = [_unit_of(name) or is_time_name(name) for name in names]
