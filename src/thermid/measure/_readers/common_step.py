@@ -45,7 +45,7 @@ SHARES_HELD = 1e-4
 """Weight that holds shares of responses near nothing: they would cancel in millions else, and stand for nothing that a network does. [-]"""
 MIN_INDEPENDENT = 4.0
 """Fewest residuals that count as independent. [-]"""
-MAX_STRETCHES = 6
+MAX_LEFT_OUT = 6
 """Stretches of readings that are left out one by one."""
 FINER = 3
 """How often offsets are tried again, eight times as close about the best."""
@@ -274,11 +274,11 @@ def _disagreement(effect: LogCourse, cause: LogCourse, responses: Explanation, o
     edges = edges[(edges > 0.0) & (edges < effect.times[-1])]
     if edges.size < 2:
         return 0.0
-    edges = edges[np.unique(np.linspace(0, edges.size - 1, MAX_STRETCHES).round().astype(int))]
+    edges = edges[np.unique(np.linspace(0, edges.size - 1, MAX_LEFT_OUT).round().astype(int))]
     stretch = np.searchsorted(edges[1:], effect.times, side="right")
     left_out = [replace(effect, times=effect.times[stretch != k], values=effect.values[stretch != k]) for k in range(edges.size)]
-    found = [_refined_offset(e, responses, offset, 4.0 * step, step) for e in left_out if e.times.size]
-    return float(np.std(found) * np.sqrt(len(found) - 1.0)) if len(found) > 1 else 0.0
+    offsets = [_refined_offset(e, responses, offset, 4.0 * step, step) for e in left_out if e.times.size]
+    return float(np.std(offsets) * np.sqrt(len(offsets) - 1.0)) if len(offsets) > 1 else 0.0
 
 
 def _quarter_time(course: LogCourse) -> float:

@@ -206,12 +206,12 @@ def with_units_above(names: tuple[str, ...], above: Sequence[Sequence[str]]) -> 
     for row in above:
         parts = [part.strip() for cell in row for part in cell.split(":", 1)]
         rest = parts[1 + next((k for k, part in enumerate(parts) if part.lower() in _UNIT_WORDS), len(parts)) :]
-        given = [text for text in rest if text]
-        if not given or not all(re.match(_UNIT_CELL, text) for text in given):
+        texts = [text for text in rest if text]
+        if not texts or not all(re.match(_UNIT_CELL, text) for text in texts):
             continue
-        below = ["", *rest] if len(rest) == len(names) - 1 else ["", *given * (len(names) - 1)] if len(given) == 1 else [""] * len(names)
+        below = ["", *rest] if len(rest) == len(names) - 1 else ["", *texts * (len(names) - 1)] if len(texts) == 1 else [""] * len(names)
         clear = [_unit_of(name) or is_time_name(name) for name in names]
-        return tuple(n if known else _with_unit(n, text) for n, text, known in zip(names, below, clear, strict=True))
+        return tuple(n if stated else _with_unit(n, text) for n, text, stated in zip(names, below, clear, strict=True))
     return names
 
 
