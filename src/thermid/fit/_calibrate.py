@@ -641,13 +641,13 @@ def _with_lines(problem: Problem, minimum: Fit, i: int) -> Iterator[tuple[str, f
         lines = {path: signal_of(e.record, replace(c, interpolation="linear"), role, e.record.ends[0])}
         scenario = e.scenario.with_(**{table: {**getattr(e.scenario, table), **lines}})
         other = replace(e, scenario=scenario, instants=tuple(at for at in e.instants if at.path != path))
-        kept = [n not in bench.experiment.jumps or n in other.jumps for n in bench.free]
-        straight = Bench.of_experiment(other, [n for n, stays in zip(bench.free, kept, strict=True) if stays])
-        runs = [b.temperatures(values, False, None)[0] for b, values in ((bench, x), (straight, x[kept]))]
+        stays_free = [n not in bench.experiment.jumps or n in other.jumps for n in bench.free]
+        straight = Bench.of_experiment(other, [n for n, stays in zip(bench.free, stays_free, strict=True) if stays])
+        runs = [b.temperatures(values, False, None)[0] for b, values in ((bench, x), (straight, x[stays_free]))]
         gain = 0.0
         if c.prompt is False:
             stay = [not {t.name for t in u.targets if t.experiment == i} & {*bench.free} - {*straight.free} for u in problem.unknowns]
-            ramps = tuple(other if k == i else each for k, each in enumerate(problem.experiments))
+            ramps = tuple(other if k == i else same for k, same in enumerate(problem.experiments))
             unknowns = tuple(u for u, stays in zip(problem.unknowns, stay, strict=True) if stays)
             again = minimise(replace(problem, experiments=ramps, unknowns=unknowns), start=minimum.fitted[stay])
             gain = float(np.sqrt(minimum.chi_square / again.chi_square)) if again.cost < minimum.cost else 0.0
@@ -662,7 +662,7 @@ def _taken_as_switched(problem: Problem, minimum: Fit, total: Array) -> list[str
         f"{FIRST}prompt = false of '{n}' has no effect, and its changes count from their samples. A fit looks for the moment of a change "
         "only where samples are instants, held until the next one, and the model is no FMU."
         for n, c in sampled.items()
-        if n not in effective and np.ptp(c.values[c.valid]) > 0.0
+        if n not in effective and not c.interpolation and np.ptp(c.values[c.valid]) > 0.0
     ]
     switches = list(own_switches(problem, minimum))
     ratios = {
@@ -1009,8 +1009,8 @@ def with_found_instants(problem: Problem) -> Problem:
     rough = minimise(problem)
     weighed = replace(problem, noise=_measured_noise(problem, rough, "linear"))
     at = minimise(weighed, start=rough.fitted).fitted
-    found = [dict(zip(bench.free, problem.inputs(i, at)[0].tolist(), strict=True)) for i, bench in enumerate(problem.benches())]
-    settled = tuple(replace(e, scenario=e.changed_at(x), instants=()) for e, x in zip(problem.experiments, found, strict=True))
+    later = [dict(zip(bench.free, problem.inputs(i, at)[0].tolist(), strict=True)) for i, bench in enumerate(problem.benches())]
+    settled = tuple(replace(e, scenario=e.changed_at(x), instants=()) for e, x in zip(problem.experiments, later, strict=True))
     # instants are the last of the unknowns, so that joint priors keep their places
     return replace(problem, experiments=settled, unknowns=tuple(u for u in problem.unknowns if not u.is_instant))
 

@@ -10,7 +10,9 @@ import thermid as td
 from by_code import raises_code
 from thermid.base.errors import RecordError
 from thermid.measure._readers.formats import log_cells
+from thermid.measure._readers.headers import name_and_unit
 from thermid.measure._readers.log_reader import read_record
+from thermid.measure._readers.textfile import cells_of_text
 
 NAMES = ("Zeit", "Gehäuse", "Luft")
 UNITS = ("Zeit [s]", "Gehäuse [°C]", "Luft [°C]")
@@ -121,3 +123,21 @@ def test_channels_that_a_table_above_the_header_names_and_signs_apart_from_their
 def test_a_table_above_that_names_two_channels_alike_names_none(log):
     head = "CH1,board\nCH2,board\n\ntime,CH1 [degC],CH2 [degC]\n"
     assert log_cells(log(head + "".join(f"{k},2{k}.5,20.5\n" for k in range(5)))).header[1:] == ("CH1 [degC]", "CH2 [degC]")
+
+
+@pytest.mark.parametrize(
+    ("above", "names", "units"),
+    [
+        ("Logger X1\nEinheit: °C\n", "Time;T1;T2", ("degC", "degC")),
+        ("# Unit: °C\n", "Time;T1;T2", ("degC", "degC")),
+        ("Device;Foo\nUnit;°C;W\n\n", "t;T1;P", ("degC", "W")),
+        ("Unit;°F;mW\n", "t;T1;P", ("degF", "mW")),
+        ("Rig 3\nSampling;30 s;Unit;degC\n", "t;T1;T2", ("degC", "degC")),
+        ("Unit;°F;mW\n", "t;T1 [°C];P", ("degC", "mW")),
+        ("Unit;four;mW\n", "t;T1;P", (None, None)),
+    ],
+)
+def test_units_of_a_line_above_the_header_count(above: str, names: str, units: tuple[str | None, ...]) -> None:
+    """They were passed over, and columns whose quantity nobody knew were left out of a joined log."""
+    cells = cells_of_text(f"{above}{names}\n" + "".join(f"{t};20.{t};5\n" for t in range(4)), "log.csv", None)
+    assert tuple(name_and_unit(name)[1] for name in cells.header[1:]) == units

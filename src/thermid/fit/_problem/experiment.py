@@ -935,7 +935,7 @@ def _instants(record: Record, inputs: Inputs) -> tuple[Instant, ...]:
     power with n such steps dP in intervals h the energy is known to (sum (dP h)^2 / 12)^(1/2): an error of its mean.
     """
     later = {n for clock in record.clocks for n in clock.channels}
-    found: list[tuple[float, Instant]] = []
+    sized: list[tuple[float, Instant]] = []
     steps: dict[Instant, float] = {}
     for name, path in inputs.driven.items():
         channel = record.channels[name]
@@ -944,15 +944,15 @@ def _instants(record: Record, inputs: Inputs) -> tuple[Instant, ...]:
         sampled = channel.prompt is False or (channel.prompt is None and name in later and kind != "schedule")
         if not (sampled and channel.samples != "average" and isinstance(table, TableSignal) and table.held):
             continue
-        # as logged: errors that a fit found, and how a power was summed, change no order
+        # as logged: errors that a fit sized, and how a power was summed, change no order
         logged = float(np.abs(channel.values[channel.valid]).max()) / float(np.abs(table.values).max() or 1.0)
         change = table.steps_above(MIN_SWITCHED, MIN_SWITCHED_NOISES * _input_noise(channel).white)
         for k in np.flatnonzero(change).tolist():
             instant = Instant(kind, path, k + 1, table.gaps(k + 1)[0], name, channel.prompt is False)
             steps[instant] = float(change[k])
-            found.append((float(f"{-abs(change[k]) * logged:.9g}"), instant))
+            sized.append((float(f"{-abs(change[k]) * logged:.9g}"), instant))
         inputs.tables[kind][path] = table.changed_within()
-    ordered = [instant for _, instant in sorted(found)]
+    ordered = [instant for _, instant in sorted(sized)]
     energies: dict[tuple[str, str], float] = {}
     for x in (x for x in ordered[MAX_SWITCHES:] if x.table != "schedule"):
         energies[x.table, x.path] = energies.get((x.table, x.path), 0.0) + (steps[x] * x.interval) ** 2 / 12.0

@@ -379,9 +379,9 @@ def instant_unknowns(experiments: Sequence[Experiment]) -> list[Unknown]:
             alike = groups.setdefault((suffixes.get(x.channel, ""), x.stated), [])
             alike.append((f"{x.row} of {x.path}", Influence(i, x.name)))
         for (of, stated), alike in groups.items():
-            every, (common, own) = ("all", BETWEEN_SAMPLES) if stated else ("every", SOME_SAMPLE)
-            parts = [(every, tuple(act for _, act in alike), common), *((name, (act,), own) for name, act in alike)]
-            names = [f"{e.record.name}: {SWITCH} {name}{of}" for name, _, _ in parts]
-            priors = [(acts, Prior(*law)) for _, acts, law in parts]
-            out += [Unknown(n, "local", a, 0.0, low=-last, high=last, prior=p) for n, (a, p) in zip(names, priors, strict=True)]
+            every, (common, single) = ("all", BETWEEN_SAMPLES) if stated else ("every", SOME_SAMPLE)
+            parts = [(every, tuple(act for _, act in alike), common), *((name, (act,), single) for name, act in alike)]
+            for name, acts, law in parts:
+                label = f"{e.record.name}: {SWITCH} {name}{of}"
+                out.append(Unknown(label, "local", acts, 0.0, low=-last, high=last, prior=Prior(*law)))
     return out

@@ -690,11 +690,11 @@ class Problem:
         """Return the temperatures (times, sensors) of the sensors' nodes [K], and `slopes`."""
         x, chain = self.inputs(i, fitted)
         clocks = [(k, f"{CLOCK} {number} {place}") for k, number, place in self.ticking(i)]
-        bench, own = self.bench(i, fitted, [name for _, name in clocks]), x.size
+        bench, inner = self.bench(i, fitted, [name for _, name in clocks]), x.size
         x = np.append(x, np.zeros(len(clocks)))
         columns, derivatives = bench.temperatures(x, bool(x.size), self.options, times)
-        out = _chain_product(derivatives[:, :, :own], -chain) if own else np.zeros((*columns.shape, len(self.unknowns)))
-        for n, (k, _) in enumerate(clocks, own):
+        out = _chain_product(derivatives[:, :, :inner], -chain) if inner else np.zeros((*columns.shape, len(self.unknowns)))
+        for n, (k, _) in enumerate(clocks, inner):
             out[:, :, k] -= derivatives[:, :, n]
         for at, slope_of_clock in slopes_of_clock(self, i, fitted, times).items():
             out[:, :, at] -= slope_of_clock

@@ -197,6 +197,24 @@ def with_units_row(rows: Sequence[Sequence[str]]) -> tuple[Header, int]:
     return Header(names, units), extra
 
 
+_UNIT_WORDS: Final = ("unit", "units", "einheit", "einheiten", "unité", "unités", "unidad", "unidades")
+"""Words before the units that a line above the header states, in lower case."""
+
+
+def with_units_above(names: tuple[str, ...], above: Sequence[Sequence[str]]) -> tuple[str, ...]:
+    """Return names with the units of a line above the header: one of each column, `Unit;°C;W`, or one of all but times, `Unit: °C`."""
+    for row in above:
+        parts = [part.strip() for cell in row for part in cell.split(":", 1)]
+        rest = parts[1 + next((k for k, part in enumerate(parts) if part.lower() in _UNIT_WORDS), len(parts)) :]
+        texts = [text for text in rest if text]
+        if not texts or not all(re.match(_UNIT_CELL, text) for text in texts):
+            continue
+        below = ["", *rest] if len(rest) == len(names) - 1 else ["", *texts * (len(names) - 1)] if len(texts) == 1 else [""] * len(names)
+        clear = [_unit_of(name) or is_time_name(name) for name in names]
+        return tuple(n if stated else _with_unit(n, text) for n, text, stated in zip(names, below, clear, strict=True))
+    return names
+
+
 def _with_unit(name: str, text: str) -> str:
     """Return a name with the unit below it in brackets, unless it has that unit or the cell stands for none."""
     plain = text.strip("[](){} ")

@@ -28,6 +28,7 @@ from thermid.measure._readers.headers import (
     numbers_a_channel,
     one_line_of_names,
     refuse_two_units,
+    with_units_above,
     with_units_row,
 )
 from thermid.measure._record.sensor import SensorCertificate
@@ -178,6 +179,7 @@ def cells_of_text(text: str, file: str, separator: str | None, notes: Sequence[s
             else f"line {numbers[extra]} below the header holds no samples"
         )
     names = _named_above(header.names, _cells_of_lines(every[:above], mark), notes)
+    names = with_units_above(names, _cells_of_lines([(n, line.lstrip("#% ")) for n, line in every[: numbers[0] - 1]], mark))
     rows, numbers = rows[extra + 1 :], numbers[extra + 1 :]
     rows, numbers, notes_on_cut = _without_cut_lines(rows, numbers, width, whole)
     notes += notes_on_cut
