@@ -940,7 +940,7 @@ def _hidden_starts(
 def _instants(record: Record, inputs: Inputs) -> tuple[Instant, ...]:
     """Return the largest changes between samples of inputs, which are laid in the middles of their intervals.
 
-    They are those of channels that were not logged as they changed, and those on another clock of which nobody states it. Of all others of a
+    They are those of channels that were not logged as they changed, and those on another clock of which nobody does. Of all others of a
     power with n such steps dP in intervals h the energy is known to (sum (dP h)^2 / 12)^(1/2): an error of its mean.
     """
     later = {n for clock in record.clocks for n in clock.channels}
