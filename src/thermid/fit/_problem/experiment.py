@@ -727,7 +727,7 @@ class Experiment:
 
     @property
     def promptly(self) -> dict[str, tuple[Channel, TableSignal]]:
-        """Load -> channel and signal of what counts from its samples, although nobody says that it was logged as it changed.
+        """Load -> channel and signal of what counts from its samples, although nobody states that it was logged as it changed.
 
         None of an FMU's, and none whose load has a curve, a flux, a cycle or a control.
         """
@@ -762,7 +762,7 @@ class Experiment:
         for k, ticks in enumerate(self.ticks):
             of_clock = [(n, p, getattr(self.scenario, n)[p]) for n, p in ticks.driven if n in STEPPED]
             tables = [(n, p, t) for n, p, t in of_clock if isinstance(t, TableSignal) and t.held]
-            rows = [(n, p, int(r)) for n, p, t in tables for r in np.flatnonzero(np.diff(t.values))]
+            rows = [(n, p, int(r)) for n, p, t in tables for r in np.flatnonzero(np.diff(t.levels))]
             rows = rows if len(rows) <= MAX_JUMPS else []
             out[f"{CLOCK} {k} {OFFSET}"] = tuple(Jump(n, p, r + 1, 1.0) for n, p, r in rows)
             out[f"{CLOCK} {k} {RATE}"] = tuple(Jump(n, p, r + 1, float(ticks.samples[p][r + 1])) for n, p, r in rows)
@@ -931,7 +931,7 @@ def _hidden_starts(
 def _instants(record: Record, inputs: Inputs) -> tuple[Instant, ...]:
     """Return the largest changes between samples of inputs, which are laid in the middles of their intervals.
 
-    They are those of channels that were not logged as they changed, and those on another clock of which nobody says so. Of all others of a
+    They are those of channels that were not logged as they changed, and those on another clock of which nobody does. Of all others of a
     power with n such steps dP in intervals h the energy is known to (sum (dP h)^2 / 12)^(1/2): an error of its mean.
     """
     later = {n for clock in record.clocks for n in clock.channels}
@@ -945,7 +945,7 @@ def _instants(record: Record, inputs: Inputs) -> tuple[Instant, ...]:
         if not (sampled and channel.samples != "average" and isinstance(table, TableSignal) and table.held):
             continue
         # as logged: errors that a fit sized, and how a power was summed, change no order
-        logged = float(np.abs(channel.values[channel.valid]).max()) / float(np.abs(table.values).max() or 1.0)
+        logged = float(np.abs(channel.values[channel.valid]).max()) / float(np.abs(table.levels).max() or 1.0)
         change = table.steps_above(MIN_SWITCHED, MIN_SWITCHED_NOISES * _input_noise(channel).white)
         for k in np.flatnonzero(change).tolist():
             instant = Instant(kind, path, k + 1, table.gaps(k + 1)[0], name, channel.prompt is False)
