@@ -34,9 +34,10 @@ while True:
 """
 
 
+FOLDERS = Path(__file__).parents[1], Path(__file__).parents[2] / "examples" / "bench"
 BOARD = """
 import math, sys
-sys.path.insert(0, sys.argv[1])
+sys.path[:0] = sys.argv[1:]
 from pseudo_terminal import Terminal
 from python_board import Board
 board = Board(lambda t, d: [20.0 + k + math.sin(t / 5000) for k in range(10)], 10)
@@ -93,9 +94,7 @@ def resident() -> float:
 def test_a_day_at_ten_sensors_keeps_its_memory_and_loses_nothing(hours: float, tmp_path: Path) -> None:
     path = tmp_path / "bench.log"
     # in a process of its own: two threads that pass single bytes to each other wait for the interpreter's lock
-    board = subprocess.Popen(
-        [sys.executable, "-c", BOARD, str(Path(__file__).parents[1])], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
-    )
+    board = subprocess.Popen([sys.executable, "-c", BOARD, *map(str, FOLDERS)], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
     assert board.stdout is not None
     port, rom = board.stdout.readline().split()
     begun = time.monotonic()

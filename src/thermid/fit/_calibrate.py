@@ -614,8 +614,8 @@ def _taken_as_instants(problem: Problem, minimum: Fit) -> list[str]:
         "samples of logged schedules are held until the next one. With straight lines between them they would change the simulated "
         "temperatures by more than the noise: {} K. State interpolation = 'linear' for the channel of a value that a controller moves "
         "all the time, 'previous' for one that is switched.",
-        f"{FIRST}inputs are taken to change by steps between their samples, but straight lines leave residuals that are smaller: {{}} "
-        "times. State interpolation = 'linear' for the channel of what was changed slowly, else 'previous'.",
+        f"{FIRST}inputs are taken to change by steps between their samples, but straight lines leave residuals that are smaller "
+        "by a factor: {}. State interpolation = 'linear' for the channel of what was changed slowly, else 'previous'.",
     )
     return [
         text.format(", ".join(f"'{n}' {short(k)}" for n, k in sizes.items()))
@@ -628,7 +628,7 @@ def _with_lines(problem: Problem, minimum: Fit, i: int) -> Iterator[tuple[str, f
     """Yield what straight lines between samples do in a record, of each channel whose steps nobody stated.
 
     They are its name, the root mean square of what a thermometer would read otherwise [K], and how many times smaller residuals are after a
-    fit with them; zero where a fit with steps has a lower cost, or none was looked for, as of a schedule of unknown samples.
+    fit with them; zero where chance would do as much, or none was looked for, as of a schedule of unknown samples.
     """
     e, bench, x = problem.experiments[i], problem.benches()[i], problem.inputs(i, minimum.fitted)[0]
     for name, c in e.record.channels.items():
@@ -650,19 +650,20 @@ def _with_lines(problem: Problem, minimum: Fit, i: int) -> Iterator[tuple[str, f
             ramps = tuple(other if k == i else same for k, same in enumerate(problem.experiments))
             unknowns = tuple(u for u, stays in zip(problem.unknowns, stay, strict=True) if stays)
             again = minimise(replace(problem, experiments=ramps, unknowns=unknowns), start=minimum.fitted[stay])
-            gain = float(np.sqrt(minimum.chi_square / again.chi_square)) if again.cost < minimum.cost else 0.0
+            proved = minimum.chi_square - again.chi_square > ASIDE**2
+            gain = float(np.sqrt(minimum.chi_square / again.chi_square)) if proved else 0.0
         yield name, float(np.sqrt(np.mean((runs[1] - runs[0]) ** 2, axis=0)).max()), gain
 
 
 def _taken_as_switched(problem: Problem, minimum: Fit, total: Array) -> list[str]:
     """Return remarks on sampled powers: unknown instants that may move a value by more than its error, and a statement of no effect."""
+    foreign = problem.experiments[0].network.flat.names.model.runner is not None
     sampled = {n: c for e in problem.experiments for n, c in e.record.channels.items() if c.prompt is False}
-    effective = {x.channel for e in problem.experiments for x in e.instants}
     out = [
         f"{FIRST}prompt = false of '{n}' has no effect, and its changes count from their samples. A fit looks for the moment of a change "
         "only where samples are instants, held until the next one, and the model is no FMU."
         for n, c in sampled.items()
-        if n not in effective and not c.interpolation and np.ptp(c.values[c.valid]) > 0.0
+        if (foreign or not c.held or c.samples == "average") and not c.interpolation and np.ptp(c.values[c.valid]) > 0.0
     ]
     switches = list(own_switches(problem, minimum))
     ratios = {

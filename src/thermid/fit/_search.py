@@ -364,15 +364,18 @@ class Search:
                     count += end.evaluations
                     if end.stopped:
                         return _stopped(first, ends, count)
-            best = min(ends, key=lambda f: f.cost)
-            if rounds < MOST_EVALUATIONS and not best.converged and best is not first:
-                ends.append(self.descent(best.fitted))
-                count += ends[-1].evaluations
+            whole = [first]
+            while True:
+                best = preferred(population, first, ends) if proved else min(ends, key=lambda f: (round(f.cost, 6), f is not first))
+                if rounds == MOST_EVALUATIONS or best.converged or any(best is end for end in whole):
+                    break
+                whole.append(self.descent(best.fitted))
+                count += whole[-1].evaluations
+                ends[next(k for k, end in enumerate(ends) if end is best)] = whole[-1]
         except KeyboardInterrupt:
             if not self.stoppable:
                 raise
             return _stopped(first, ends, count)
-        best = preferred(population, first, ends) if proved else min(ends, key=lambda f: (round(f.cost, 6), f is not first))
         words, remarks = _valleys(population.problem, best, ends, first)
         return replace(
             best, evaluations=count, search=f"multistart, {why}: {costs.size} points, {words}", remarks=(*best.remarks, *remarks)

@@ -23,7 +23,7 @@ from typing import Any
 from thermid.base.errors import DeckError, ExpressionError, ThermidError, UnitError, cap, raising
 from thermid.base.files import read_text
 from thermid.base.results import Shown
-from thermid.base.units import DIMENSIONLESS, Dimension, describe, in_si, parse, unit
+from thermid.base.units import DIMENSIONLESS, Dimension, counted, describe, in_si, parse, unit
 from thermid.model.tree import Parameter, parameter
 
 _CELSIUS = re.compile(r"(deg\.?\s*|degrees?\s+|°\s*)?(C|celsius)\Z", re.IGNORECASE)
@@ -279,6 +279,10 @@ def read_initfcn(source: str | os.PathLike[str]) -> InitFcn:
             reader.failed.add(statement.name)
     if faults:
         first, *rest = sorted(faults, key=lambda e: int(e.where.rpartition(":")[2]))
+        if len(faults) > len(reader.parameters) and not re.search(r";\s*(%.*)?$", text, re.MULTILINE):  # a file of another kind
+            raise type(first)(
+                f"{first.message} {counted(len(rest), 'more statement')} cannot be read either.", first.where, code=first.code
+            )
         raise type(first)("\n  ".join([first.message, *(f"{e.where}: {e.message}" for e in rest)]), first.where, code=first.code)
     if not reader.parameters:
         raise ExpressionError(

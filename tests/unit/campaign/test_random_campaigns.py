@@ -7,10 +7,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from unit.campaign.stages_at_random import Drawing, Known, Stage, held, joint_reference, reference
 
 from thermid.campaign._stages import run_stages
 from thermid.fit.calibration import Calibration
+from unit.campaign.campaigns_at_random import Drawing, Known, Stage, held, joint_reference, reference
 
 VALUES, ERRORS = 0.1, 0.02
 """What may differ: of a value in its standard errors, of a standard error in itself. [-]"""

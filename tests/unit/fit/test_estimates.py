@@ -61,7 +61,7 @@ def test_values_to_quote_are_those_that_the_model_of_error_expects(fit: td.Calib
     assert fit.estimates["skin.htc"].relative > 0.1  # what is fixed and known to 10 % counts
     line = next(x for x in str(fit).splitlines() if x.startswith(f"  {HEAT} "))
     assert abs(float(line.split()[1]) - best.value) < 0.1 * best.error
-    assert "   fitted " in line
+    assert "   (the curves have " in line
     shown = answer(fitted, {}, best)
     assert (shown["value"], shown["error"], shown["fitted"]) == (best.value, best.error, fitted.value)
     row = parameters(fit).rows[0]

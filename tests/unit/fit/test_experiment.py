@@ -335,13 +335,16 @@ def test_what_a_schedule_stands_for_is_said(tmp_path: Path) -> None:
     rows = [f"{t:g},{celsius:.3f},23,{n:.0f}" for t, celsius, n in zip(times, read, rpm, strict=True)]
     (tmp_path / "fan.csv").write_text("\n".join(["time [s],BOX [degC],AIR [degC],FAN [rpm]", *rows]))
     fits = {}
-    for interpolation in ("", "linear", "previous"):
-        fan = {"schedule": "speed"} | ({"interpolation": interpolation} if interpolation else {"prompt": False})
+    for interpolation in ("", "linear", "previous", "sampled"):
+        fan = {"schedule": "speed"} | ({"interpolation": interpolation} if interpolation else {})
+        fan = {"schedule": "speed", "prompt": False} if interpolation == "sampled" else fan
         channels = {"BOX": {"node": "box", "noise": "0.02 [K]"}, "AIR": {"boundary": "air"}, "FAN": fan}
         fits[interpolation] = calibrate(model, read_record(tmp_path / "fan.csv", channels), free=["blown"])
     told = {i: "\n".join(f.warnings) for i, f in fits.items()}
-    assert ["'FAN' (0." in told[i] for i in fits] == [True, False, False]
-    assert abs(fits["linear"]["blown"].value - 0.4) < 0.2 * abs(fits[""]["blown"].value - 0.4)
+    assert ["'FAN' 0." in told[i] for i in fits] == [True, False, False, False]
+    assert "prompt = false" not in told["sampled"]  # it has the effect that changes lie in the middle of an interval
+    assert abs(fits["sampled"]["blown"].value - 0.4) < 5e-4
+    assert fits["linear"]["blown"].error < 0.1 * fits[""]["blown"].error
     (motor,) = (row for row in fits[""].inputs.rows if row.name == "motor")
     assert (motor.source, motor.words) == ("log", "follows 'speed'")
     asked = {n: bench.with_(schedule={"speed": f"{n} [rpm]"}) for n in (0, 1490, 2000, 4000)}

@@ -165,7 +165,9 @@ def test_a_law_with_a_direction_is_known_by_its_heat_and_kept_from_the_wrong_end
     assert [form for form in plain if not same_both_ways(form)] == ["hinge of difference"]
     row = ConductorRow("path", ("base", "plate"), Law("power", (1.0, 0.25)))
     places: dict[str, list[object]] = {"conductors": [], "factors": [], "controls": [], "loads": []}
-    problem = SimpleNamespace(nodes=["plate"], wiring=SimpleNamespace(structure=SimpleNamespace(coefficient_input=[-1, -1], **places)))
+    problem = SimpleNamespace(
+        nodes=["plate"], wiring=SimpleNamespace(structure=SimpleNamespace(coefficient_input=[-1, -1], edges=(), **places))
+    )
     for first, last in ((0, 1), (1, 0)):  # from node to boundary, and back
         places["conductors"][:] = [(row, first, last, (0, 1))]
         assert large_network.refusal(problem) == ""

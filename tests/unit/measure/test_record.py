@@ -1,12 +1,14 @@
 from __future__ import annotations
 
 import pickle
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from by_code import raises_code
 from thermid.base.errors import NameNotFoundError, RecordError, UnitError
+from thermid.measure._readers.log_reader import read_record
 from thermid.measure._record.channel import Channel, Origin
 from thermid.measure._record.record import Record
 
@@ -179,3 +181,18 @@ def test_sizes_of_a_channel_are_amounts_with_their_units() -> None:
         Channel.from_array("T", [20.0, 21.0], unit="degC", noise="1 [W]")
     with raises_code("value.not-an-amount", UnitError):
         Channel.from_array("T", [20.0, 21.0], unit="degC", accuracy=[0.5])
+
+
+def test_a_scheduled_speed_holds_when_a_record_is_resampled() -> None:
+    """A fan that was switched on at 600 s was taken to speed up from the start of its log, without a word."""
+    speed = Channel.from_array("FAN", [0.0, 1500.0, 1500.0], unit="rpm", quantity="angular speed", role="schedule", target="speed")
+    log = Record.from_arrays("fan", np.array([0.0, 600.0, 900.0]), {"FAN": speed})
+    values = log.resample("100 [s]")["FAN"].values
+    assert set(np.round(values / speed.values[-1], 9)) == {0.0, 1.0}
+
+
+def test_a_share_of_a_power_in_watts_is_a_power(tmp_path: Path) -> None:
+    """`gain` of a column in watts made it a duty, and the message asked for the wrong cure."""
+    (tmp_path / "meter.csv").write_text("time [s],P [W]\n0,0\n10,5\n20,5\n")
+    shared = read_record(tmp_path / "meter.csv", {"P": {"load": "heat", "gain": "share"}})["P"]
+    assert (shared.quantity, shared.role, shared.values.tolist()) == ("power", "load", [0.0, 5.0, 5.0])

@@ -181,7 +181,9 @@ def unit_and_quantity(binding: Binding, header_unit: str | None, where: str) -> 
     UnitError     When the unit does not fit the role.
     RecordError   When the unit given and the one in the header differ.
     """
-    in_per_cent = binding.gain is not None or binding.full_scale is not None
+    stated = binding.unit or header_unit or ""
+    in_watts = binding.full_scale is None and _is_unit(stated) and unit(stated).dimension == unit("W").dimension
+    in_per_cent = not in_watts and (binding.gain is not None or binding.full_scale is not None)
     role = ROLES.get("command" if in_per_cent else binding.role)
     text = binding.unit or header_unit or (role.unit if role is not None else "degC")
     if binding.unit is None and header_unit is None:

@@ -334,8 +334,8 @@ class Channel(Shown):
 
     @property
     def held(self) -> bool:
-        """Whether a sample holds until the next one: by `interpolation`, else true of powers and commands."""
-        return self.quantity in HELD if not self.interpolation else self.interpolation == "previous"
+        """Whether a sample holds until the next one: by `interpolation`, else true of powers, commands and what is scheduled."""
+        return self.quantity in HELD or self.role == "schedule" if not self.interpolation else self.interpolation == "previous"
 
     def masked(self, where: ArrayLike, reason: str) -> Channel:
         """Return the channel with its valid samples masked where the array `where` (samples,) is True, for a reason.
