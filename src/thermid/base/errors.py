@@ -359,12 +359,9 @@ def quoted(names: Sequence[str], longest: int = 8) -> str:
 
 
 class CodedText(str):
-    """A text with a code; a text in every other way. What is made of it by formatting or cutting has no code.
+    """A text with a `code`, that of the text itself where none is given; a text in every other way.
 
-    Parameters
-    ----------
-    text : str   What is said.
-    code : str   Its code; that of `text` where it has one and none is given.
+    What is made of it by formatting or cutting has no code.
     """
 
     code: str

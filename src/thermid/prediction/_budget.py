@@ -18,6 +18,7 @@ from thermid.base.results import Shown
 from thermid.base.units import Array, Indices, from_si, plain_numbers, short, value_of
 from thermid.fit.calibration import Calibration
 from thermid.fit.error_model import (
+    AS_BUILT,
     MAX_GAS_CONDUCTANCE,
     BandCause,
     Discrepancy,
@@ -84,6 +85,8 @@ ELEMENTS = ("structural", BandCause.STRUCTURE)
 """Kinds and causes without which nothing departs: the answer is that of the model's own structure, with the errors of its fits."""
 SCHEDULE_SLACK = 0.01
 """Part of a logged schedule's largest value by which a scenario may pass its ends before that is named. [-]"""
+LEAST_TOGETHER = 1e-3
+"""Probability from which ways of several fits are answered for together. [-]"""
 ROOM_HATS = 25
 """Numbers by which a logged room may wander in a run, at most."""
 
@@ -351,6 +354,31 @@ UNSEEN = "the bands do not count what the equations of the FMU leave out: its st
 """What is said of the band of a model that is run by somebody else's program."""
 
 
+def as_built(way: KeptWay) -> bool:
+    """Return whether no element departs from its law in a way, whatever its finish."""
+    return way.name.startswith(AS_BUILT)
+
+
+def _together(errors: Sequence[ErrorModel], network: Network) -> list[tuple[KeptWay, ...]]:
+    """Return a way of every model of error for each that there is of all: heat is carried in one way everywhere, or as the deck says.
+
+    That the elements of one fit do not depart says nothing of those of another, so each may be as built beside every way of the others.
+    """
+    names = dict.fromkeys(w.name for e in errors if len(e.ways) > 1 for w in e.ways if not as_built(w)) or [errors[0].ways[0].name]
+    # a deck may have said since what carries the heat
+    names = [n for n in names if all(w.agrees(network) for e in errors for w in e.ways if w.name == n)] or [*names]
+    out: dict[tuple[str, ...], tuple[KeptWay, ...]] = {}
+    for name in names:
+        departing = [next((w for w in e.ways if w.name == name), e.ways[0]) for e in errors]
+        for kept in product(
+            *([w, *(x for x in e.ways if as_built(x) and x.agrees(network))] for w, e in zip(departing, errors, strict=True))
+        ):
+            out.setdefault(tuple(w.name for w in kept), kept)
+    weights = [float(np.prod([w.weight for w in kept])) for kept in out.values()]
+    seen = [kept for kept, weight in zip(out.values(), weights, strict=True) if weight > LEAST_TOGETHER * sum(weights) or len(errors) == 1]
+    return sorted(seen, key=lambda kept: sum(map(as_built, kept)))
+
+
 @dataclass(frozen=True, eq=False)
 class BudgetWay:
     """One way in which the heat of surfaces may be carried, as a budget has it.
@@ -367,6 +395,16 @@ class BudgetWay:
     kept: tuple[KeptWay, ...]
     at: Mapping[str, float]
     gain: Array
+
+    @property
+    def built(self) -> tuple[bool, ...]:
+        """Of every model of error whether nothing departs in it."""
+        return tuple(map(as_built, self.kept))
+
+    @property
+    def departing(self) -> KeptWay:
+        """The first of those in which elements depart, if there is one."""
+        return next((w for w in self.kept if not as_built(w)), self.kept[0])
 
 
 @dataclass(frozen=True, eq=False)
@@ -551,12 +589,12 @@ class Budget:
         places = [Target(n, "node") for n in network.nodes if n in elements]
         sources = [Source(f"left over at {t.name}", "misfit", Normal(), BandCause.UNEXPLAINED) for t in places]
         out = out.beside(sources, BandCause.UNEXPLAINED, places, np.eye(len(places)))
-        names = list(dict.fromkeys(w.name for e in errors if len(e.ways) > 1 for w in e.ways)) or [errors[0].ways[0].name]
-        # a deck may have said since what carries the heat
-        names = [n for n in names if all(w.agrees(network) for e in errors for w in e.ways if w.name == n)] or names
-        if len(names) > 1:
-            out = out.beside([Source(AVERAGED, "structural", Uniform(0.0, 1.0), "what carries the heat of surfaces")], AVERAGED)
-        ways = [out._way([(e, next((w for w in e.ways if w.name == name), e.ways[0])) for e in errors]) for name in names]
+        several = _together(errors, network)
+        if len(several) > 1:
+            patterns = {tuple(map(as_built, kept)) for kept in several}
+            cause = AVERAGED if len(patterns) < len(several) else BandCause.STRUCTURE  # whether elements depart is no carrier of heat
+            out = out.beside([Source(AVERAGED, "structural", Uniform(0.0, 1.0), "what carries the heat of surfaces")], cause)
+        ways = [out._way([*zip(errors, kept, strict=True)]) for kept in several]
         whole = sum(w.weight for w in ways)
         ways = [replace(w, weight=w.weight / whole) for w in ways]
         loose = {n: e.seen[n] for e in errors for n in e.open_values if n in target_names}

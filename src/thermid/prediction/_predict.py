@@ -53,7 +53,7 @@ MEANING = {
     BandCause.RUN: "coefficients, masses and powers differ from one test to the next",
     BandCause.ROOM: "a room drifts about what is logged of it",
     BandCause.UNEXPLAINED: "residuals that no departure of an element follows",
-    AVERAGED: "whether free air or a fan carries the heat of surfaces, and how much of it is radiated; whether elements depart at all",
+    AVERAGED: "whether free air or a fan carries the heat of surfaces, and how much of it is radiated",
     STATED_RANGES: "finishes, materials and parts differ from one to the next within the range that their catalogue or data sheet prints",
     GAS_IN_JOINTS: "no log shows how much of a joint is conduction through the gas between its faces",
 }
@@ -471,15 +471,17 @@ def carrier_words(budget: Budget, bands: Mapping[str, Band]) -> list[str]:
     share = max((b.final.shares.get(AVERAGED, 0.0) for b in bands.values()), default=0.0)
     if share < MIN_CARRIER_PROBABILITY:
         return []
-    weights = {w.kept[0].carrier: sum(x.weight for x in budget.ways if x.kept[0].carrier == w.kept[0].carrier) for w in budget.ways}
-    departs = 1.0 - weights.pop(AS_BUILT, 0.0)
-    carriers = {name: weight / departs for name, weight in weights.items()}
-    finish, *lacks = np.sum([w.weight * np.array(w.kept[0].beside_deck) for w in budget.ways], axis=0).tolist()
+    weights: dict[str, float] = {}
+    for w in budget.ways:
+        weights[w.departing.carrier] = weights.get(w.departing.carrier, 0.0) + w.weight
+    weights.pop(AS_BUILT, 0.0)
+    carriers = {name: weight / sum(weights.values()) for name, weight in weights.items()}
+    finish, *lacks = np.sum([w.weight * np.array(w.departing.beside_deck) for w in budget.ways], axis=0).tolist()
     path, entry = (x * (x > LACK_ODDS / (1.0 + 2.0 * LACK_ODDS)) for x in lacks)  # where readings made it likelier
     named = ", ".join(f"{name} {100 * weight:.0f} %" for name, weight in carriers.items())
     words = {
         f"no deck states what carries the heat of its surfaces; the readings say {named}. State carried_by: the bands narrow": min(
-            carriers.values()
+            carriers.values(), default=1.0
         ),
         f"a surface has another finish than its deck states, with a probability of {100 * finish:.0f} %. Measure its emissivity, and give "
         'it source = "measured": the bands narrow': finish,
@@ -616,7 +618,7 @@ def predicted(
     words = meaning(widest.shares if widest is not None else {}, budget)
     bands = {n: b.parted for n, b in bands.items()} if first.setting.switches else bands
     standing = worst([budget.standing, *best.doubts])
-    duty_cycles = {name: replace(duty, members=shares.get(name, duty.members)) for name, duty in best.duty_cycles.items()}
+    duty_cycles = {name: duty.of_members(shares.get(name, duty.members)) for name, duty in best.duty_cycles.items()}
     titles = (budget.model.title, budget.scenario.title)
     return Prediction(*titles, times, bands, rest, words, warnings, find, standing, omitted, least, duty_cycles=duty_cycles)
 
@@ -700,12 +702,35 @@ def mixed_answer(
     weights = np.array([w.weight for w in ways])
     centre = weights @ np.array(centres)
     if len(ways) > 1:
-        parts[AVERAGED] = weights @ (np.array(centres) - centre) ** 2
+        built = [w.setting.budget.ways[0].built for w in ways]
+        for cause, variance in between_ways(weights, np.array(centres), built).items():
+            parts[cause] = parts.get(cause, 0.0) + variance
     if any(w.setting.budget.ways for w in ways):
         run = weights @ np.array([w.kelvin(node) for w in ways])
         shifts[BandCause.STRUCTURE] = shifts.get(BandCause.STRUCTURE, 0.0) + run - np.append(best, run[-1])
     mixture = NormalMixture(weights, np.array(centres), np.array(variances)) if len(ways) > 1 else None
     return parts, shifts, centre, mixture
+
+
+def between_ways(weights: Array, centres: Array, built: Sequence[tuple[bool, ...]]) -> dict[str, Array]:
+    """Return cause -> its part (times,) of the variance of the centres of ways. [K^2]
+
+    Between ways in which elements of the same fits depart it is what carries the heat; between these and others it is of the laws.
+
+    Parameters
+    ----------
+    weights : array (ways,)             Probabilities.
+    centres : array (ways, times)       [K]
+    built : sequence of tuple of bool   Way -> of every model of error whether nothing departs in it.
+    """
+    groups = [np.array([b == pattern for b in built]) for pattern in dict.fromkeys(built)]
+    whole = weights @ (centres - weights @ centres) ** 2
+    among = np.zeros_like(whole)
+    for group in groups:
+        w = weights[group]
+        among += w @ (centres[group] - w @ centres[group] / w.sum()) ** 2
+    named = {AVERAGED: among} if len(groups) < len(built) else {}
+    return named | ({BandCause.STRUCTURE: np.maximum(whole - among, 0.0)} if len(groups) > 1 else {})
 
 
 def meaning(shares: Mapping[str, float], budget: Budget) -> dict[str, str]:

@@ -41,9 +41,9 @@ from thermid.fit.error_model import (
 )
 from thermid.measure.records import Record
 from thermid.model.tree import UNJUDGED, Constant, Standing, literal
-from thermid.prediction._budget import AVERAGED, Budget, budget_of, first_line, in_order
+from thermid.prediction._budget import AVERAGED, Budget, as_built, budget_of, first_line, in_order
 from thermid.prediction._known import Knowledge, rows_of
-from thermid.prediction._predict import parted, predicted, shares
+from thermid.prediction._predict import between_ways, parted, predicted, shares
 from thermid.prediction._setting import Setting
 from thermid.simulation.runs import Scenario
 from thermid.values.store import LeftOut, error_table_of
@@ -371,7 +371,8 @@ def _banded(
         source: sum(w * parts.get(source, 0.0) for w, (_, parts) in zip(weights, centres_and_parts, strict=True))
         for source in centres_and_parts[0][1]
     }
-    variances[AVERAGED] = weights @ (centres - weights @ centres) ** 2
+    for cause, variance in between_ways(weights, centres, [(as_built(w),) for w in errors.ways]).items():
+        variances[cause] = variances.get(cause, 0.0) + variance
     sensors = [run.centres(np.concatenate([np.zeros(len(w.values)), w.mean])) for w, run in ways]
     off = {
         READING,

@@ -53,6 +53,17 @@ class DutyCycle:
     last_power: float
     members: Array = field(default_factory=lambda: np.zeros((0, 2)), repr=False)
 
+    def of_members(self, members: Array) -> DutyCycle:
+        """Return that of a prediction: shares are the means of its members, and energy and powers follow them; those of no member stay."""
+        own, means = (
+            np.array([self.share, self.last_share]),
+            [np.mean(x[np.isfinite(x)] if np.isfinite(x).any() else np.nan) for x in members.T],
+        )
+        share, last = np.where(np.isfinite(means), means, own).tolist()
+        run_part, last_part = (a / b if b > 0.0 else 1.0 for a, b in ((share, self.share), (last, self.last_share)))
+        powers = self.energy * run_part, self.mean_power * run_part, self.last_power * last_part
+        return DutyCycle(share, last, self.period, self.cycles, *powers, members)
+
     def interval(self, level: float = 0.95) -> Array:
         """Return the ends (2, 2) of the band of both shares over the members that have them; NaN where there are none. [-]"""
         columns = [column[np.isfinite(column)] for column in self.members.T]

@@ -13,6 +13,7 @@ from typer.testing import CliRunner
 
 import thermid as td
 from thermid.app.cli.app import app
+from thermid.simulation._duty import DutyCycle
 
 AIR, ON, OFF, POWER, CONDUCTANCE, TAU = -20.0, 5.0, 8.0, 12.0, 0.3, 400.0
 COLD = td.Scenario("cold", boundaries={"air": f"{AIR} [degC]"}, start="7 [degC]", duration="1 [h]")
@@ -103,3 +104,12 @@ def test_members_that_sum_their_powers_are_the_runs_themselves() -> None:
         run = ready.run({n: float(v[k]) for n, v in draws.items()})
         assert run.statistics["switchings"]
         np.testing.assert_allclose(members.temperatures("box")[:, k], run["box"].kelvin, atol=1e-7)
+
+
+def test_the_duty_of_a_prediction_lies_within_its_band() -> None:
+    """It was that of the run at the fitted values, beside the band of members: 44.9 % (45.9 .. 53.8)."""
+    own = DutyCycle(0.449, 0.376, 100.0, 5, 1000.0, 60.0, 53.0)
+    told = own.of_members(np.array([[0.46, np.nan], [0.5, np.nan], [0.54, np.nan]]))
+    assert (told.share, told.last_share, told.last_power) == (pytest.approx(0.5), 0.376, 53.0)
+    assert told.mean_power / told.share == pytest.approx(own.mean_power / own.share)
+    assert told.interval()[0, 0] < told.share < told.interval()[1, 0]

@@ -657,7 +657,8 @@ def _tightest_instants(name: str, run: Foresight, one: Limits, k: int, side: str
             continue
         towards = np.where(inside, sign * band.kelvin + HALF_WIDTH_95 * error, -np.inf)
         index = int(towards.argmax())
-        shares = {c: float(v[index] / error[index] ** 2) if error[index] > 0 else 0.0 for c, v in band.parts.items()}
+        variance = sum(float(v[index]) for v in band.parts.values())  # of a mixture it is not that of the interval
+        shares = {c: float(v[index]) / variance if variance > 0.0 else 0.0 for c, v in band.parts.items()}
         expected, size = float(band.kelvin[index]), float(error[index])
         if band.switches:
             expected, end = band.extreme(sign, during=inside)

@@ -47,6 +47,7 @@ from thermid.fit._error_model.sizes import (
     FAR_SIZE,
     KEPT_OF_PRIOR,
     MIN_LOG_BAYES_FACTOR,
+    OTHER_FINISH,
     OUTSIDE,
     SIZES,
 )
@@ -351,13 +352,14 @@ class ErrorModel(Result):
         apart = sum(share @ w.members.square for w, share in zip(fitted_ways, shares, strict=True))
         misfit = math.hypot(math.sqrt(apart), likeliest.nonlinearity())
         probabilities = [*(departs * share for share in shares), holds * weights_of(as_built.members.log_evidence)]
-        ways = normalised(
-            [
-                KeptWay.of_fitted(w, share)
-                for w, share in zip((*fitted_ways, as_built), probabilities, strict=True)
-                if share.sum() > COUNTED * departs
-            ]
-        )
+        all_ways = [*fitted_ways, as_built]
+        if others := [(share, w) for share, w in zip(shares, fitted_ways, strict=True) if ANOTHER in w.way.name and share.any()]:
+            # a finish that nobody measured may be another one where nothing else departs too, and no log in air tells of it
+            share, other = max(others, key=lambda pair: float(pair[0].sum()))
+            probabilities[-1:] = [(1.0 - OTHER_FINISH) * probabilities[-1], OTHER_FINISH * holds * share / share.sum()]
+            all_ways.append(replace(other, way=replace(other.way, name=AS_BUILT + ANOTHER)))
+        several = zip(all_ways, probabilities, strict=True)
+        ways = normalised([KeptWay.of_fitted(w, share) for w, share in several if share.sum() > COUNTED * departs])
         fitted_values = {u.name: SeenValue.of_unknown(u) for u in problem.unknowns if u.name in ways[0].values}
         still = as_built.runs.posteriors(np.zeros(len(as_built.runs.values)), np.zeros((1, len(GROUPS))))  # neither elements nor rooms
         gain, spot = log_sum(logs) - log_sum([left_prior()[r] + m.log_evidence[0] for r, m in still.items()]), ""
@@ -373,7 +375,7 @@ class ErrorModel(Result):
     @property
     def departing(self) -> ErrorModel:
         """What it says where some element departs from its law."""
-        return replace(self, ways=normalised([w for w in self.ways if w.name != AS_BUILT] or self.ways))
+        return replace(self, ways=normalised([w for w in self.ways if not w.name.startswith(AS_BUILT)] or self.ways))
 
     @property
     def carriers(self) -> dict[str, float]:
@@ -656,7 +658,7 @@ def with_structural_errors(fit: Calibration, errors: ErrorsOfFit) -> Calibration
         return replace(fit, warnings=(*fit.warnings, words))
     moved, covariance = errors.numbers["moved"], np.array(errors.numbers["covariance"])
     if not request.structural_errors and (gain := errors.numbers["gain"]) < MIN_LOG_BAYES_FACTOR:
-        probability = 1.0 / (1.0 + math.exp(-gain))
+        probability = float(weights_of([gain, 0.0])[0])
         fit = _with_sources_of_structure(fit, covariance, moved, "", probability)
         doubt = (
             f"residuals are autocorrelated, and elements depart from their laws with a probability of {probability:.2g}, which the total "
