@@ -400,7 +400,9 @@ class Search:
         shares = np.asarray(qmc.Sobol(self.population.at.size, rng=np.random.default_rng(1)).random(SCREENED))
         costs = [self.population.costs(shares[:BATCH])]
         seconds = (time.perf_counter() - begun) * (SCREENED / BATCH - 1.0) + many * float(np.mean(self.spent))
-        lacks = ". No start helps where a part or a path is missing: `thermid criticise` looks for it" * ("noise, most" in why)
+        lacks = ". Where the deck lacks a part or a path further starts rarely help: `thermid criticise` looks for it" * (
+            "noise, most" in why
+        )
         self.tell(f"up to {counted(many, 'further start')}, the best of {SCREENED} points ({why}){lacks}", seconds)
         costs += [self.population.costs(shares[at : at + BATCH]) for at in range(BATCH, SCREENED, BATCH)]
         return shares, np.concatenate(costs)

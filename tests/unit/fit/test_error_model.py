@@ -214,6 +214,21 @@ def test_a_law_that_holds_is_one_more_way_and_the_room_wanders_there_too(model: 
     assert band.parts["room"][-1] > 0.3 * as_built.sizes["unlogged"] ** 2  # an hour's wander, before a box of 1.25 h
 
 
+def test_a_finish_that_nobody_measured_may_be_another_where_nothing_else_departs() -> None:
+    """No log in air tells of a finish: a band in vacuum had lost a polished skin once the structure was taken as built."""
+
+    def weights(emissivity: object) -> dict[str, float]:
+        """Return way -> probability, of a box in a log that it explains."""
+        model = box({"surfaces/skin/emissivity": emissivity})
+        bare = log(model, {}, {"T": "case"}, loads={"heat": 4.0}, noise=0.05, accuracy=0.1, samples=61)
+        fit = td.calibrate(model, [metered(bare, "heat", 4.0, 0.04)], [HTC], search="local")
+        return {w.name: w.weight for w in ErrorModel.of_fit(fit).ways}
+
+    stated = weights({"value": 0.8, "source": "published", "basis": "paint"})
+    assert stated[f"{AS_BUILT}, another finish"] == pytest.approx(0.25 * stated[AS_BUILT])  # 0.2 and 0.8, as before the log
+    assert not any("another finish" in name for name in weights({"value": 0.8, "source": "measured", "basis": "sphere"}))
+
+
 def test_what_starts_at_a_logged_room_is_off_by_what_that_is(right: td.Calibration) -> None:
     """Before, the band of the first instant was that of what no element explains."""
     scenario = _asked(6.0)

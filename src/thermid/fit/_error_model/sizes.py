@@ -141,7 +141,7 @@ READINGS: Final = 200
 NEWTON_POINTS, ARRIVED, WORTH_A_POINT = 8, 0.2, 0.5
 """Points at most at which Newton's steps in values, exponents and shares are taken; they end where the next step is below so many standard
 errors, or where a point made the evidence likelier by less than this in its logarithm, or two points after one another did not: the
-logarithm wanders by as much from point to point where values are hardly determined."""
+logarithm differs by as much from point to point where values are hardly determined."""
 UNBOUNDED: Final = 3.0
 """Standard deviation of a logarithm without a prior or bounds. [-]"""
 OUTSIDE: Final = 2.0
