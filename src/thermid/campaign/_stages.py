@@ -49,7 +49,7 @@ from thermid.fit.error_model import Keeping
 from thermid.fit.power import SHAPES, recovered
 from thermid.inference.criticism import Mistakes, find_mistakes
 from thermid.measure.records import Record, stray_readings
-from thermid.model.tree import Model, ParameterSet, Standing, definition_of, instances, literal, worst
+from thermid.model.tree import Model, ParameterSet, Standing, definition_of, instances, literal, outside, worst
 from thermid.simulation.runs import STEADY, KeptTasks, Scenario, Workers, in_tasks
 from thermid.values.store import Store, graft, hand_values
 
@@ -220,14 +220,33 @@ def _from_below(
     """Return the values that a model inherits from earlier stages, the paths of those that may move, and remarks."""
     below: list[tuple[str, Store]] = []
     moving: dict[str, None] = {}
+    replaced: list[str] = []
     for part, inherit in stage.inherit.items():
         ahead = "" if part == "." else f"{model.canonical(part)}."
-        for store in _handed_on([done[name] for name in inherit.stages], inherit, f"{where}.inherit.{part}"):
+        fits = [done[name] for name in inherit.stages]
+        inner = model if part == "." else model.submodel(part)
+        for c, whole_store in zip(fits, _handed_on(fits, inherit, f"{where}.inherit.{part}"), strict=True):
+            store, gone = _of_same_parts(c, whole_store, inner, ahead)
+            replaced += gone
             below.append((part, store))
             moves = (p for p in store.parameters if inherit.as_ == "prior" and (not inherit.move or p in inherit.move))
             moving |= dict.fromkeys(ahead + p for p in moves)
     whole, remarks = graft(model, below, stage.untie if isinstance(stage.untie, list) else ())
-    return whole, tuple(p for p in whole.parameters if p in moving), tuple(f"{FIRST}{r}" for r in remarks)
+    return whole, tuple(p for p in whole.parameters if p in moving), tuple(f"{FIRST}{r}" for r in (*replaced, *remarks))
+
+
+def _of_same_parts(below: Calibration, store: Store, model: Model, ahead: str) -> tuple[Store, list[str]]:
+    """Return what a stage hands on without the values of parts that have another deck in this model, and a remark on each such part.
+
+    What was found of a part is no knowledge of the part that replaced it. A part that differs only by one that it holds keeps its own.
+    """
+    before, now = dict(instances(below.model)), dict(instances(model))
+    changed = [at for at, deck in now.items() if before.get(at, deck) != deck]
+    places = [at.removesuffix(".") for at in changed if not any(other != at and other.startswith(at) for other in changed)]
+    known = [p for s in store.parameters.values() for p in s.paths]
+    words = f"does not get what stage '{below.stage}' found of the part that had its place: its deck is another one."
+    replaced = [place for place in places if len(outside(known, [place])) < len(known)]
+    return store.drop(*replaced), [f"'{ahead}{place}' {words}" for place in replaced]
 
 
 def _free_here(

@@ -32,15 +32,12 @@ NAMED_INPUTS: Final = 3
 class CampaignProgress(Progress):
     """How far the fits of a campaign are.
 
-    The time left is an estimate: a stage is weighed by what it frees, and a search of some evaluations is taken to be half done after
-    `HALF` of them.
+    The time left is an estimate from the stages that are finished, each weighed by what it frees.
 
     Parameters
     ----------
     weights : dict      Stage -> its share of the work, in any unit.
     """
-
-    HALF = 6
 
     def __init__(self, weights: Mapping[str, float]) -> None:
         super().__init__("reading logs")
@@ -55,9 +52,8 @@ class CampaignProgress(Progress):
         self._stages[stage] = None
         before = sum(self._weights.get(name, 1.0) for name in self._stages if name != stage)
         whole = sum(self._weights.values()) or 1.0
-        inside = self._weights.get(stage, 0.0) * count / (count + self.HALF)
         words = f"{stage}: evaluation {count}, weighted RMS {rms:.3g}" if count else stage
-        self.now(words, (before + inside) / whole, stage)
+        self.now(words, before / whole, stage)
 
     def ahead(self, stage: str, words: str, seconds: float) -> None:
         """Say what follows in a stage, and what it will take [s]."""
