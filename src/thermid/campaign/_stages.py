@@ -537,7 +537,7 @@ def run_stages(
     cache : path            A results folder: logs and stages of which nothing changed, the code included, are taken from it.
     accept : sequence       Stages accepted as they are, beside those of the file: their standing is told, exit codes do not count it.
     fresh : bool            Whether every stage is fitted anew, whatever the results folder keeps; it keeps what comes out.
-    only : collection       Stages that are fitted, with all that they rest on among them; all of them when empty.
+    only : collection       Stages that are fitted, with what they inherit from and without a joint fit; all of them when empty.
     executor                As in `ensemble`: stages that do not rest on one another are fitted at the same time, and descents of one.
 
     Raises
@@ -549,7 +549,8 @@ def run_stages(
     source = accepting(replace(source, results=folder or source.results), accept)
     forget(folder if fresh else None, (*(s.name for s in source.content.stages), "joint"))
     done, keys, requests, changed = dict[str, Calibration](), dict[str, str](), dict[str, Request](), dict[str, tuple[str, ...]]()
-    todo = {k: s for k, s in enumerate(source.content.stages) if not only or s.name in only}
+    asked = {*only, *source.below(only)}
+    todo = {k: s for k, s in enumerate(source.content.stages) if not only or s.name in asked}
     workers = KeptTasks.of_workers(executor).workers
     while todo:
         # a stage waits for the earlier ones that it rests on
@@ -573,7 +574,7 @@ def run_stages(
         todo = {k: s for k, s in todo.items() if k not in ready}
     done = {s.name: done[s.name] for s in source.content.stages if s.name in done}
     result = Campaign(source.content.title, done, (), keys, source.content.note, None, source, requests, changed)
-    result = replace(result, joint=_joint(result, notice, folder)) if source.content.joint is not None else result
+    result = replace(result, joint=_joint(result, notice, folder)) if source.content.joint is not None and not only else result
     return judge(result, folder, notice)
 
 

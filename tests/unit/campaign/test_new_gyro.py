@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import json
 import shutil
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 import pytest
+from typer.testing import CliRunner
 
 import thermid as td
+from thermid.app.cli.app import app
 from thermid.campaign._retune import MIN_EFFECT
 from thermid.campaign._stages import Campaign
 from thermid.fit.calibration import FIRST
@@ -164,6 +167,15 @@ def test_a_replaced_part_does_not_inherit_what_was_found_of_the_old_one(project:
     assert abs(fit["y.mass"].value - 1.1) < 2 * fit["y.mass"].error
     assert fit.model.parameter_table()[f"y.{HTC}"].parameter.text == "4 [W/(m^2 K)]"
     assert sum(r.startswith(FIRST) and "'y'" in r and "'unit'" in r for r in fit.request.remarks) == 1
+
+
+def test_of_one_stage_what_it_inherits_from_is_run_alone(project: Path) -> None:
+    """Minutes of a stage above were spent before a prediction of a part that was finished."""
+    assert [*td.run_stages(project / "campaign.toml", only=["gyro"]).stages] == ["gyro"]
+    assert [*td.run_stages(project / "campaign.toml", only=["unit"]).stages] == ["gyro", "unit"]
+    said = CliRunner().invoke(app, ["predict", str(project / "campaign.toml"), "--stage", "gyro", "--record", "gyro", "--json"])
+    assert json.loads(said.stdout)["stage"] == "gyro"
+    assert {p.name for p in (project / "results").glob("*.fit.json")} == {"gyro.fit.json"}
 
 
 @dataclass(frozen=True)

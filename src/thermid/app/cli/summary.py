@@ -88,7 +88,7 @@ def staged(
 ) -> Campaign:
     """Run a campaign with progress, taking finished stages from the results folder: beside the campaign by default.
 
-    What asks nothing of verdicts leaves hold-out records unopened (`judged`).
+    Of one `stage`, what it inherits from is run alone. What asks nothing of verdicts leaves hold-out records unopened (`judged`).
 
     Raises
     ------
@@ -100,9 +100,9 @@ def staged(
     refuse_unknown([stage] if stage else [], [s.name for s in source.content.stages], path.name, "no stage '{}'.", NameNotFoundError)
     source.pick(records, "--record")
     with campaign_progress(path) as progress:
-        return run_stages(
-            source if judged else source.unjudged, notice=progress, cache=folder, accept=accept or (), fresh=fresh, executor=executor
-        )
+        only = [stage] if stage else []
+        asked = source if judged else source.unjudged
+        return run_stages(asked, notice=progress, cache=folder, accept=accept or (), fresh=fresh, only=only, executor=executor)
 
 
 def check_target(to: Path | None) -> None:
