@@ -559,6 +559,8 @@ def run_stages(
         tasks, ingredients = [], {}
         for k in ready:
             name, place = todo[k].name, source.where(f"stages.{k}")
+            if notice is not None:
+                notice(name, 0, 0.0)
             with errors_at(place, ": "):
                 request, ingredients[name] = keyed(request_of(source, todo[k], k, done), todo[k], keys)
             requests[name], keys[name] = request, (key := request.key)
