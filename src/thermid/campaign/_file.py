@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import fnmatch
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -59,6 +59,13 @@ class CampaignSource:
     def unjudged(self) -> CampaignSource:
         """The stages alone: without verdicts, which open hold-out records, and without a joint fit."""
         return replace(self, content=self.content.model_copy(update={"joint": None, "verdicts": []}))
+
+    def below(self, names: Iterable[str]) -> set[str]:
+        """Return the stages that some stages inherit from, at every depth."""
+        out: set[str] = set()
+        for stage in reversed(self.content.stages):  # a stage inherits from earlier ones only
+            out |= {n for i in stage.inherit.values() for n in i.stages} if stage.name in {*names, *out} else set()
+        return out
 
     def where(self, key: str) -> str:
         """Return file, line and key path."""

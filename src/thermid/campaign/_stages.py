@@ -49,7 +49,7 @@ from thermid.fit.error_model import Keeping
 from thermid.fit.power import SHAPES, recovered
 from thermid.inference.criticism import Mistakes, find_mistakes
 from thermid.measure.records import Record, stray_readings
-from thermid.model.tree import Model, ParameterSet, Standing, definition_of, instances, literal, worst
+from thermid.model.tree import Model, ParameterSet, Standing, definition_of, instances, literal, outside, worst
 from thermid.simulation.runs import STEADY, KeptTasks, Scenario, Workers, in_tasks
 from thermid.values.store import Store, graft, hand_values
 
@@ -220,14 +220,33 @@ def _from_below(
     """Return the values that a model inherits from earlier stages, the paths of those that may move, and remarks."""
     below: list[tuple[str, Store]] = []
     moving: dict[str, None] = {}
+    replaced: list[str] = []
     for part, inherit in stage.inherit.items():
         ahead = "" if part == "." else f"{model.canonical(part)}."
-        for store in _handed_on([done[name] for name in inherit.stages], inherit, f"{where}.inherit.{part}"):
+        fits = [done[name] for name in inherit.stages]
+        inner = model if part == "." else model.submodel(part)
+        for c, whole_store in zip(fits, _handed_on(fits, inherit, f"{where}.inherit.{part}"), strict=True):
+            store, gone = _of_same_parts(c, whole_store, inner, ahead)
+            replaced += gone
             below.append((part, store))
             moves = (p for p in store.parameters if inherit.as_ == "prior" and (not inherit.move or p in inherit.move))
             moving |= dict.fromkeys(ahead + p for p in moves)
     whole, remarks = graft(model, below, stage.untie if isinstance(stage.untie, list) else ())
-    return whole, tuple(p for p in whole.parameters if p in moving), tuple(f"{FIRST}{r}" for r in remarks)
+    return whole, tuple(p for p in whole.parameters if p in moving), tuple(f"{FIRST}{r}" for r in (*replaced, *remarks))
+
+
+def _of_same_parts(below: Calibration, store: Store, model: Model, ahead: str) -> tuple[Store, list[str]]:
+    """Return what a stage hands on without the values of parts that have another deck in this model, and a remark on each such part.
+
+    What was found of a part is no knowledge of the part that replaced it. A part that differs only by one that it holds keeps its own.
+    """
+    before, now = dict(instances(below.model)), dict(instances(model))
+    changed = [at for at, deck in now.items() if before.get(at, deck) != deck]
+    places = [at.removesuffix(".") for at in changed if not any(other != at and other.startswith(at) for other in changed)]
+    known = [p for s in store.parameters.values() for p in s.paths]
+    words = f"does not get what stage '{below.stage}' found of the part that had its place: its deck is another one."
+    replaced = [place for place in places if len(outside(known, [place])) < len(known)]
+    return store.drop(*replaced), [f"'{ahead}{place}' {words}" for place in replaced]
 
 
 def _free_here(
@@ -518,7 +537,7 @@ def run_stages(
     cache : path            A results folder: logs and stages of which nothing changed, the code included, are taken from it.
     accept : sequence       Stages accepted as they are, beside those of the file: their standing is told, exit codes do not count it.
     fresh : bool            Whether every stage is fitted anew, whatever the results folder keeps; it keeps what comes out.
-    only : collection       Stages that are fitted, with all that they rest on among them; all of them when empty.
+    only : collection       Stages that are fitted, with what they inherit from and without a joint fit; all of them when empty.
     executor                As in `ensemble`: stages that do not rest on one another are fitted at the same time, and descents of one.
 
     Raises
@@ -530,7 +549,8 @@ def run_stages(
     source = accepting(replace(source, results=folder or source.results), accept)
     forget(folder if fresh else None, (*(s.name for s in source.content.stages), "joint"))
     done, keys, requests, changed = dict[str, Calibration](), dict[str, str](), dict[str, Request](), dict[str, tuple[str, ...]]()
-    todo = {k: s for k, s in enumerate(source.content.stages) if not only or s.name in only}
+    asked = {*only, *source.below(only)}
+    todo = {k: s for k, s in enumerate(source.content.stages) if not only or s.name in asked}
     workers = KeptTasks.of_workers(executor).workers
     while todo:
         # a stage waits for the earlier ones that it rests on
@@ -539,6 +559,8 @@ def run_stages(
         tasks, ingredients = [], {}
         for k in ready:
             name, place = todo[k].name, source.where(f"stages.{k}")
+            if notice is not None:
+                notice(name, 0, 0.0)
             with errors_at(place, ": "):
                 request, ingredients[name] = keyed(request_of(source, todo[k], k, done), todo[k], keys)
             requests[name], keys[name] = request, (key := request.key)
@@ -554,7 +576,7 @@ def run_stages(
         todo = {k: s for k, s in todo.items() if k not in ready}
     done = {s.name: done[s.name] for s in source.content.stages if s.name in done}
     result = Campaign(source.content.title, done, (), keys, source.content.note, None, source, requests, changed)
-    result = replace(result, joint=_joint(result, notice, folder)) if source.content.joint is not None else result
+    result = replace(result, joint=_joint(result, notice, folder)) if source.content.joint is not None and not only else result
     return judge(result, folder, notice)
 
 

@@ -182,10 +182,7 @@ def survey(
     names = [s.name for s in stages]
     wanted = [stage] if stage else names
     refuse_unknown(wanted, names, source.content.title, "no stage '{}'.", NameNotFoundError)
-    below = {s.name: {n for i in s.inherit.values() for n in i.stages} for s in stages}
-    fits = set(wanted) if after else {n for name in wanted for n in below[name]}
-    for name in reversed(names):  # a stage inherits from earlier ones only
-        fits |= below[name] if name in fits else set()
+    fits = {*wanted} if after else source.below(wanted)
     run = run_stages(source.unjudged, notice=notice, cache=folder, only=fits, executor=executor) if fits else None
     done, keys = (run.stages, dict(run.keys)) if run is not None else ({}, {})
     if after:

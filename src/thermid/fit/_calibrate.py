@@ -510,11 +510,23 @@ def _locals(problem: Problem, minimum: Fit, total: Array) -> tuple[Local, ...]:
     shared = {k: u.name for k, u in enumerate(problem.unknowns) if u.kind != "local" and 0.0 < total[k, k] < np.inf}
     sizes = np.sqrt(np.diag(total)[[*shared]])  # of unlike units
     inverse = np.linalg.pinv(total[np.ix_([*shared], [*shared])] / np.outer(sizes, sizes), hermitian=True)
-    slopes = [dict(zip(shared.values(), row, strict=True)) for row in (total[np.ix_([*at], [*shared])] / sizes @ inverse / sizes).tolist()]
+    rows = np.array([_local_row(problem, k) for k in at]).reshape(len(at), len(problem.unknowns))
+    slopes = [dict(zip(shared.values(), row, strict=True)) for row in ((rows @ total)[:, [*shared]] / sizes @ inverse / sizes).tolist()]
+    found, variances = rows @ minimum.fitted, np.einsum("ki,ij,kj->k", rows, total, rows)
     return tuple(
-        Local(at[k][0], at[k][2], float(minimum.fitted[k]), float(np.sqrt(total[k, k])), problem.unknowns[k].unit, s)
-        for k, s in zip(at, slopes, strict=True)
+        Local(at[k][0], at[k][2], float(x), float(np.sqrt(v)), problem.unknowns[k].unit, s)
+        for k, x, v, s in zip(at, found, variances, slopes, strict=True)
     )
+
+
+def _local_row(problem: Problem, k: int) -> Array:
+    """Return what a local value is made of (unknowns,): its unknown, and constant errors of the instruments that a start is read from."""
+    own = problem.unknowns[k]
+    row = (np.arange(len(problem.unknowns)) == k).astype(float)
+    for n, u in enumerate(problem.unknowns):
+        if own.unit == "degC" and u.kind in ("sensor", INPUT):
+            row[n] = sum(t.factor for t in u.targets if (t.experiment, t.name) == (own.targets[0].experiment, own.targets[0].name))
+    return row
 
 
 def correlations_of(problem: Problem, total: Array) -> dict[tuple[str, str], float]:

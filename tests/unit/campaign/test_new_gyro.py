@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
+import json
+import shutil
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 import pytest
+from typer.testing import CliRunner
 
 import thermid as td
+from thermid.app.cli.app import app
 from thermid.campaign._retune import MIN_EFFECT
 from thermid.campaign._stages import Campaign
+from thermid.fit.calibration import FIRST
 from thermid.model.tree import Model, identities, load_model
 from unit.fit.bench import log
 from unit.fit.project import write_log
@@ -124,6 +129,53 @@ def project(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="module")
 def campaign(project: Path) -> Campaign:
     return td.run_stages(project / "campaign.toml")
+
+
+AFTER = """
+[[stages]]
+name    = "with a new gyro"
+model   = "unit_2.toml"
+records = ["unit_2"]
+free    = ["y.mass"]
+inherit = { "." = { stage = "unit", as = "prior" } }
+
+[records.unit_2]
+file     = "logs/unit_2.csv"
+time     = "time_s"
+
+[records.unit_2.channels]
+T_X  = { node = "x.case", noise = "0.03 [K]", accuracy = "0.1 [K]" }
+T_Y  = { node = "y.case", noise = "0.03 [K]", accuracy = "0.1 [K]" }
+T_P  = { node = "plate", noise = "0.03 [K]", accuracy = "0.1 [K]" }
+ROOM = { boundary = "room" }
+"""
+
+
+def test_a_replaced_part_does_not_inherit_what_was_found_of_the_old_one(project: Path, tmp_path: Path) -> None:
+    """A swap by hand: the unit's own result for the twin and the foot is a prior, that for the old gyro is not."""
+    folder = tmp_path / "again"
+    shutil.copytree(project, folder)
+    (folder / "gyro_2.toml").write_text(GYRO.format(title="Gyro 2", power=2.1, mass=0.5))
+    (folder / "unit_2.toml").write_text(UNIT.replace('y = { use = "gyro.toml"', 'y = { use = "gyro_2.toml"'))
+    unit = load_model(folder / "unit_2.toml")
+    truth = hidden({**PLACE, "x.mass": 0.71, "y.mass": 1.1})
+    write_log(log(unit, truth, NODES, noise=0.03, samples=61, boundary="room", seed=5, hours=8.0), folder / "logs" / "unit_2.csv")
+    (folder / "campaign.toml").write_text(CAMPAIGN + AFTER)
+    fit = td.run_stages(folder / "campaign.toml")["with a new gyro"]
+    assert fit.request.prior == ("x.mass", FOOT, PLATE, f"x.{HTC}")
+    assert fit["y.mass"].start == 0.5
+    assert abs(fit["y.mass"].value - 1.1) < 2 * fit["y.mass"].error
+    assert fit.model.parameter_table()[f"y.{HTC}"].parameter.text == "4 [W/(m^2 K)]"
+    assert sum(r.startswith(FIRST) and "'y'" in r and "'unit'" in r for r in fit.request.remarks) == 1
+
+
+def test_of_one_stage_what_it_inherits_from_is_run_alone(project: Path) -> None:
+    """Minutes of a stage above were spent before a prediction of a part that was finished."""
+    assert [*td.run_stages(project / "campaign.toml", only=["gyro"]).stages] == ["gyro"]
+    assert [*td.run_stages(project / "campaign.toml", only=["unit"]).stages] == ["gyro", "unit"]
+    said = CliRunner().invoke(app, ["predict", str(project / "campaign.toml"), "--stage", "gyro", "--record", "gyro", "--json"])
+    assert json.loads(said.stdout)["stage"] == "gyro"
+    assert {p.name for p in (project / "results").glob("*.fit.json")} == {"gyro.fit.json"}
 
 
 @dataclass(frozen=True)

@@ -231,6 +231,24 @@ class TestLocal:
         (start,) = (u for u in problem.unknowns if u.kind == "local")
         assert (start.start, start.prior) == (first, Prior(first, 1.0))
 
+    def test_a_start_read_from_a_thermometer_has_the_error_of_that(self) -> None:
+        """Thermometers are known relative to the one of the room; its own error was forgotten, and all were off by it."""
+        truth = {HTC: "5 [W/(m^2 K)]"}
+        run = log(box(), truth, {"T": "case"}, samples=301, bias={"T": 0.7}, accuracy=0.8, swing=0.0)
+        room = run["ROOM"]
+        off = replace(room, values=room.values - 0.45, target=room.target, accuracy=0.4)
+        known = {"initial.case": LocalSpec("ROOM", 0.05)}
+        found = fit(Request(box(), (run.with_channels(off),), (HTC, "case.mass"), local=known))
+        errors = found.store.states
+        apart = errors["sensor T"].value - errors["ROOM error"].value
+        assert abs(apart - (0.7 + 0.45)) < 0.1
+        spread = float(np.sqrt(found.store.covariance(["ROOM error"])[0, 0]))
+        assert abs(errors["ROOM error"].value + 0.45) < 2 * spread
+        assert 0.3 < spread <= 0.4
+        (start,) = (v for v in found.local if v.name == "initial.case")
+        assert abs(start.value - 297.15) < 2 * start.error
+        assert 0.3 < start.error < 0.45
+
     def test_the_records_own_value_wins(self, record: Record) -> None:
         stage, own = {"initial.case": LocalSpec("20 [degC]")}, {"bench": {"initial.case": LocalSpec("25 [degC]")}}
         problem = build_problem(Request(box(), (record,), (HTC,), local=stage, record_local=own))

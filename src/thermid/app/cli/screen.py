@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import re
 import shutil
+import signal
 import sys
 import textwrap
 import threading
@@ -18,6 +19,8 @@ import typer
 from thermid.base.errors import spoken
 
 if TYPE_CHECKING:
+    from types import FrameType
+
     from rich.console import Console
 
 MAX_LINE_CHARACTERS: Final = 100
@@ -175,10 +178,20 @@ class Progress:
         self._in_terminal = sys.stderr.isatty() and os.environ.get("TERM") != "dumb"
         self._thread = threading.Thread(target=self._draw, daemon=True)
         self._thread.start()
+        if threading.current_thread() is threading.main_thread() and signal.getsignal(signal.SIGINT) is signal.default_int_handler:
+            signal.signal(signal.SIGINT, self._interrupted)
         return self
+
+    def _interrupted(self, number: int, frame: FrameType | None) -> None:
+        """Say that the interrupt key was seen, before what runs has ended; the second one stops at once."""
+        signal.signal(signal.SIGINT, signal.default_int_handler)
+        typer.echo("\ninterrupted: stopping. The interrupt key again stops at once.", err=True)
+        signal.default_int_handler(number, frame)
 
     def __exit__(self, *error: object) -> None:
         """End, and clear the line."""
+        if signal.getsignal(signal.SIGINT) == self._interrupted:
+            signal.signal(signal.SIGINT, signal.default_int_handler)
         self._ended.set()
         if self._thread is not None:
             self._thread.join(1.0)

@@ -32,15 +32,12 @@ NAMED_INPUTS: Final = 3
 class CampaignProgress(Progress):
     """How far the fits of a campaign are.
 
-    The time left is an estimate: a stage is weighed by what it frees, and a search of some evaluations is taken to be half done after
-    `HALF` of them.
+    The time left is an estimate from the stages that are finished, each weighed by what it frees.
 
     Parameters
     ----------
     weights : dict      Stage -> its share of the work, in any unit.
     """
-
-    HALF = 6
 
     def __init__(self, weights: Mapping[str, float]) -> None:
         super().__init__("reading logs")
@@ -55,9 +52,8 @@ class CampaignProgress(Progress):
         self._stages[stage] = None
         before = sum(self._weights.get(name, 1.0) for name in self._stages if name != stage)
         whole = sum(self._weights.values()) or 1.0
-        inside = self._weights.get(stage, 0.0) * count / (count + self.HALF)
         words = f"{stage}: evaluation {count}, weighted RMS {rms:.3g}" if count else stage
-        self.now(words, (before + inside) / whole, stage)
+        self.now(words, before / whole, stage)
 
     def ahead(self, stage: str, words: str, seconds: float) -> None:
         """Say what follows in a stage, and what it will take [s]."""
@@ -92,7 +88,7 @@ def staged(
 ) -> Campaign:
     """Run a campaign with progress, taking finished stages from the results folder: beside the campaign by default.
 
-    What asks nothing of verdicts leaves hold-out records unopened (`judged`).
+    Of one `stage`, what it inherits from is run alone. What asks nothing of verdicts leaves hold-out records unopened (`judged`).
 
     Raises
     ------
@@ -104,9 +100,9 @@ def staged(
     refuse_unknown([stage] if stage else [], [s.name for s in source.content.stages], path.name, "no stage '{}'.", NameNotFoundError)
     source.pick(records, "--record")
     with campaign_progress(path) as progress:
-        return run_stages(
-            source if judged else source.unjudged, notice=progress, cache=folder, accept=accept or (), fresh=fresh, executor=executor
-        )
+        only = [stage] if stage else []
+        asked = source if judged else source.unjudged
+        return run_stages(asked, notice=progress, cache=folder, accept=accept or (), fresh=fresh, only=only, executor=executor)
 
 
 def check_target(to: Path | None) -> None:

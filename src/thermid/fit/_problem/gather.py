@@ -82,7 +82,7 @@ def problem_of(request: Request, experiments: Sequence[Experiment], opened: Sequ
         *instant_unknowns(experiments),
     ]
     starts = [_starts(request, e) for e in experiments]
-    unknowns = _reaching(unknowns, starts, request.held_bias)
+    unknowns = _read_starts(request, experiments, _reaching(unknowns, starts, request.held_bias))
     settled = tuple(_settled(request, e, s) for e, s in zip(experiments, starts, strict=True))
     below = known_before(request, unknowns)
     coupled = ((below.at, below.mean, below.root),) if below.at.size else ()
@@ -311,6 +311,24 @@ def _reaching(unknowns: Sequence[Unknown], starts: Sequence[Mapping[str, _Start]
                 more.setdefault(k, []).append(Influence(i, name, constant, factor))
                 constant = 0.0
     return [replace(u, targets=(*u.targets, *more.get(k, ()))) for k, u in enumerate(unknowns)]
+
+
+def _read_starts(request: Request, experiments: Sequence[Experiment], unknowns: Sequence[Unknown]) -> list[Unknown]:
+    """Return the unknowns, constant errors of instruments acting also on starts that are known from their readings.
+
+    The unknown of such a start is what the instrument would read there: the temperature is that less the instrument's error, one for all
+    starts that are read from it.
+    """
+    more: dict[str, list[Influence]] = {}
+    for i, e in enumerate(experiments):
+        for raw, spec in request.locals_of(e.record).items():
+            if math.isfinite(spec.sd):
+                names = (wired(e, raw), *_tips(e, wired(e, raw)))
+                acts = more.setdefault(spec.start, [])
+                acts += [Influence(i, n, 0.0, -1.0) for n in names]
+    instruments_of = {u.name.removeprefix("sensor ").removesuffix(" error"): u for u in unknowns if u.kind in ("sensor", INPUT)}
+    acting = {instruments_of[channel].name: acts for channel, acts in more.items() if channel in instruments_of}
+    return [replace(u, targets=(*u.targets, *acting.get(u.name, ()))) for u in unknowns]
 
 
 def _settled(request: Request, experiment: Experiment, starts: Mapping[str, _Start]) -> Experiment:

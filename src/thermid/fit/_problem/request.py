@@ -46,7 +46,7 @@ class LocalSpec:
 
     Parameters
     ----------
-    start : str     A temperature, or the name of a channel whose first reading stands for it.
+    start : str     A temperature, or the name of a channel whose first reading, less the constant error of its instrument, stands for it.
     sd : float      Standard deviation of its prior about the start; infinite for none. [K]
     """
 
@@ -192,10 +192,10 @@ class Request:
         return base.with_(boundaries=boundaries, initial=initial)
 
     def local_start(self, record: Record, name: str) -> float:
-        """Return the start of a local value for a record. [K]"""
+        """Return the start of a local value for a record, of a channel its first reading less the error that is held. [K]"""
         text = self.locals_of(record)[name].start
         if text in record.channels:
-            return first_reading(record, text, self.window)
+            return first_reading(record, text, self.window) - {**self.held_bias, **(self.held_errors or {})}.get(text, 0.0)
         try:
             return literal(text, TEMPERATURE)
         except ThermidError as error:

@@ -165,7 +165,7 @@ def _mistakes_of(request: Request, name: str) -> Mistakes:
     logged = {request.model.canonical(c.target or n) for n, c in _channels(request, "power", "command").items()}
     candidates = [
         *_of_deck(request, fit, base),
-        *_of_requests(request, fit),
+        *_of_requests(request, fit, base),
         *(of_reading(extra, fit) for extra in sensors),
         *(
             Hypothesis(heat.kind, heat.name, heat.words, heat.remedy, request, heat=heat, against=0.0 if heat.load else 2.0 * CHOSEN)
@@ -317,14 +317,14 @@ def _of_deck(request: Request, fit: RoughFit, base: RoughEnd) -> Iterator[Hypoth
 # ---- other requests: units, columns, nodes, clocks
 
 
-def _of_requests(request: Request, fit: RoughFit) -> Iterator[Hypothesis]:
+def _of_requests(request: Request, fit: RoughFit, base: RoughEnd) -> Iterator[Hypothesis]:
     """Yield mistakes of units, columns, sensors' places and clocks, each as the request without it."""
     network = fit.problem.experiments[0].network
     yield from _per_cents(request, network)
     yield from _units(request)
     yield from _exchanges(request, fit)
     yield from _nodes(request, fit)
-    yield from _clocks(request, fit)
+    yield from _clocks(request, fit, base)
     yield from _gases(request, fit)
 
 
@@ -483,14 +483,14 @@ def _moved(sensor: str, node: str, record: Record) -> Record:
     return record.with_channels(replace(record.channels[sensor], target=node, role="node"))
 
 
-def _clocks(request: Request, fit: RoughFit) -> Iterator[Hypothesis]:
+def _clocks(request: Request, fit: RoughFit, base: RoughEnd) -> Iterator[Hypothesis]:
     """Yield shifts of what drives the model: its powers, and its boundaries where they change."""
     powers = [n for n, c in _channels(request, "power", "command").items() if np.ptp(c.values[c.valid]) > 0.0]
     sensors = {t.sensor for t in fit.traces}
     walls = [n for n, c in _channels(request, "temperature").items() if n not in sensors and np.ptp(c.values[c.valid]) > 3.0]
     for names in (powers, walls):
         if names and not any(r.clocks for r in request.records):
-            yield _shift(request, fit, names)
+            yield from _shift(request, fit, base, names)
 
 
 def _gases(request: Request, fit: RoughFit) -> Iterator[Hypothesis]:
@@ -505,22 +505,25 @@ def _gases(request: Request, fit: RoughFit) -> Iterator[Hypothesis]:
         yield _hypothesis("gas", ", ".join(names), words, remedy, other)
 
 
-def _shift(request: Request, fit: RoughFit, names: list[str]) -> Hypothesis:
-    """Return the shift of the clock of some channels with the least cost: the best of `CLOCK_SHIFTS`, then by halved steps."""
-    span = min(float(np.ptp(r.times)) for r in request.records)
+def _shift(request: Request, fit: RoughFit, base: RoughEnd, names: list[str]) -> Iterator[Hypothesis]:
+    """Yield the shift of the clock of some channels with the least cost: the best of `CLOCK_SHIFTS`, then by halved steps."""
+    span, near = min(float(np.ptp(r.times)) for r in request.records), fit.named(base)
 
-    def cost(shift: float, rounds: int) -> float:
-        """Return the cost of the rough fit with channels shifted by a time. [s]"""
+    def tried(shift: float, values_before: Mapping[str, float], rounds: int) -> tuple[float, float, Mapping[str, float]]:
+        """Return the cost of the rough fit with channels shifted by a time [s], the shift, and where its descent ended."""
         rough = RoughFit.of_request(_shifted(request, names, shift), fit)
         try:
-            return rough.solve(rough.start(), rounds).cost
+            end = rough.solve(rough.start(values_before), rounds)
         except ThermidError:
-            return np.inf
+            return np.inf, shift, values_before
+        return end.cost, shift, rough.named(end)
 
-    shift = min((sign * part * span for part in CLOCK_SHIFTS for sign in (-1.0, 1.0)), key=lambda s: cost(s, MAX_RANKING_STEPS))
-    best, width = (cost(shift, MAX_DESCENT_STEPS), shift), 0.5 * max(abs(shift) * 0.35, 0.005 * span)
+    best = min((tried(sign * part * span, near, MAX_RANKING_STEPS) for part in CLOCK_SHIFTS for sign in (-1.0, 1.0)), key=lambda t: t[:2])
+    if best[0] >= base.cost:
+        return
+    width = 0.5 * max(abs(best[1]) * 0.35, 0.005 * span)
     while width > 0.001 * span:
-        best = min(best, *((cost(best[1] + d, MAX_DESCENT_STEPS), best[1] + d) for d in (-width, width)))
+        best = min(best, *(tried(best[1] + d, best[2], MAX_RANKING_STEPS) for d in (-width, width)), key=lambda t: t[:2])
         width *= 0.5
     shift = best[1]
     late = "behind" if shift < 0.0 else "ahead of"
@@ -529,7 +532,7 @@ def _shift(request: Request, fit: RoughFit, names: list[str]) -> Hypothesis:
         f"Change the offset of that log by {-shift:+.4g} s, or give offset as a range and let the fit find it. 'thermid look' shows the "
         "clocks."
     )
-    return _hypothesis("clock", ", ".join(names), words, remedy, _shifted(request, names, shift), CHOSEN)
+    yield _hypothesis("clock", ", ".join(names), words, remedy, _shifted(request, names, shift), CHOSEN)
 
 
 def _shifted(request: Request, names: list[str], shift: float) -> Request:

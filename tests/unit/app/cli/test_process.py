@@ -76,4 +76,5 @@ def test_ctrl_c_is_no_traceback(made: Path, tmp_path: Path) -> None:
     assert said.returncode == 130
     assert "Traceback" not in said.stderr
     assert said.stderr.endswith("stopped by the interrupt key; files that were complete before remain.\n")
+    assert len([line for line in said.stderr.splitlines() if "interrupt" in line]) == 2  # at the key, and at the end
     assert said.stdout == ""

@@ -236,9 +236,7 @@ def test_progress_of_a_campaign_never_goes_back() -> None:
     for stage, count in [("a", 1), ("a", 5), ("b", 1), ("b", 9), ("verdict on c", 0)]:
         progress(stage, count, 1.0)
         seen.append(progress.done)
-    assert seen == sorted(seen)
-    assert 0.0 < seen[0] < 3.0 / 8.0 <= seen[2] < seen[3] < 1.0
-    assert seen[-1] == 1.0
+    assert seen == [0.0, 0.0, 3.0 / 8.0, 3.0 / 8.0, 1.0]  # finished stages alone: how long one takes is not known beforehand
 
 
 def test_the_time_left_of_a_stage_ends_with_it(monkeypatch: pytest.MonkeyPatch) -> None:
