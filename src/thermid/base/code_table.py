@@ -225,15 +225,40 @@ CODES: Final[Mapping[str, CodeMeaning]] = {
         "A value has the right kind and breaks a rule of its place.",
         "Follow the message.",
     ),
+    "fit.above-slow-fans": CodeMeaning(
+        "remark",
+        "A fitted coefficient is above that of slow fans.",
+        "Look for heat by a mount or a lead, a larger area, or less power.",
+    ),
+    "fit.above-still-air": CodeMeaning(
+        "remark",
+        "A fitted coefficient is above that of still air, and not above that of slow fans.",
+        "Look for moving air, heat by a mount or a lead, a larger area, or less power.",
+    ),
+    "fit.below-still-air": CodeMeaning(
+        "remark",
+        "A fitted coefficient is below that of still air over its area.",
+        "Count faces that convect only, and check the power.",
+    ),
     "fit.chains-too-short": CodeMeaning(
         "error",
         "The chains of a posterior move too slowly along a direction for an interval.",
         "Give more steps, a prior, or another record.",
     ),
+    "fit.less-than-its-weight": CodeMeaning(
+        "remark",
+        "A fitted capacitance is below that of any solid of the weight given.",
+        "Look for a mass that follows more slowly, or more power.",
+    ),
     "fit.model-fails": CodeMeaning(
         "error",
         "The model cannot be run at any value that a search tries, or the search ends without a result.",
         "Start nearer, or widen the range that the message names.",
+    ),
+    "fit.more-than-its-weight": CodeMeaning(
+        "remark",
+        "A fitted capacitance is above that of any solid of the weight given.",
+        "Look for a mass that was not weighed, or less power.",
     ),
     "fit.needs-session": CodeMeaning(
         "error",
@@ -650,6 +675,11 @@ CODES: Final[Mapping[str, CodeMeaning]] = {
         "A channel would follow two clocks or delays that are left to a fit.",
         "State one of them as a time.",
     ),
+    "record.sensors-exchanged": CodeMeaning(
+        "remark",
+        "The readings of two sensors fit the model much better when their columns are exchanged.",
+        "Check the wiring and the header of the log.",
+    ),
     "record.shape": CodeMeaning(
         "error",
         "Times, values and masks are not rows of equal length.",
@@ -715,6 +745,11 @@ CODES: Final[Mapping[str, CodeMeaning]] = {
         "A result holds no numbers to draw.",
         "Print it.",
     ),
+    "result.slow-part-possible": CodeMeaning(
+        "remark",
+        "A final temperature is declined, because the readings cannot exclude a part slower than they last.",
+        "Wait longer, or give a model or the longest time constant.",
+    ),
     "run.cluster": CodeMeaning(
         "error",
         "The cluster does not respond, its address is none, or its workers have another version.",
@@ -759,6 +794,11 @@ CODES: Final[Mapping[str, CodeMeaning]] = {
         "error",
         "No steady state exists, or none was found.",
         "Give every part a path to a boundary; simulate where a control keeps switching.",
+    ),
+    "run.not-stable": CodeMeaning(
+        "error",
+        "A wait of a test profile ends before its rule of stability is met.",
+        "Allow a longer wait or another rule; where a load switches, apply the rule to means over whole periods.",
     ),
     "run.outside-times": CodeMeaning(
         "error",
@@ -874,6 +914,31 @@ CODES: Final[Mapping[str, CodeMeaning]] = {
         "error",
         "Criteria of a verdict do not apply to the data, or leave out more than they may.",
         "Change the criteria, or state why.",
+    ),
+    "verdict.from-memory": CodeMeaning(
+        "remark",
+        "A limit is quoted from memory, so a verdict on it is not decided.",
+        "Check the number in its source and mark it read.",
+    ),
+    "verdict.log-of-another-test": CodeMeaning(
+        "remark",
+        "The log of a test is identical to that of another.",
+        "Give each test its own log.",
+    ),
+    "verdict.no-criteria": CodeMeaning(
+        "remark",
+        "A test has a log, and no criteria for it.",
+        "Name criteria in the plan.",
+    ),
+    "verdict.no-limits-of-this-state": CodeMeaning(
+        "remark",
+        "A part that is switched off leaves its operating limits, and no non-operating limits are given.",
+        "State its non-operating limits.",
+    ),
+    "verdict.no-log": CodeMeaning(
+        "remark",
+        "Criteria of a test wait for its log.",
+        "Run the test and name its log in the plan.",
     ),
 }
 """Code -> what it stands for; in the order of the alphabet."""
