@@ -45,10 +45,30 @@ SUBJECTS: Final[Mapping[str, str]] = {
 """First word of a code -> what it is about."""
 
 CODES: Final[Mapping[str, CodeMeaning]] = {
+    "bench.board-clock": CodeMeaning(
+        "remark",
+        "The clock of a board runs slower or faster than that of the host.",
+        "Nothing; times are corrected.",
+    ),
+    "bench.damaged-lines": CodeMeaning(
+        "remark",
+        "Lines of a log have a wrong checksum and were dropped.",
+        "Check cable and supply where there are many.",
+    ),
+    "bench.duplicate-lines": CodeMeaning(
+        "remark",
+        "Lines of a log stand in it twice; one counts.",
+        "Nothing.",
+    ),
     "bench.log": CodeMeaning(
         "error",
         "The file into which a logger writes cannot be opened or written, or another logger writes to it.",
         "Give another file or place; the message names it.",
+    ),
+    "bench.missing-lines": CodeMeaning(
+        "remark",
+        "Numbers of lines that a board sent are not in its log.",
+        "Check cable and host where there are many.",
     ),
     "bench.no-board": CodeMeaning(
         "error",
@@ -60,10 +80,35 @@ CODES: Final[Mapping[str, CodeMeaning]] = {
         "A line of a board or of its log is not of the protocol, or its checksum does not fit.",
         "Check the cable and the firmware; lines that are cut are not read.",
     ),
+    "bench.resets": CodeMeaning(
+        "remark",
+        "The board started again while its log was written.",
+        "Check its supply.",
+    ),
     "bench.sensor": CodeMeaning(
         "error",
         "A sensor of the bench has a mistyped identity, an impossible offset or reading, or made the board cut its heaters.",
         "Check the sensor and its wire; the message gives the reading.",
+    ),
+    "bench.simulated-clock": CodeMeaning(
+        "remark",
+        "The clock of a board runs many times as fast as that of the host, so the board is simulated.",
+        "Nothing; its own times are used.",
+    ),
+    "bench.sorted-lines": CodeMeaning(
+        "remark",
+        "Lines of a log stand in another order than they were sent, and were sorted.",
+        "Nothing.",
+    ),
+    "bench.start-placed": CodeMeaning(
+        "remark",
+        "The start of a session is not in the log, or lies before the end of the one before; it follows that directly.",
+        "Check the clock of the host.",
+    ),
+    "bench.starts": CodeMeaning(
+        "remark",
+        "The logger was started several times on one log.",
+        "Nothing.",
     ),
     "campaign.not-from-file": CodeMeaning(
         "error",

@@ -18,7 +18,7 @@ from thermid.fit._error_model.gaussian import log_sum
 from thermid.fit._error_model.model import GROUPS, RunsOfFit, left_prior
 from thermid.fit._error_model.runs import Departures
 from thermid.fit._error_model.sizes import NEWTON_POINTS
-from thermid.fit.error_model import SIZES, ErrorModel
+from thermid.fit.error_model import SIZES, BandCause, ErrorModel
 from thermid.model.tree import TableSignal
 from thermid.prediction.bands import Band
 from thermid.simulation.runs import compile_network
@@ -260,7 +260,7 @@ def test_what_acts_is_stated_and_what_is_logged_wanders(fit: td.Calibration) -> 
     logged, acting = _band(fit, 6.0, as_logged=True), _band(fit, 6.0)
     assert "room" not in acting.parts
     assert (logged.parts["room"][1:] > 0.0).all()
-    assert (logged.parts["differences between tests"][1:] > acting.parts["differences between tests"][1:]).all()
+    assert (logged.parts[BandCause.RUN][1:] > acting.parts[BandCause.RUN][1:]).all()
 
 
 def test_a_constant_room_that_an_instrument_reads_is_still_a_temperature(fit: td.Calibration) -> None:

@@ -95,7 +95,7 @@ class TestJson:
         assert (said.code, said.err) == (2, "")
         assert list(said.object) == ["schema", "status", "code", "message", "where"]
         assert (said.object["schema"], said.object["status"]) == (1, "error")
-        assert "is effective: it includes radiation," in said.object["message"]
+        assert said.object["code"] == "model.radiation-not-split"
         assert said.object["where"] == "accelerometer.toml:15, surfaces.skin"
 
     def test_vacuum_where_it_is_known(self, call: Call) -> None:
@@ -265,12 +265,14 @@ def test_a_package_that_is_not_installed_is_named(call: Call, accelerometer: Pat
     said = call("simulate", accelerometer, "--boundary", "air=24", "--for", "60", "--netcdf", tmp_path / "x.nc", "--json")
     assert said.code == 2
     assert "xarray" in said.object["message"]
-    assert said.object["message"].endswith("-m pip install xarray")
+    assert said.object["code"] == "extra.not-installed"
+    assert "-m pip " in said.object["message"]
 
 
 def test_a_deck_that_is_not_there(call: Call, tmp_path: Path) -> None:
     said = call("simulate", tmp_path / "gone.toml", "--for", "1", "--json")
-    assert (said.code, said.object["message"][:33]) == (2, "there is no file 'gone.toml' in " + tmp_path.name[:1])
+    assert (said.code, said.object["code"]) == (2, "file.not-found")
+    assert re.search(rf"'gone\.toml' .* {tmp_path.name}/\.$", said.object["message"])
 
 
 def test_a_run_that_cannot_end_is_the_solvers(call: Call, tmp_path: Path) -> None:
@@ -309,8 +311,7 @@ def test_intervals_may_be_plain_seconds(call: Call, accelerometer: Path, tmp_pat
 def test_a_room_that_looks_like_kelvin_is_remarked(call: Call, accelerometer: Path) -> None:
     said = call("simulate", accelerometer, "--boundary", "air=297.15", "--for", "60")
     assert said.code == 0
-    assert said.err.startswith("note: ")
-    assert "'air=297.15 [K]'" in said.err
+    assert re.search(r"^\w+: air=297\.15 .*'air=297\.15 \[K\]'", said.err)
     for plain in ("air=24", "air=297.15 [K]", "air=250 [degC]"):
         assert call("simulate", accelerometer, "--boundary", plain, "--for", "60").err == ""
 
@@ -324,37 +325,35 @@ def test_version_and_short_help(call: Call) -> None:
 
 
 @pytest.mark.parametrize(
-    ("text", "words"),
+    ("text", "code", "match"),
     [
-        (
-            "duration = '2 [h]'\nboundaries = { air = '20 [degC]' }\n",
-            "this is a scenario, not a deck. Give the deck, and this file with --scenario.",
-        ),
-        ("[limits.a]\n[[tests]]\n", "this is a qualification plan, not a deck. Run `thermid plan` on it."),
-        ("needs = [air]\n", "other.toml: this is not valid TOML: Invalid value"),
+        ("duration = '2 [h]'\nboundaries = { air = '20 [degC]' }\n", "file.another-kind", "--scenario"),
+        ("[limits.a]\n[[tests]]\n", "file.another-kind", "`thermid plan`"),
+        ("needs = [air]\n", "file.not-valid", "other.toml: .* TOML: "),
     ],
 )
-def test_another_file_than_a_deck(call: Call, tmp_path: Path, text: str, words: str) -> None:
+def test_another_file_than_a_deck(call: Call, tmp_path: Path, text: str, code: str, match: str) -> None:
     (tmp_path / "other.toml").write_text(text)
     said = call("check", tmp_path / "other.toml")
-    assert said.code == 2
-    assert words in said.err
+    assert (said.code, said.codes) == (2, (code,))
+    assert re.search(match, said.err)
 
 
 @pytest.mark.parametrize(
-    ("line", "words"),
+    ("line", "code", "words"),
     [
-        ("duration = '2 h'", "cold.toml:1, duration: '2 h' cannot be read"),
-        ("duration = '2 [h]'\nboundaries = { air = '20 [W]' }", "boundaries.air: '[W]' is a power"),
+        ("duration = '2 h'", "expression.not-arithmetic", "cold.toml:1, duration: '2 h' "),
+        ("duration = '2 [h]'\nboundaries = { air = '20 [W]' }", "unit.wrong-dimension", "boundaries.air: '[W]' "),
         (
             "title = 'x'\n[boundaries.air]\ntimes = ['1 [h]', '0 [h]']\nvalues = ['1 [degC]', '2 [degC]']",
-            "cold.toml:2, boundaries.air: times",
+            "value.outside-range",
+            "cold.toml:2, boundaries.air: ",
         ),
     ],
 )
-def test_a_scenario_file_is_named_with_its_line(call: Call, accelerometer: Path, tmp_path: Path, line: str, words: str) -> None:
+def test_a_scenario_file_is_named_with_its_line(call: Call, accelerometer: Path, tmp_path: Path, line: str, code: str, words: str) -> None:
     (tmp_path / "cold.toml").write_text(f"{line}\n")
     said = call("simulate", accelerometer, "--scenario", tmp_path / "cold.toml")
-    assert said.code == 2
+    assert (said.code, said.codes) == (2, (code,))
     assert "cold.toml" in said.err
     assert words in said.err
