@@ -92,9 +92,8 @@ def test_a_unit_is_advised_from_the_one_that_was_declared(name: str, declared: s
     channel = replace(channel, values=channel.values - 273.15) if declared == "K" else channel  # a room at 22 K
     tried = [h for h in _units(replace(request, records=(record.with_channels(channel),))) if h.name == name]
     moves = [np.ptp(h.request.records[0][name].values) / np.ptp(channel.values) for h in tried]
-    assert all(
-        re.match(rf"'{name}' .*\b{re.escape(t)} .*\b{re.escape(declared)}$", h.words(0.0)) for h, (t, _) in zip(tried, wanted, strict=True)
-    )
+    units = [rf"'{name}' .*\b{re.escape(text)} .*\b{re.escape(declared)}$" for text, _ in wanted]
+    assert all(re.match(unit, h.words(0.0)) for h, unit in zip(tried, units, strict=True))
     assert moves == pytest.approx([factor for _, factor in wanted])
     for hypothesis, (text, _) in zip(tried, wanted, strict=True):
         assert (f'unit = "{text}"' in hypothesis.remedy(0.0)) is bool(column)
