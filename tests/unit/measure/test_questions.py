@@ -240,5 +240,5 @@ def test_an_offset_that_leaves_much_of_a_log_alone_is_questioned(offset: str, as
     board = td.Record.from_arrays("board", times, {"T": channel("T", "K")})
     supply = td.Record.from_arrays("supply", times, {"P": channel("P", "W")})
     joint = board.joined(supply, offset)
-    assert [("2 h of its 6 h" in q and "one of its log and 'supply'" in q) for q in joint.questions] == [True] * asked
+    assert [bool(re.search("2 h .* 6 h.*'supply'", q)) for q in joint.questions] == [True] * asked
     assert not joint.trim("0 [s]", "14400 [s]").questions
