@@ -20,6 +20,7 @@ SUBJECTS: Final[Mapping[str, str]] = {
     "cap": "Limits of size",
     "command": "The command line",
     "delivery": "Deliveries",
+    "element": "Elements that a model may lack",
     "expression": "Expressions",
     "extra": "Optional parts",
     "file": "Files that are read",
@@ -154,6 +155,71 @@ CODES: Final[Mapping[str, CodeMeaning]] = {
         "error",
         "A file or an expected value of a delivery is not the one that was delivered.",
         "Ask for the delivery again, or find what changed.",
+    ),
+    "element.common-mass": CodeMeaning(
+        "remark",
+        "A mass that carries several parts may be missing in the model.",
+        "See what was found for it and whether it is possible; add it if so.",
+    ),
+    "element.contact": CodeMeaning(
+        "remark",
+        "A contact between two parts may be missing in the model.",
+        "Look whether they touch, or share a cable or a plate.",
+    ),
+    "element.growing-power": CodeMeaning(
+        "remark",
+        "A power may grow with temperature, which the model does not state.",
+        "Give its temperature coefficient, or log it.",
+    ),
+    "element.inner-mass": CodeMeaning(
+        "remark",
+        "The heat of a load may enter a mass inside of the part.",
+        "See what was found for it and whether it is possible; add it if so.",
+    ),
+    "element.lag": CodeMeaning(
+        "remark",
+        "A sensor may lag behind its part.",
+        "Give its time constant, or fit it.",
+    ),
+    "element.late-commands": CodeMeaning(
+        "remark",
+        "Commands may act later than they are logged.",
+        "Give `delay` in the record.",
+    ),
+    "element.natural-convection": CodeMeaning(
+        "remark",
+        "A coefficient may grow with the difference of temperatures, as in still air.",
+        "Give a law with an exponent.",
+    ),
+    "element.one-direction": CodeMeaning(
+        "remark",
+        "A coupling may depend on the direction of the heat.",
+        "Look for a stream, or a joint that opens.",
+    ),
+    "element.radiation": CodeMeaning(
+        "remark",
+        "Radiation may be missing in the model.",
+        "Give an emissivity.",
+    ),
+    "element.second-mass": CodeMeaning(
+        "remark",
+        "A part may have a second mass behind a resistance.",
+        "See what was found for it and whether it is possible; add it if so.",
+    ),
+    "element.settling-power": CodeMeaning(
+        "remark",
+        "A power may settle after it is switched on.",
+        "Log it.",
+    ),
+    "element.shell": CodeMeaning(
+        "remark",
+        "A mass may lie between a part and its surroundings.",
+        "See what was found for it and whether it is possible; add it if so.",
+    ),
+    "element.wrong-clock": CodeMeaning(
+        "remark",
+        "The offset of a joined log may be wrong.",
+        "Give another offset, or leave it to the fit.",
     ),
     "expression.decimal-comma": CodeMeaning(
         "error",

@@ -279,12 +279,12 @@ def test_a_deck_is_saved_and_read_again(tmp_path: Path) -> None:
 WRONG: dict[str, tuple[dict[str, Any], str, str]] = {
     "two kinds": (
         {**CONTROLS["table"], "thermostat": {"on_below": "3 [degC]", "off_above": "4 [degC]"}},
-        "value.excludes-another",
+        "value.incomplete",
         "table.*thermostat",
     ),
     "no node": ({"proportional": {"setpoint": "3 [degC]", "band": "2 [K]"}}, "value.incomplete", 'follows = "plate"'),
     "no such node": ({**CONTROLS["PI"], "follows": "plaet"}, "name.unknown", "'plaet'.* 'plate'"),
-    "weights": ({**CONTROLS["PI"], "follows": {"plate": 1, "radiator": 1}}, "value.outside-range", " 2"),
+    "weights": ({**CONTROLS["PI"], "follows": {"plate": 1, "radiator": 1}}, "model.law-refused", " 2;"),
     "a difference has kelvins": (
         {"follows": {"plate": 1, "radiator": -1}, "thermostat": {"on_above": "4 [degC]", "off_below": "3 [degC]"}},
         "unit.scale-for-difference",
@@ -292,14 +292,14 @@ WRONG: dict[str, tuple[dict[str, Any], str, str]] = {
     ),
     "hysteresis": (
         {"follows": "plate", "thermostat": {"on_below": "30 [degC]", "off_above": "28 [degC]"}},
-        "value.outside-range",
+        "model.refused",
         "on_below .*off_above",
     ),
     "a band": ({"follows": "plate", "proportional": {"setpoint": "30 [degC]", "band": "0 [K]"}}, "value.outside-range", "band' is 0 K"),
     "a mode": ({**CONTROLS["modes"], "starts": "bost"}, "name.unknown", "'bost'.* 'boost'"),
     "lost mode": (
         {**CONTROLS["modes"], "modes": {"off": 0, "boost": 1, "hold": 0.3, "lost": 1}},
-        "model.unused",
+        "model.law-refused",
         "'lost'",
     ),
     "half a derivative": (
@@ -309,7 +309,7 @@ WRONG: dict[str, tuple[dict[str, Any], str, str]] = {
     ),
     "negative share": (
         {"follows": "plate", "table": {"points": [["20 [degC]", "-0.1"], ["30 [degC]", "1"]]}},
-        "value.outside-range",
+        "model.refused",
         "'governor'",
     ),
 }

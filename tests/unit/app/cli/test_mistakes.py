@@ -24,7 +24,7 @@ from .conftest import Call
         ),
         (
             ("deliver", "DECK", "--to", "x", "--scenario", "s.toml", "--at", "foo"),
-            "value.without-effect",
+            "value.incomplete",
             "^--at: 'foo' .*--nodes, --within .*--values",
         ),
         (("predict", "x.toml", "--draws", "-5"), "", "'--draws'"),

@@ -50,7 +50,7 @@ def test_every_prediction_is_made_and_its_margin_counts_from_the_band(call: Call
     page = tmp_path / "page.html"
     assert call("report", fitted_campaign, "--to", page, "--for", "summary").code == 0
     text = unescape(page.read_text())
-    assert text.index(f"{margin['margin_K']:.2f} K") < text.index('id="fit')
+    assert text.index(f"{margin['margin_K']:.2f}") < text.index('id="predictions"')
     assert f"{margin['margin_K']:.2f}" in text
     assert 'id="predictions"' in text
 

@@ -95,7 +95,7 @@ class TestJson:
         assert (said.code, said.err) == (2, "")
         assert list(said.object) == ["schema", "status", "code", "message", "where"]
         assert (said.object["schema"], said.object["status"]) == (1, "error")
-        assert said.object["code"] == "model.radiation-not-split"
+        assert said.object["code"] == "model.needs-gas-law"
         assert said.object["where"] == "accelerometer.toml:15, surfaces.skin"
 
     def test_vacuum_where_it_is_known(self, call: Call) -> None:

@@ -13,7 +13,7 @@ import tomlkit
 
 import thermid as td
 from by_code import raises_code
-from thermid.base.errors import DeckError, OutputError
+from thermid.base.errors import DeckError, OutputError, code_of
 from thermid.campaign._start.improve import LATE as LATE_POWERS, Delay, improve, with_step
 from thermid.inference._explain.candidates import missing_elements
 
@@ -183,7 +183,7 @@ def test_a_mass_that_no_reading_can_know_is_not_possible() -> None:
     readings = td.Channel.from_array("T", 300.0 + 5.0 * np.exp(-times / 900.0), unit="K", role="node", target="case")
     record = td.Record.from_arrays("log", times, {"T": readings})
     fit = td.calibrate(model, record, ["skin.conductance"], scenario=td.Scenario("b", {"room": "300 [K]"}))
-    second = next(m for m in missing_elements(fit, fit.request) if m.name.startswith("a second mass"))
+    second = next(m for m in missing_elements(fit, fit.request) if code_of(m.name) == "element.second-mass")
 
     def found(held: float, link: float) -> dict[str, SimpleNamespace]:
         return {p: SimpleNamespace(value=v, error=0.1 * v) for p, v in zip(second.request.free[-2:], (held, link), strict=True)}

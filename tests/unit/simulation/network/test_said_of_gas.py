@@ -27,7 +27,7 @@ PUMPED = ROOM.with_(
 )
 HTC = {"htc": "5 [W/(m^2 K)]"}
 ONE_STATE = "model.element-not-supported"
-SAYS_NO_EMISSIVITY = "surfaces.skin: 'skin' .*'air' .* = 0 "
+SAYS_NO_EMISSIVITY = "'skin' .*'air' .* = 0 "
 SAYS_NO_HTC = "'skin' .* htc: .*'air' .*--vacuum"
 
 
@@ -87,7 +87,7 @@ def test_vacuum_with_a_bare_htc_dropped_all_exchange_in_silence(
     with pytest.raises(SystemExit) as ended:
         main()
     assert ended.value.code == 2
-    assert SAYS_NO_EMISSIVITY in json.loads(capsys.readouterr().out)["message"]
+    assert re.search(SAYS_NO_EMISSIVITY, json.loads(capsys.readouterr().out)["message"])
     assert [f.severity for f in bare.check() if f.code == "model.no-emissivity" and "'skin'" in f.message] == ["note"]
 
 
