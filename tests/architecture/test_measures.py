@@ -218,6 +218,7 @@ class TestRewording:
             "    kinds = 'open loss fault overrange'.split()\n    line = 'static const double loads[]'\n"
             "    law = 'share of power * speed / rated'\n"
             "    ratio = 'size*flow*(length - other)/width'\n    example = 'thermid calibrate box.toml --values best.toml'\n"
+            "    program = 'from package import serve; serve()'\n"
             "    pattern = r'the (?:words|texts) of a pattern'\n"
             "    other = 'one more (motors?|engines?) of the pattern'\n    raise E(f'the node {x!r} has no {x:.3f} mass at all')\n"
         )

@@ -281,7 +281,7 @@ def clocks(heard: Sequence[HeardLine], walls: Mapping[int, str]) -> tuple[list[f
 def _session_starts(heard: Sequence[HeardLine], walls: Mapping[int, str]) -> tuple[dict[int, float], list[str]]:
     """Return session -> its start from the first one [s], and remarks; a start that is unknown or too early follows the session before."""
     starts: dict[int, float] = {}
-    notes = []
+    notes: list[str] = []
     last: dict[int, float] = {}
     for line in heard:
         last[line.session] = max(last.get(line.session, 0.0), line.elapsed)
