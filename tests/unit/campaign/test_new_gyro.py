@@ -175,8 +175,8 @@ def test_a_deck_of_six_watts(project: Path, campaign: Campaign, tmp_path: Path) 
     assert re.search(rf"foot_y\.contact_conductance .* foot_x, {re.escape(str(foot))} \[W/\(m\^2 K\)\] .* 25 %", text)
     assert {d.path for d in plan.replacement.dropped} == {"y.mass", f"y.{HTC}"}
     assert plan.freed == (f"unit: y.{HTC}", "unit: foot_y.contact_conductance")
-    ((path, held),) = [(t.path, t.held) for t in plan.touched if t.held]
-    assert path == FOOT
+    ((touched, held),) = [(t.path, t.held) for t in plan.touched if t.held]
+    assert touched == FOOT
     assert re.search(r" foot_x; foot_y\.contact_conductance ", held)
     swapped = campaign["unit"].model.replace("y", load_model(path))
     assert swapped.at("y.power").text == "6 [W]"

@@ -85,7 +85,7 @@ def test_sensors_of_one_node_that_differ_by_more_than_they_may_are_named() -> No
     both = data.with_channels(replace(data["T"], name="U", values=data["T"].values + 0.4))
     found = td.calibrate(box(), both, [HTC, MASS])
     (words,) = [w for w in found.warnings if "'T' and 'U'" in w]
-    assert re.search(r"'T' and 'U' .*'case' .* 0\.4 K, .* K\. ", words)
+    assert re.search(r"'T' and 'U' .*'case' .* 0\.4 K .* K\. ", words)
 
 
 def test_weights_do_not_trust_the_predicted_signal_to_cancel_rounding_errors() -> None:
