@@ -96,7 +96,7 @@ def test_logs_with_stamps_are_joined_by_them(tmp_path: Path) -> None:
     again = td.Record.from_arrays("again", first.times, {"Q": td.celsius(np.full(first.times.size, 20.0))})
     assert np.array_equal(first.joined(again).times, first.times)
     german = _from_file(tmp_path, "28.%m.%Y %H:%M:%S")
-    with raises_code("record.time-unclear", td.ThermidError, match="2026-02-01 08:30:00"):
+    with raises_code("record.time-unclear", td.ThermidError, match="28.02.2026 08:30:00"):
         german.joined(power)
     at_once = td.Record.from_arrays("at once", STAMPS[LATE:], {"Q": td.celsius(np.full(first.times.size, 20.0))})
     later = first.trim("10 [min]", "end").shift_start()
