@@ -268,13 +268,20 @@ def clocks(heard: Sequence[HeardLine], walls: Mapping[int, str]) -> tuple[list[f
     if lost:
         notes.append(CodedText(f"missing lines of the board: {lost}", "bench.missing-lines"))
     if drifts and abs(drifts[-1] - 1.0) > _MAX_CLOCK_DRIFT:
-        text = (
-            f"the board's clock runs {1.0 / drifts[-1]:.3g} times as fast as the host's, so it is a simulated board; its own times are used"
+        notes.append(
+            CodedText(
+                f"the board's clock runs {1.0 / drifts[-1]:.3g} times as fast as the host's, so it is a simulated board; "
+                "its own times are used",
+                "bench.simulated-clock",
+            )
         )
-        notes.append(CodedText(text, "bench.simulated-clock"))
     elif drifts:
-        text = f"the board's clock is {(drifts[-1] - 1.0) * 1e6:+.0f} ppm slow against the host's; times are corrected"
-        notes.append(CodedText(text, "bench.board-clock"))
+        notes.append(
+            CodedText(
+                f"the board's clock is {(drifts[-1] - 1.0) * 1e6:+.0f} ppm slow against the host's; times are corrected",
+                "bench.board-clock",
+            )
+        )
     return moments, notes
 
 

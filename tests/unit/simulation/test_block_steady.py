@@ -46,7 +46,7 @@ def test_the_inputs_of_the_start_were_held_without_a_word() -> None:
     assert any("1800 s" in w for w in late.warnings)
     assert found["hottest"].final > late["hottest"].final + 10.0
     run = td.simulate(plate(), course(["chip"], start="steady"))
-    assert any("inputs of 0 s, although" in w for w in run.warnings)
+    assert any(" 0 s, " in w for w in run.warnings)
     assert td.steady(plate(), td.Scenario(boundaries={"air": "20 [degC]", "base": "15 [degC]"})).warnings == ()
 
 

@@ -282,7 +282,7 @@ WRONG: dict[str, tuple[dict[str, Any], str, str]] = {
         "value.incomplete",
         "table.*thermostat",
     ),
-    "no node": ({"proportional": {"setpoint": "3 [degC]", "band": "2 [K]"}}, "value.incomplete", 'follows = "plate"'),
+    "no node": ({"proportional": {"setpoint": "3 [degC]", "band": "2 [K]"}}, "value.incomplete", ' = "plate"'),
     "no such node": ({**CONTROLS["PI"], "follows": "plaet"}, "name.unknown", "'plaet'.* 'plate'"),
     "weights": ({**CONTROLS["PI"], "follows": {"plate": 1, "radiator": 1}}, "model.law-refused", " 2;"),
     "a difference has kelvins": (
