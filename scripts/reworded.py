@@ -1,9 +1,9 @@
 """Tests that fail when every text of the product is worded otherwise: ``python scripts/reworded.py`` counts them and lists where.
 
 In a private copy of the tree each text of at least four words in src/thermid gets its words reversed: messages, remarks, lines of tables.
-Names, numbers, units, codes, what stands in quotes or backticks, lists of words, expressions, statements of C, docstrings, help texts and
-templates stay. A test that fails then, and passes with the words as they are, quotes prose. Tests of which the product is the prose
-(tests/docs/messages*) and the guards of tests/architecture do not count.
+Names, numbers, units, codes, what stands in quotes or backticks, lists of words, expressions, statements of C, commands of a shell,
+docstrings, help texts and templates stay. A test that fails then, and passes with the words as they are, quotes prose. Tests of which
+the product is the prose (tests/docs/messages*) and the guards of tests/architecture do not count.
 """
 
 from __future__ import annotations

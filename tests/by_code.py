@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 
 import pytest
 
 from thermid.base.code_table import CODES
-from thermid.base.errors import ThermidError, ThermidWarning
+from thermid.base.errors import ThermidError, ThermidWarning, code_of
 
 
 @contextmanager
@@ -30,3 +30,9 @@ def warns_code(code: str, match: str = "") -> Iterator[None]:
         yield
     said = [(w.message.code, str(w.message)) for w in heard if isinstance(w.message, ThermidWarning)]
     assert any(of == code and re.search(match, text) for of, text in said), f"no warning of '{code}' with '{match}', but {said}"
+
+
+def of_code(texts: Iterable[str], code: str, match: str = "") -> list[str]:
+    """Those of some remarks that have this code and hold `match`, as of `raises_code`."""
+    assert code in CODES, f"thermid.base.code_table has no '{code}'"
+    return [text for text in texts if code_of(text) == code and re.search(match, text)]

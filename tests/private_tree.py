@@ -32,6 +32,7 @@ class PrivateTree:
         for name in FILES:
             shutil.copy2(ROOT / name, directory / name)
         shutil.copy2(str(kernel.__file__), directory / "src" / "thermid")
+        shutil.copytree(Path(str(kernel.__file__)).with_name("_fmu"), directory / "src" / "thermid" / "_fmu")
         (directory / "startup").mkdir()
         (directory / "startup" / "sitecustomize.py").write_text(STARTUP, encoding="utf-8")
 

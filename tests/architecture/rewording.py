@@ -56,9 +56,11 @@ class _Rewording(ast.NodeTransformer):
 
 
 def is_prose(text: object) -> bool:
-    """Whether a value is a text of some words on one line, and no pattern, markup, expression or statement of a program."""
+    """Whether a value is a text of some words on one line: no pattern, markup, expression, statement of a program or command of a shell."""
     return (
         isinstance(text, str)
-        and not re.search(r"\n.|<|\(\?|\\[bdsw]|^\^|;$|\[\]$|[\w)] [*/] [\w({]", text)
+        and not re.search(
+            r"\n.|<|\(\?|\\[bdsw]|^\^|;$|\[\]$|[\w)] ?\* ?[\w({]|[\w)] / [\w({]|^thermid [a-z]|^from \S+ import |\w\??\|\w", text
+        )
         and len(re.findall(r"[A-Za-z]{2,}", re.sub(QUOTED, " ", text))) >= WORDS
     )

@@ -217,7 +217,10 @@ class TestRewording:
             "    option('--x', help='the words of a help text stay')\n    key = 'one key.path'\n"
             "    kinds = 'open loss fault overrange'.split()\n    line = 'static const double loads[]'\n"
             "    law = 'share of power * speed / rated'\n"
-            "    pattern = r'the (?:words|texts) of a pattern'\n    raise E(f'the node {x!r} has no {x:.3f} mass at all')\n"
+            "    ratio = 'size*flow*(length - other)/width'\n    example = 'thermid calibrate box.toml --values best.toml'\n"
+            "    program = 'from package import serve; serve()'\n"
+            "    pattern = r'the (?:words|texts) of a pattern'\n"
+            "    other = 'one more (motors?|engines?) of the pattern'\n    raise E(f'the node {x!r} has no {x:.3f} mass at all')\n"
         )
         same, changed = text.split("    raise")[0], ast.unparse(ast.parse(rewording.otherwise(text)))
         assert changed.startswith(ast.unparse(ast.parse(same)))

@@ -6,6 +6,7 @@ import atexit
 import contextlib
 import json
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -101,9 +102,10 @@ def studio(*arguments: str) -> Iterator[str]:
     assert process.stdout is not None
     try:
         line = process.stdout.readline()
-        if not line.startswith("studio: http"):
+        address = re.search(r"https?://\S+", line)
+        if address is None:
             pytest.fail(line + process.stdout.read())
-        yield line.split()[1]
+        yield address[0]
     finally:
         process.terminate()
         process.wait(20)

@@ -75,7 +75,7 @@ def test_values_that_physics_forbids_are_refused_with_the_dictionary() -> None:
 def test_a_record_without_any_accuracy_is_named_in_the_first_lines(fit: td.Calibration) -> None:
     (row,) = [line for line in str(fit).splitlines()[:4] if "accuracy" in line]
     assert "T, ROOM" in row
-    assert "exact" in row
+    assert "accuracy = '0.5 [K]'" in row
     stated = COLUMNS | {"T": COLUMNS["T"] | {"accuracy": "0.3 [K]"}}
     for record in (td.Record.from_dataframe("log", frame(), stated), td.Record.from_dataframe("log", frame(), COLUMNS, synthetic=True)):
         other = td.calibrate(BOX, record, ["case.capacitance"])

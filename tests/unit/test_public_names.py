@@ -40,7 +40,7 @@ def test_a_namespace_serves_its_names(space: str) -> None:
     assert dir(room) == sorted(td._NAMESPACES[space])
     for name, module in td._NAMESPACES[space].items():
         assert getattr(room, name).__module__.startswith(f"thermid.{module.partition('.')[0]}")
-    with pytest.raises(AttributeError, match=f"module 'thermid.{space}' has no attribute 'nothing'"):
+    with pytest.raises(AttributeError, match=rf"'thermid\.{space}' .*'nothing'"):
         room.nothing  # noqa: B018
 
 
@@ -57,7 +57,7 @@ def test_a_function_stays_one_whatever_is_imported_before() -> None:
 
 
 def test_an_unknown_name_is_refused() -> None:
-    with pytest.raises(AttributeError, match=r"module 'thermid' has no attribute 'calibrat'\. Did you mean 'thermid.calibrate'"):
+    with pytest.raises(AttributeError, match=r"'thermid' .*'calibrat'\. .*'thermid\.calibrate'"):
         td.calibrat  # noqa: B018
     with pytest.raises(AttributeError, match=r"Did you mean 'thermid\.simulation\.compile_network'"):
         td.compile_network  # noqa: B018

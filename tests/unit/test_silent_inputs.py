@@ -114,7 +114,7 @@ def test_a_hidden_node_beside_a_warm_one_does_not_start_at_the_boundary() -> Non
     assert starts["initial.core"] == pytest.approx(36.0, abs=1.5)
     second = str(fit).splitlines()[1]
     assert second.split()[:2] == ["assumed", "start"]
-    assert "balance of its neighbours" in second
+    assert re.search(r"core, lid: .* \+- [\d.]+ K", second)
 
 
 def test_a_log_that_begins_at_rest_gets_no_further_unknowns() -> None:
@@ -124,7 +124,7 @@ def test_a_log_that_begins_at_rest_gets_no_further_unknowns() -> None:
     case = temperature(td.simulate(deck, scenario), "case", times) + NOISE * np.random.default_rng(1).standard_normal(times.size)
     fit = td.calibrate(deck, logged("rest", times, case, np.full(times.size, 3.0)), ["skin.effective_htc"])
     assert [i.name for i in fit.local] == ["initial.case"]
-    assert {r.name: r.words for r in fit.inputs.assumed} == dict.fromkeys(("core", "lid"), "no sensor; the log begins at rest")
+    assert [r.name for r in fit.inputs.assumed] == ["core", "lid"]
 
 
 def test_a_start_that_was_given_stays() -> None:
@@ -194,9 +194,10 @@ def test_a_duty_in_per_cent_that_is_taken_as_watts_is_questioned() -> None:
     _, deck, record = warm(3)
     channel = replace(record.channels["P"], values=np.where(record.channels["P"].values > 0, 50.0, 0.0), assumed=True)
     fit = td.calibrate(deck, record.with_channels(channel), ["skin.effective_htc"])
-    assert "it may be a duty cycle in per cent:" in " ".join(str(fit).splitlines()[:4])
+    head = " ".join(str(fit).splitlines()[:4])
     said = td.calibrate(deck, record.with_channels(replace(channel, assumed=False)), ["skin.effective_htc"])
-    assert "per cent" not in str(said)
+    assert "full_scale" in head
+    assert "full_scale" not in str(said)
 
 
 def test_a_mass_that_moves_a_thousand_times_is_questioned_first() -> None:
@@ -220,7 +221,7 @@ def test_residuals_are_not_white_and_white_in_one_output() -> None:
     for scale in (0.3, 0.6, 1.0):
         drifting = replace(channel, values=record.channels["T"].values + scale * slow)
         fit = td.calibrate(deck, record.with_channels(drifting), ["skin.effective_htc"])
-        wandering = any("residuals of the trace are autocorrelated" in w for w in fit.warnings)
+        wandering = fit.sensors["T"].wanders
         said += wandering
         assert not (wandering and "residuals white: yes" in str(fit))
     assert said
@@ -240,7 +241,7 @@ def test_the_blank_tail_of_a_channel_is_said() -> None:
     (row,) = [r for r in fit.inputs.rows if r.kind == "boundary"]
     assert row.source == "assumed"
     assert "1820 s" in row.words
-    assert "no valid sample in the last" in " ".join(str(fit).splitlines()[:4])
+    assert "1820 s" in " ".join(str(fit).splitlines()[:4])
 
 
 def test_a_tail_too_short_to_matter_is_not_said() -> None:
@@ -261,11 +262,11 @@ def test_a_channel_that_begins_late_is_not_called_missing(campaign: Path) -> Non
     (campaign.parent / "a.csv").write_text(f"time_s,T [degC],A [degC],P [W]\n{rows}\n")
     campaign.write_text(CAMPAIGN.replace('A = { boundary = "air" }', 'A = { boundary = "air" }\nP = { load = "heat" }'))
     said = " ".join(CliRunner().invoke(app, ["calibrate", str(campaign)]).output.split())
-    assert "assumed where the log is silent, because its channel begins late or ends early: box: heat (load)" in said
-    assert "neither log nor scenario" not in said
+    (partly,) = re.findall("[^:]*: box: heat [(]load[)]", said)
     campaign.write_text(CAMPAIGN)
     said = " ".join(CliRunner().invoke(app, ["calibrate", str(campaign)]).output.split())
-    assert "assumed, because neither log nor scenario gives it: box: heat (load)" in said
+    (missing,) = re.findall("[^:]*: box: heat [(]load[)]", said)
+    assert partly != missing
 
 
 # check opens the logs -----------------------------------------------------------------------------------------------------------------

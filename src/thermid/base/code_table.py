@@ -20,6 +20,7 @@ SUBJECTS: Final[Mapping[str, str]] = {
     "cap": "Limits of size",
     "command": "The command line",
     "delivery": "Deliveries",
+    "element": "Elements that a model may lack",
     "expression": "Expressions",
     "extra": "Optional parts",
     "file": "Files that are read",
@@ -45,10 +46,30 @@ SUBJECTS: Final[Mapping[str, str]] = {
 """First word of a code -> what it is about."""
 
 CODES: Final[Mapping[str, CodeMeaning]] = {
+    "bench.board-clock": CodeMeaning(
+        "remark",
+        "The clock of a board runs slower or faster than that of the host.",
+        "Nothing; times are corrected.",
+    ),
+    "bench.damaged-lines": CodeMeaning(
+        "remark",
+        "Lines of a log have a wrong checksum and were dropped.",
+        "Check cable and supply where there are many.",
+    ),
+    "bench.duplicate-lines": CodeMeaning(
+        "remark",
+        "Lines of a log stand in it twice; one counts.",
+        "Nothing.",
+    ),
     "bench.log": CodeMeaning(
         "error",
         "The file into which a logger writes cannot be opened or written, or another logger writes to it.",
         "Give another file or place; the message names it.",
+    ),
+    "bench.missing-lines": CodeMeaning(
+        "remark",
+        "Numbers of lines that a board sent are not in its log.",
+        "Check cable and host where there are many.",
     ),
     "bench.no-board": CodeMeaning(
         "error",
@@ -60,10 +81,35 @@ CODES: Final[Mapping[str, CodeMeaning]] = {
         "A line of a board or of its log is not of the protocol, or its checksum does not fit.",
         "Check the cable and the firmware; lines that are cut are not read.",
     ),
+    "bench.resets": CodeMeaning(
+        "remark",
+        "The board started again while its log was written.",
+        "Check its supply.",
+    ),
     "bench.sensor": CodeMeaning(
         "error",
         "A sensor of the bench has a mistyped identity, an impossible offset or reading, or made the board cut its heaters.",
         "Check the sensor and its wire; the message gives the reading.",
+    ),
+    "bench.simulated-clock": CodeMeaning(
+        "remark",
+        "The clock of a board runs many times as fast as that of the host, so the board is simulated.",
+        "Nothing; its own times are used.",
+    ),
+    "bench.sorted-lines": CodeMeaning(
+        "remark",
+        "Lines of a log stand in another order than they were sent, and were sorted.",
+        "Nothing.",
+    ),
+    "bench.start-placed": CodeMeaning(
+        "remark",
+        "The start of a session is not in the log, or lies before the end of the one before; it follows that directly.",
+        "Check the clock of the host.",
+    ),
+    "bench.starts": CodeMeaning(
+        "remark",
+        "The logger was started several times on one log.",
+        "Nothing.",
     ),
     "campaign.not-from-file": CodeMeaning(
         "error",
@@ -109,6 +155,71 @@ CODES: Final[Mapping[str, CodeMeaning]] = {
         "error",
         "A file or an expected value of a delivery is not the one that was delivered.",
         "Ask for the delivery again, or find what changed.",
+    ),
+    "element.common-mass": CodeMeaning(
+        "remark",
+        "A mass that carries several parts may be missing in the model.",
+        "See what was found for it and whether it is possible; add it if so.",
+    ),
+    "element.contact": CodeMeaning(
+        "remark",
+        "A contact between two parts may be missing in the model.",
+        "Look whether they touch, or share a cable or a plate.",
+    ),
+    "element.growing-power": CodeMeaning(
+        "remark",
+        "A power may grow with temperature, which the model does not state.",
+        "Give its temperature coefficient, or log it.",
+    ),
+    "element.inner-mass": CodeMeaning(
+        "remark",
+        "The heat of a load may enter a mass inside of the part.",
+        "See what was found for it and whether it is possible; add it if so.",
+    ),
+    "element.lag": CodeMeaning(
+        "remark",
+        "A sensor may lag behind its part.",
+        "Give its time constant, or fit it.",
+    ),
+    "element.late-commands": CodeMeaning(
+        "remark",
+        "Commands may act later than they are logged.",
+        "Give `delay` in the record.",
+    ),
+    "element.natural-convection": CodeMeaning(
+        "remark",
+        "A coefficient may grow with the difference of temperatures, as in still air.",
+        "Give a law with an exponent.",
+    ),
+    "element.one-direction": CodeMeaning(
+        "remark",
+        "A coupling may depend on the direction of the heat.",
+        "Look for a stream, or a joint that opens.",
+    ),
+    "element.radiation": CodeMeaning(
+        "remark",
+        "Radiation may be missing in the model.",
+        "Give an emissivity.",
+    ),
+    "element.second-mass": CodeMeaning(
+        "remark",
+        "A part may have a second mass behind a resistance.",
+        "See what was found for it and whether it is possible; add it if so.",
+    ),
+    "element.settling-power": CodeMeaning(
+        "remark",
+        "A power may settle after it is switched on.",
+        "Log it.",
+    ),
+    "element.shell": CodeMeaning(
+        "remark",
+        "A mass may lie between a part and its surroundings.",
+        "See what was found for it and whether it is possible; add it if so.",
+    ),
+    "element.wrong-clock": CodeMeaning(
+        "remark",
+        "The offset of a joined log may be wrong.",
+        "Give another offset, or leave it to the fit.",
     ),
     "expression.decimal-comma": CodeMeaning(
         "error",
@@ -225,15 +336,40 @@ CODES: Final[Mapping[str, CodeMeaning]] = {
         "A value has the right kind and breaks a rule of its place.",
         "Follow the message.",
     ),
+    "fit.above-slow-fans": CodeMeaning(
+        "remark",
+        "A fitted coefficient is above that of slow fans.",
+        "Look for heat by a mount or a lead, a larger area, or less power.",
+    ),
+    "fit.above-still-air": CodeMeaning(
+        "remark",
+        "A fitted coefficient is above that of still air, and not above that of slow fans.",
+        "Look for moving air, heat by a mount or a lead, a larger area, or less power.",
+    ),
+    "fit.below-still-air": CodeMeaning(
+        "remark",
+        "A fitted coefficient is below that of still air over its area.",
+        "Count faces that convect only, and check the power.",
+    ),
     "fit.chains-too-short": CodeMeaning(
         "error",
         "The chains of a posterior move too slowly along a direction for an interval.",
         "Give more steps, a prior, or another record.",
     ),
+    "fit.less-than-its-weight": CodeMeaning(
+        "remark",
+        "A fitted capacitance is below that of any solid of the weight given.",
+        "Look for a mass that follows more slowly, or more power.",
+    ),
     "fit.model-fails": CodeMeaning(
         "error",
         "The model cannot be run at any value that a search tries, or the search ends without a result.",
         "Start nearer, or widen the range that the message names.",
+    ),
+    "fit.more-than-its-weight": CodeMeaning(
+        "remark",
+        "A fitted capacitance is above that of any solid of the weight given.",
+        "Look for a mass that was not weighed, or less power.",
     ),
     "fit.needs-session": CodeMeaning(
         "error",
@@ -650,6 +786,11 @@ CODES: Final[Mapping[str, CodeMeaning]] = {
         "A channel would follow two clocks or delays that are left to a fit.",
         "State one of them as a time.",
     ),
+    "record.sensors-exchanged": CodeMeaning(
+        "remark",
+        "The readings of two sensors fit the model much better when their columns are exchanged.",
+        "Check the wiring and the header of the log.",
+    ),
     "record.shape": CodeMeaning(
         "error",
         "Times, values and masks are not rows of equal length.",
@@ -715,6 +856,11 @@ CODES: Final[Mapping[str, CodeMeaning]] = {
         "A result holds no numbers to draw.",
         "Print it.",
     ),
+    "result.slow-part-possible": CodeMeaning(
+        "remark",
+        "A final temperature is declined, because the readings cannot exclude a part slower than they last.",
+        "Wait longer, or give a model or the longest time constant.",
+    ),
     "run.cluster": CodeMeaning(
         "error",
         "The cluster does not respond, its address is none, or its workers have another version.",
@@ -759,6 +905,11 @@ CODES: Final[Mapping[str, CodeMeaning]] = {
         "error",
         "No steady state exists, or none was found.",
         "Give every part a path to a boundary; simulate where a control keeps switching.",
+    ),
+    "run.not-stable": CodeMeaning(
+        "error",
+        "A wait of a test profile ends before its rule of stability is met.",
+        "Allow a longer wait or another rule; where a load switches, apply the rule to means over whole periods.",
     ),
     "run.outside-times": CodeMeaning(
         "error",
@@ -874,6 +1025,31 @@ CODES: Final[Mapping[str, CodeMeaning]] = {
         "error",
         "Criteria of a verdict do not apply to the data, or leave out more than they may.",
         "Change the criteria, or state why.",
+    ),
+    "verdict.from-memory": CodeMeaning(
+        "remark",
+        "A limit is quoted from memory, so a verdict on it is not decided.",
+        "Check the number in its source and mark it read.",
+    ),
+    "verdict.log-of-another-test": CodeMeaning(
+        "remark",
+        "The log of a test is identical to that of another.",
+        "Give each test its own log.",
+    ),
+    "verdict.no-criteria": CodeMeaning(
+        "remark",
+        "A test has a log, and no criteria for it.",
+        "Name criteria in the plan.",
+    ),
+    "verdict.no-limits-of-this-state": CodeMeaning(
+        "remark",
+        "A part that is switched off leaves its operating limits, and no non-operating limits are given.",
+        "State its non-operating limits.",
+    ),
+    "verdict.no-log": CodeMeaning(
+        "remark",
+        "Criteria of a test wait for its log.",
+        "Run the test and name its log in the plan.",
     ),
 }
 """Code -> what it stands for; in the order of the alphabet."""

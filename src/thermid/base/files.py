@@ -479,23 +479,27 @@ def seal(data: bytes, name: str, comment: bytes = b"#") -> bytes:
     return front + _words(name, front) + back
 
 
+_SEAL = "written by thermid: "
+"""What a seal begins with."""
+
+
 def _words(name: str, before: bytes) -> bytes:
     """Return the words of a seal: who wrote what, and the checksum of what stands before them, whatever the line ends."""
     digest = hashlib.sha256(before.replace(b"\r\n", b"\n")).hexdigest()[:16]
-    return f"written by thermid: {name}, sha256 {digest}".encode()
+    return f"{_SEAL}{name}, sha256 {digest}".encode()
 
 
 def sealed(path: Path, name: str) -> bool:
     """Whether a file carries the seal of a kind, and is what it was when it got it."""
     data = path.read_bytes()
-    at = data.rfind(b"written by thermid: ")
+    at = data.rfind(_SEAL.encode())
     words = _words(name, data[: max(at, 0)])
     return at >= 0 and re.match(re.escape(words) + _END, data[at:], re.DOTALL) is not None
 
 
 def unsealed(text: str) -> str:
     """Return the text of a TOML file without its seal."""
-    return re.sub(r"^# written by thermid: [\w ]+, sha256 [0-9a-f]{16}\s*\Z", "", text, flags=re.MULTILINE)
+    return re.sub(rf"^# {_SEAL}[\w ]+, sha256 [0-9a-f]{{16}}\s*\Z", "", text, flags=re.MULTILINE)
 
 
 MARKER = "thermid.toml"

@@ -20,7 +20,7 @@ from typing import Any, Final, NamedTuple
 
 import numpy as np
 
-from thermid.base.errors import OutputError, RecordError
+from thermid.base.errors import CodedText, OutputError, RecordError
 from thermid.base.files import FileKinds, write_bytes
 from thermid.base.units import Kelvin
 from thermid.bench._wire import COUNTER_RANGE, MAGIC, BoardLine, parse_line, sealed, unsealed
@@ -264,22 +264,31 @@ def clocks(heard: Sequence[HeardLine], walls: Mapping[int, str]) -> tuple[list[f
             moments[place] = round(moment, 6)
         end, last_host = float(board_time[-1]) + begin, float(run.host[-1])
     if len(runs) > 1:
-        notes.append(f"resets of the board: {len(runs) - 1}")
+        notes.append(CodedText(f"resets of the board: {len(runs) - 1}", "bench.resets"))
     if lost:
-        notes.append(f"missing lines of the board: {lost}")
+        notes.append(CodedText(f"missing lines of the board: {lost}", "bench.missing-lines"))
     if drifts and abs(drifts[-1] - 1.0) > _MAX_CLOCK_DRIFT:
         notes.append(
-            f"the board's clock runs {1.0 / drifts[-1]:.3g} times as fast as the host's, so it is a simulated board; its own times are used"
+            CodedText(
+                f"the board's clock runs {1.0 / drifts[-1]:.3g} times as fast as the host's, so it is a simulated board; "
+                "its own times are used",
+                "bench.simulated-clock",
+            )
         )
     elif drifts:
-        notes.append(f"the board's clock is {(drifts[-1] - 1.0) * 1e6:+.0f} ppm slow against the host's; times are corrected")
+        notes.append(
+            CodedText(
+                f"the board's clock is {(drifts[-1] - 1.0) * 1e6:+.0f} ppm slow against the host's; times are corrected",
+                "bench.board-clock",
+            )
+        )
     return moments, notes
 
 
 def _session_starts(heard: Sequence[HeardLine], walls: Mapping[int, str]) -> tuple[dict[int, float], list[str]]:
     """Return session -> its start from the first one [s], and remarks; a start that is unknown or too early follows the session before."""
     starts: dict[int, float] = {}
-    notes = []
+    notes: list[str] = []
     last: dict[int, float] = {}
     for line in heard:
         last[line.session] = max(last.get(line.session, 0.0), line.elapsed)
@@ -295,12 +304,12 @@ def _session_starts(heard: Sequence[HeardLine], walls: Mapping[int, str]) -> tup
                     if wall is None
                     else ("is before the end of the previous session, because the host's clock was set back")
                 )
-                notes.append(f"the start of session {session} {why}; it is placed directly after it")
+                notes.append(CodedText(f"the start of session {session} {why}; it is placed directly after it", "bench.start-placed"))
             start = end
         starts[session] = start
         end = start + last[session]
     if len(starts) > 1:
-        notes.append(f"starts of the logger: {len(starts)}")
+        notes.append(CodedText(f"starts of the logger: {len(starts)}", "bench.starts"))
     return starts, notes
 
 
@@ -467,14 +476,14 @@ def _sorted_with_remarks(log: _Log) -> list[str]:
         notes.append(f"the last line {UNFINISHED}")
     if log.damaged:
         shown = ", ".join(map(str, log.damaged[:_MAX_LISTED_LINES])) + (", ..." if len(log.damaged) > _MAX_LISTED_LINES else "")
-        notes.append(f"damaged lines that were dropped: {len(log.damaged)} (lines {shown})")
+        notes.append(CodedText(f"damaged lines that were dropped: {len(log.damaged)} (lines {shown})", "bench.damaged-lines"))
     ordered = sorted(log.heard, key=lambda line: (line.session, line.elapsed))
     moved = sum(one is not other for one, other in zip(ordered, log.heard, strict=True))
     unique = [line for k, line in enumerate(ordered) if not k or line[:2] != ordered[k - 1][:2] or line.line != ordered[k - 1].line]
     if moved:
-        notes.append(f"lines out of order that were sorted: {moved}")
+        notes.append(CodedText(f"lines out of order that were sorted: {moved}", "bench.sorted-lines"))
     if len(unique) < len(ordered):
-        notes.append(f"duplicate lines: {len(ordered) - len(unique)}")
+        notes.append(CodedText(f"duplicate lines: {len(ordered) - len(unique)}", "bench.duplicate-lines"))
     log.heard[:] = unique
     if log.marks:
         notes.append("marks of the logger: " + ", ".join(f"{word} {count}" for word, count in sorted(log.marks.items())))

@@ -75,7 +75,7 @@ def check_port(name: str) -> None:
             text = "another program uses it. Close that one first, such as the monitor of the Arduino IDE."
         else:
             text = f"it is not a serial port ({reason})."
-        raise RecordError(text, name) from None
+        raise RecordError(text, name, code="bench.no-board") from None
 
 
 class Port:

@@ -71,6 +71,8 @@ REPEAT_SHARE_OF_STEP, MIN_ERROR_RATIO = 0.25, 1.1
 """Part of a step within which temperatures repeat a log's; how many times larger an error must be there to be spoken of."""
 SHARE_OF_GAIN = 0.9
 """A test is long enough when it has brought nine tenths of what it could."""
+AGAIN, PUMPED_DOWN = "the same test again", "the same, pumped down"
+"""Two of the tests that are proposed without being asked for."""
 
 
 @guard_methods
@@ -123,7 +125,7 @@ def usual_actions(model: Model, scenario: Scenario, sensors: Sequence[Sensor]) -
     """
     network = network_for(model, scenario)
     half = 0.5 * scenario.seconds
-    out = [Action("the same test again", scenario)]
+    out = [Action(AGAIN, scenario)]
     powers = {row.name: float(value_of(row.coefficients[0])) for row in network.numbers().loads if row.fixed}
     metered = {s.target for s in sensors if s.role == "load"} | set(scenario.loads)
     for load, deck_power in powers.items():
@@ -150,7 +152,7 @@ def usual_actions(model: Model, scenario: Scenario, sensors: Sequence[Sensor]) -
     for node in (n for n in network.nodes if n not in measured_nodes):
         more = Sensor(f"new sensor at {node}", node, "node", noise, accuracy)
         out.append(Action(f"the same with a sensor at '{node}'", scenario, (*sensors, more)))
-    out.append(Action("the same, pumped down", scenario.vacuum()))
+    out.append(Action(PUMPED_DOWN, scenario.vacuum()))
     return tuple(out)
 
 

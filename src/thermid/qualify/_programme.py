@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from thermid.base.errors import errors_at
+from thermid.base.errors import CodedText, errors_at
 from thermid.base.results import VERDICTS, Named, weigh
 from thermid.base.units import HALF_WIDTH_95, counted
 from thermid.campaign.stages import Limits, Margin, margins
@@ -264,7 +264,9 @@ def run_plan(
     for k, t in enumerate(trials):
         same = [o.test.name for j, o in enumerate(trials) if j != k and t.log_sha256 and o.log_sha256 == t.log_sha256]
         if same:
-            trials[k] = replace(t, not_shown=(*t.not_shown, f"its log is identical to that of {', '.join(same)}"))
+            trials[k] = replace(
+                t, not_shown=(*t.not_shown, CodedText(f"its log is identical to that of {', '.join(same)}", "verdict.log-of-another-test"))
+            )
     effects_by_test = {
         t.test.name: assumption_effects(t.knowledge, t.test.name, t.foresight, {x.node: x.point for x in t.limits}) for t in trials
     }

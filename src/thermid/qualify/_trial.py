@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from thermid.base.errors import NameNotFoundError, RecordError, ScenarioError, errors_at, refuse_unknown
+from thermid.base.errors import CodedText, NameNotFoundError, RecordError, ScenarioError, errors_at, refuse_unknown
 from thermid.base.files import resolve_inside
 from thermid.base.results import VERDICTS, weigh
 from thermid.base.units import ATMOSPHERE, ICE_POINT, TEMPERATURE, Array, duration_text
@@ -152,10 +152,10 @@ class Trial:
             out.append(f"the course uses numbers {self.course.trust}")
         out += [f"the power margin of heater {h.load} is quoted from memory" for h in self.heaters if h.passed is None]
         if self._judged and self.correlation is None:
-            out.append(f"there is no log yet, so {', '.join(self.test.criteria)} could not be judged")
+            out.append(CodedText(f"there is no log yet, so {', '.join(self.test.criteria)} could not be judged", "verdict.no-log"))
         if self.correlation is not None:
             verdicts = self.correlation.verdicts
-            out += [] if verdicts else ["there is a log, but no criteria for it"]
+            out += [] if verdicts else [CodedText("there is a log, but no criteria for it", "verdict.no-criteria")]
             out += [f"the criteria {name} are quoted from memory" for name, passed in verdicts.items() if passed is None]
         return (*out, *self.not_shown)
 
@@ -573,9 +573,10 @@ def exchanged_sensors(overlays_: Sequence[Overlay]) -> Iterator[str]:
             as_wired = float(np.sqrt(np.mean((a.measured - a.simulated) ** 2 + (b.measured - b.simulated) ** 2)))
             other = float(np.sqrt(np.mean((a.measured - b.simulated) ** 2 + (b.measured - a.simulated) ** 2)))
             if as_wired > MIN_EXCHANGE_DEVIATION and other < as_wired / 3.0:
-                yield (
+                yield CodedText(
                     f"{a.sensor} and {b.sensor} look exchanged: their readings lie {as_wired:.1f} K from the model, but {other:.1f} K "
-                    "with the columns exchanged. Check the wiring and the header of the log"
+                    "with the columns exchanged. Check the wiring and the header of the log",
+                    "record.sensors-exchanged",
                 )
 
 

@@ -456,7 +456,7 @@ class TestUsedRecords:
 class TestWhereLogsLie:
     def test_a_data_folder_outside_the_project(self, project: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
         (project.parent / "logs").rename(tmp_path / "logs")
-        assert "no log 'logs/box_bench.csv'" in str(refused(project))
+        assert "'logs/box_bench.csv'" in str(refused(project))
         assert run_stages(project, data=tmp_path).passed
         monkeypatch.setenv("THERMID_DATA", str(tmp_path))
         assert run_stages(project).passed
@@ -481,7 +481,7 @@ class TestWhereLogsLie:
     def test_a_failed_look_leaves_nothing_half_known(self, project: Path) -> None:
         source = read_campaign(changed(project, ('"logs/pair_*.csv"', '"logs/nothing_*.csv"')))
         for _ in range(2):
-            with pytest.raises(ThermidError, match=r"no log 'logs/nothing_\*\.csv'"):
+            with raises_code("record.log-missing", match=r"'logs/nothing_\*\.csv'"):
                 source.pick(["box_bench"], "here")
 
 

@@ -120,7 +120,7 @@ class TestLooks:
         (after,) = td.run_stages(path, cache=results).verdicts
         assert not after.unseen
         assert after.failed_before[0].record == "pair_two"
-        assert "This record is no longer independent: the model" in str(after)
+        assert str(after) != str(replace(after, failed_before=())), "that the record is no longer independent"
         (elsewhere,) = td.run_stages(path).verdicts
         assert elsewhere.unseen, "without a results folder nothing is remembered"
 
@@ -141,7 +141,7 @@ class TestLooks:
     def test_a_damaged_file_is_refused_and_stays(self, tmp_path: Path) -> None:
         for damaged in ("", "[{", "{}", '[{"record": "r"}]'):
             (tmp_path / FILE).write_text(damaged)
-            with pytest.raises(DeckError, match=r"looks\.json: the file is damaged\. It lists the records that failed a verdict"):
+            with pytest.raises(DeckError, match=r"looks\.json: "):
                 _read(tmp_path)
             with pytest.raises(DeckError, match="damaged"):
                 look(tmp_path, "r", "sha", "pair", "key", True)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import shutil
 from pathlib import Path
 
@@ -83,7 +84,7 @@ def test_what_moved(campaign: Campaign) -> None:
     moves = campaign.joint.moved
     assert {m.path: m.stage for m in moves.values} == {f"a.{HTC}": "pair", f"a.{MASS}": "pair", JOINT: "pair"}
     assert moves.moved == ()
-    assert "  values of the stages below -> by the joint fit:" in str(campaign.joint)
+    assert re.search(r"\n  .* -> .*:\n    \S", str(campaign.joint))
 
 
 def test_joint_of_a_file_and_of_a_campaign(made: Path, campaign: Campaign) -> None:
@@ -133,7 +134,7 @@ def test_a_record_of_two_stages_counts_once(project: Path) -> None:
     joint = td.run_stages(with_text(project, ("[joint]", again))).joint
     assert joint is not None
     assert list(joint.records) == ["box_bench", "pair_one"]
-    assert any(w == "record 'pair_one' is used by 'pair' and 'again'. It is counted once, in the latter." for w in joint.warnings)
+    assert any(re.search("'pair_one' .*'pair' and 'again'", w) for w in joint.warnings)
     assert JOINT in joint.values.parameters
 
 
@@ -170,11 +171,8 @@ def test_values_of_a_stage_that_is_left_out_are_taken_as_exact_and_it_says_so(pr
     assert joint is not None
     assert joint[JOINT].value == pytest.approx(found["pair"][JOINT].value, rel=1e-4)
     assert joint[JOINT].error < found["pair"][JOINT].error
-    (said,) = [w for w in joint.warnings if "so its standard errors do not include theirs" in w]
-    assert (
-        said == f"the joint fit keeps 'a.{HTC}', 'a.{MASS}' of stage 'box' fixed, so its standard errors do not include theirs and are too "
-        "small. Free them in the joint fit if that matters."
-    )
+    (said,) = [w for w in joint.warnings if "stage 'box'" in w]
+    assert f"'a.{HTC}', 'a.{MASS}' " in said
     assert said in [x.what for x in joint.store.left_out]
 
 
@@ -195,9 +193,7 @@ def test_the_spread_of_a_fixed_input_counts_in_all_levels_at_once(project: Path)
 
 def test_of_all_levels_nothing_is_left_out(campaign: Campaign) -> None:
     assert campaign.joint is not None
-    assert not [
-        w for w in campaign.joint.warnings if "so its standard errors do not include theirs" in w or "is not a prior of the joint" in w
-    ]
+    assert not [w for w in campaign.joint.warnings if "stage 'box'" in w or f"'a.{HTC}'" in w]
 
 
 @pytest.mark.parametrize(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import shutil
 from dataclasses import dataclass
 from pathlib import Path
@@ -220,15 +221,15 @@ def test_a_deck_of_six_watts(project: Path, campaign: Campaign, tmp_path: Path) 
     plan = td.design.plan_retune(campaign, "y", path)
     assert plan.watts == (2.1, 6.0)
     text = str(plan)
-    assert "Six has the 6 W and all other values of its deck; its own test must be repeated" in text
+    assert re.search(r"\bSix .* 6 W ", text)
     of_twin = campaign["unit"].model
     foot = f"{2000 * of_twin.at(FOOT).expression.literal.value:.4g}"
-    assert f"foot_y.contact_conductance is that of foot_x, {foot} [W/(m^2 K)] within 25 %" in text
+    assert re.search(rf"foot_y\.contact_conductance .* foot_x, {re.escape(str(foot))} \[W/\(m\^2 K\)\] .* 25 %", text)
     assert {d.path for d in plan.replacement.dropped} == {"y.mass", f"y.{HTC}"}
     assert plan.freed == (f"unit: y.{HTC}", "unit: foot_y.contact_conductance")
-    assert [(t.path, t.held) for t in plan.touched if t.held] == [
-        (FOOT, "stays with foot_x; foot_y.contact_conductance now has a separate value")
-    ]
+    ((touched, held),) = [(t.path, t.held) for t in plan.touched if t.held]
+    assert touched == FOOT
+    assert re.search(r" foot_x; foot_y\.contact_conductance ", held)
     swapped = campaign["unit"].model.replace("y", load_model(path))
     assert swapped.at("y.power").text == "6 [W]"
     assert swapped.at("y.mass").text == "0.9 [kg]"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
@@ -57,7 +58,7 @@ def _calibrated(folder: Path, rng: np.random.Generator) -> tuple[list[Part], td.
         try:
             return levels, td.run_stages(path)
         except IdentificationError as error:
-            if "twice its standard error is more than its bounds are apart" not in str(error):
+            if error.code != "fit.not-determined":
                 raise
 
 
@@ -89,7 +90,7 @@ def swapped(folder: Path, seed: int) -> list[str]:
     plan = td.design.plan_retune(before, place, deck)
     assert plan.watts[1] == pytest.approx(sum(v for p, v in ParameterSet(deck).evaluate({}).items() if p.endswith(POWER)))
     assert alone[POWER].parameter.text == "6 [W]"
-    assert f"newer has the {plan.watts[1]:.4g} W and all other values of its deck" in str(plan)
+    assert re.search(rf"\bnewer .* {re.escape(f'{plan.watts[1]:.4g}')} W ", str(plan))
     said = [line for line in str(plan).splitlines() if not line.endswith(("of the old part", "of its place"))]
     old_values = {f"{place}.{n}": f"{v:.4g} [" for n, v in _numbers(known, place).items() if v in stale}
     wrong += [f"plan: {line}" for line in said for p, v in old_values.items() if f"{p} " in line and v in line]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -80,7 +81,7 @@ def hand_tuned(folder: Path, rows: str, how: str = "fixed") -> Campaign:
 )
 def test_a_stage_tuned_by_hand_is_a_stage_like_any_other(tmp_path: Path, row: str, value: float, sd: float) -> None:
     found = hand_tuned(tmp_path, f'"{G}" = {row}\n')
-    assert str(found["bench"]).startswith("bench: 1 value tuned by hand")
+    assert re.match(r"bench: 1 ", str(found["bench"]))
     state = found["whole"].store[f"s.p.{G}"]
     assert (state.value, state.origin.kind, state.origin.stage) == (pytest.approx(value), "hand", "bench")
     assert found["whole"].model.at(f"s.p.{G}").expression.literal.value == pytest.approx(value)
@@ -168,7 +169,7 @@ def test_a_value_that_the_deck_gives_otherwise_by_now_is_dropped_and_listed(tmp_
     assert whole.store.matching(load_model(tmp_path / "whole.toml")) is whole.store, "the fitted value itself is no other value"
     (gone,) = kept.dropped
     assert (gone.path, gone.origin) == (f"s.p.{G}", "stage 'component'")
-    assert "0.5 [W/K], but had 0.30 [W/K]" in gone.why
+    assert re.search(r"0\.5 \[W/K\], .* 0\.30 \[W/K\]", gone.why)
 
 
 def test_of_two_states_of_one_value_the_nearer_to_the_root_holds_and_equals_are_refused(tmp_path: Path) -> None:
@@ -180,7 +181,8 @@ def test_of_two_states_of_one_value_the_nearer_to_the_root_holds_and_equals_are_
     again = replace(component, states={G: replace(component.states[G], value=0.4, origin=ValueOrigin("fit", "other"))})
     both, remarks = graft(whole, [("s", pair), ("s.p", again)])
     assert both[f"s.p.{G}"].origin.stage == "component"
-    assert remarks == (f"'s.p.{G}': the value of stage 'component' is used, not that of stage 'other', which is deeper in the model.",)
+    (remark,) = remarks
+    assert re.search(rf"'s\.p\.{re.escape(G)}': .*'component' .*'other'", remark)
     with raises_code("value.excludes-another", DeckError, match=r"'component'.*'other'.*'s\.p\.g\.conductance'"):
         graft(whole, [("s.p", component), ("s.p", again)])
 
@@ -297,4 +299,4 @@ def test_a_values_file_on_the_command_line(tmp_path: Path) -> None:
     without, kept = end("--values", str(tmp_path / "v.toml")), end("--values", str(tmp_path / "v.toml"), "--keep-values")
     assert kept[0] == laid[0] != without[0]
     assert f"s.p.{G} = " in without[1]
-    assert "0.31 [W/K], but had 0.30 [W/K]" in without[1]
+    assert re.search(r"0\.31 \[W/K\], .* 0\.30 \[W/K\]", without[1])

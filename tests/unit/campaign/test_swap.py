@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import shutil
 from dataclasses import replace
 from pathlib import Path
@@ -15,7 +16,7 @@ import thermid as td
 from by_code import raises_code
 from thermid.app.cli.app import app
 from thermid.base.errors import DeckError, NameNotFoundError
-from thermid.campaign._retune import MIN_EFFECT, RetunePlan, _told_by, check_replacement
+from thermid.campaign._retune import CARRIED, MIN_EFFECT, RetunePlan, _told_by, check_replacement
 from thermid.campaign._stages import Campaign
 from thermid.fit.calibration import fit
 from thermid.model.tree import ParameterSet, save_model, touching
@@ -185,7 +186,7 @@ def test_only_that_is_run(plan: RetunePlan, campaign: Campaign, tests_again: Pat
     assert above[JOINT].value == pytest.approx(300.0, rel=0.15)
     assert above.model.at("b.skin.effective_htc").expression.literal.value == campaign["pair"]["b.skin.effective_htc"].value
     assert above.model.at(f"a.{HTC}").expression.literal.value == made["box"][HTC].value
-    assert any(w.startswith("only the values that Light at a affects were fitted again") for w in above.warnings)
+    assert any("Light at a " in w for w in above.warnings)
 
 
 def test_totals_count_what_is_held(plan: RetunePlan, campaign: Campaign, tests_again: Path) -> None:
@@ -236,7 +237,7 @@ def test_one_of_two_instances(project: Path, tmp_path: Path, tests_again: Path) 
     plan = td.design.plan_retune(old, "a", box(NEW | {"parameters/power/value": "5 [W]"}))
     assert {s.name: s.action for s in plan.stages} == {"box": "kept", "box at a": "run", "cool": "kept", "pair": "carried"}
     made = plan.run(tests_again)
-    assert any(w.startswith("kept after a swap: the model") for w in made["pair"].warnings)
+    assert CARRIED in made["pair"].warnings
     model = made["pair"].model
     assert model.at(JOINT).expression.literal.value == pytest.approx(old["pair"][JOINT].value, rel=1e-12)
     assert model.at(f"b.{HTC}").expression.literal.value == old["box"][HTC].value
@@ -282,7 +283,7 @@ def test_a_swapped_model_is_predicted_with_what_the_command_wrote(plan: RetunePl
     (tmp_path / "day.toml").write_text('title = "day"\nstart = "room"\nduration = "5 [h]"\nboundaries = { room = "20 [degC]" }\n')
     given = [str(tmp_path / "light.toml"), "--results", str(tmp_path / "r"), "--new-data", str(tests_again), "--to", str(tmp_path / "new")]
     swapped = CliRunner().invoke(app, ["swap", str(plan.campaign.source.path), "a", *given])
-    assert "2 tests repeated, 1 value retuned." in swapped.output
+    assert re.search(r"\b2 tests .* 1 value ", swapped.output)
     (line,) = (x for x in swapped.output.splitlines() if x.startswith("next: thermid "))
     call = line.removeprefix("next: thermid ").replace("FILE", str(tmp_path / "day.toml")).split()
     told = CliRunner().invoke(app, [*call, "--json"])

@@ -187,7 +187,7 @@ def test_joined_records_keep_every_sample() -> None:
     assert at == pytest.approx(130.0 + FAST)
     assert both["P"].values[both["P"].valid] == pytest.approx(POWER)
     assert both.origin.sha256 not in (first.origin.sha256, second.origin.sha256)
-    assert "joined with" in both.steps[-1]
+    assert "130 s" in both.steps[-1]
 
 
 def test_records_that_cannot_be_joined() -> None:
@@ -235,7 +235,7 @@ def test_a_fit_finds_a_clock_beside_its_values() -> None:
     known = td.calibrate(BOX, held(130.0, 1.08)[0].joined(held(130.0, 1.08)[1], 130.0, 1.08), FREE, scenario=AIR)
     assert fit["case.capacitance"].error > 1.05 * known["case.capacitance"].error
     # where a fit is not credible, an offset that was stated is one of the things to doubt
-    assert ["offset of a joined log" in blame_of(f.experiments) for f in (fit, known)] == [False, True]
+    assert len(blame_of(known.experiments)) > len(blame_of(fit.experiments))
     # what is asked of the fit afterwards is what it says with the clock known
     hot = td.Scenario("hot", boundaries={"air": "40 [degC]"}, start="air", duration="30 [min]")
     one, other = (td.predict(f, hot)["case"].final for f in (fit, known))

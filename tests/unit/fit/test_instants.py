@@ -100,7 +100,7 @@ def test_a_slow_ramp_is_told_from_a_step() -> None:
     record = made(8100.0, 20.0, heat=(ramp, 300.0))
     found = td.calibrate(BOX, record, list(TRUTH), scenario=AIR)
     assert all(abs(found[n].value - value) < 3.0 * found[n].error for n, value in TRUTH.items())
-    assert any(w.startswith(FIRST) and "straight lines" in w and "'heat'" in w for w in found.warnings)
+    assert any(w.startswith(FIRST) and "'heat'" in w for w in found.warnings)
     lines = td.calibrate(BOX, record.with_channels(replace(record["heat"], interpolation="linear")), list(TRUTH), scenario=AIR)
     assert all(abs(lines[n].value - value) < 3.0 * lines[n].error < 0.003 * value for n, value in TRUTH.items())
     assert not any("'heat'" in w for w in lines.warnings)

@@ -128,7 +128,7 @@ class TestMeasuredNeighbours:
     def test_nothing_of_the_neighbour_acts(self, stack: Model) -> None:
         data = log(stack, {}, {"A": "a.case", "B": "b.case"}, boundary="room", samples=61)
         driven = data.with_channels(replace(data["A"], role="prescribed"))
-        with pytest.raises(IdentificationError, match=r"no reading depends on 'a\.case\.mass'"):
+        with pytest.raises(IdentificationError, match=r"'a\.case\.mass'"):
             fit(Request(stack, (driven,), ("a.case.mass",), untie=True))
 
     def test_a_boundary_is_not_prescribed(self, stack: Model) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -80,7 +81,7 @@ def test_what_they_make_uncertain_is_said() -> None:
     found = calibrate(box(), worn(gain_accuracy="2 [%]"), [HTC])
     (share,) = found.instrument_shares
     assert (share.name, share.stated) == ("scale of T", (0.0, 0.02))
-    assert f"scale of T: 0 +- 2 % as stated, {100 * share.found[0]:.3g} +- {100 * share.found[1]:.2g} % found" in str(found)
+    assert re.search(rf" T: 0 \+- 2 % .* {100 * share.found[0]:.3g} \+- {100 * share.found[1]:.2g} %", str(found))
 
 
 def test_a_forgotten_lag_is_asked_for_by_what_it_would_move() -> None:
@@ -101,7 +102,7 @@ def test_a_forgotten_lag_is_asked_for_by_what_it_would_move() -> None:
     at = [k for k, u in enumerate(forgotten.unknowns) if u.kind == "parameter"]
     assert 5.0 * shifts[at] / lag == pytest.approx((wrong.fitted - right.fitted)[at], rel=0.25)
     said = without_lags(forgotten, wrong, covariances(wrong)[2])
-    assert [s[:48] for s in said] == ["check: 'board' and 'case' state no lag, which co"]
+    assert [s.startswith("check: 'board' and 'case' ") for s in said] == [True]
     assert without_lags(stated, right, covariances(right)[2]) == []
     prompt = {n: np.interp(times, run.times, run[n].kelvin) + rng.normal(0.0, 0.02, times.size) for n in ("board", "case")}
     at_once = td.Record.from_arrays("log", times, {n: td.Channel.from_array(n, prompt[n], target=n, **fields) for n in prompt})

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import pytest
@@ -51,20 +52,16 @@ def test_units_that_do_not_agree_are_remarked_and_the_comment_wins() -> None:
     found = td.interop.read_initfcn("L = 25; % [mm]\nA = L*L; % [m^2]\nB = L; % [kg]")
     assert found.parameters["A"].text == "625.0 [m^2]"
     assert found.parameters["A"].basis.startswith("L*L ")
-    assert found.remarks == (
-        "line 2: 'A' is 625.0 [m^2] by its comment; the units of 'L*L' make it 0.000625 in SI units, not 625",
-        "line 3: 'B' is 25.0 [kg] by its comment; the units of 'L' make it a length",
-    )
+    area, mass = found.remarks
+    assert re.search(r" 2: 'A' .* 625\.0 \[m\^2\] .*'L\*L' .* 0\.000625 .* 625$", area)
+    assert re.search(r" 3: 'B' .* 25\.0 \[kg\] .*'L' ", mass)
 
 
 def test_a_plain_factor_takes_no_part_in_the_units() -> None:
     """1.08 has no unit in its comment and scales what has one."""
     found = td.interop.read_initfcn("f = 1.08; a = 2; % area [m^2]\nb = f*a; % [m^2]")
     assert found.parameters["b"].text == "2.16 [m^2]"  # two values, one bracket: neither has a unit
-    assert [r.partition(", so")[0] for r in found.remarks] == [
-        "line 1: 'f' has no unit in its comment: 1 in brackets for 2 values of the line",
-        "line 1: 'a' has no unit in its comment: 1 in brackets for 2 values of the line",
-    ]
+    assert [re.findall(r"'\w+'|\d+", r)[:4] for r in found.remarks] == [["1", "'f'", "1", "2"], ["1", "'a'", "1", "2"]]
 
 
 def test_several_values_take_the_brackets_of_their_line_in_order() -> None:
@@ -74,10 +71,8 @@ def test_several_values_take_the_brackets_of_their_line_in_order() -> None:
 def test_temperatures_are_not_added_to_by_their_units() -> None:
     found = td.interop.read_initfcn("T = 24; % [Celsius]\nTK = T + 273.15;\nT0 = T;")
     assert {n: p.text for n, p in found.parameters.items()} == {"T": "24 [degC]", "TK": "297.15", "T0": "T"}
-    assert found.remarks == (
-        "line 2: 'TK' has no unit in its comment, and 'T + 273.15' gives none, so its 297.15 is taken as a plain number. Add the "
-        "unit to the comment",
-    )
+    (remark,) = found.remarks
+    assert re.search(r" 2: 'TK' .*'T \+ 273\.15' .* 297\.15 ", remark)
     kelvin = td.interop.read_initfcn("T = 24; % [Celsius]\nTK = T + 273.15; % [K]")
     assert kelvin.parameters["TK"].text == "297.15 [K]"
     assert kelvin.remarks == ()
@@ -91,7 +86,7 @@ def test_blocks_of_comments_and_printed_line_numbers_are_taken_off() -> None:
 def test_a_script_is_shown_with_its_remarks() -> None:
     found = td.interop.read_initfcn("mass = 2; % Mass [kg].\nn = 3;")
     assert str(found) == f"mass  2 [kg]  Mass\nn     3\nremark: {found.remarks[0]}"
-    assert "line 2: 'n'" in found.remarks[0]
+    assert " 2: 'n' " in found.remarks[0]
 
 
 @pytest.mark.parametrize(
@@ -103,9 +98,9 @@ def test_a_script_is_shown_with_its_remarks() -> None:
         ("a = 3';", "import.not-understood", "'3'.*': '.*''"),
         ("a = 2\\3;", "import.not-understood", r"'2\\3'.*'\\3'"),
         ("a = 1j;", "import.not-understood", "'1j'"),
-        ("a = 1;\n\nclear all", "import.not-understood", "3.*'clear all'.*'name = expression'"),
+        ("a = 1;\n\nclear all", "import.not-understood", "3.*'clear all'"),
         ("p.x\n", "import.not-understood", r"1.*'p\.x'"),
-        ("a == 2", "import.not-understood", "'a == 2'.*'name = expression'"),
+        ("a == 2", "import.not-understood", "'a == 2'"),
         ("if 1, a = 2; end", "import.not-understood", "'if 1'"),
         ("a = 2^3^2;", "import.not-understood", r"'2\^3\^2'"),
         ("a = 2^-(3)^2;", "import.not-understood", r"'2\^-\(3\)\^2'"),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -34,8 +35,9 @@ def test_the_netlist_of_one_mass() -> None:
             "loads": {"heater": {"into": "air", "power": "0.25 [W]"}},
         }
     )
-    assert td.interop.to_spice(model, td.Scenario("test", boundaries={"Air": "24 [degC]"}, duration="5 [h]")) == (
-        "* block, test: volts are degC, amperes W, ohms K/W, farads J/K\n"
+    head, rest = td.interop.to_spice(model, td.Scenario("test", boundaries={"Air": "24 [degC]"}, duration="5 [h]")).split("\n", 1)
+    assert re.fullmatch(r"\* block, test: .* degC, .* W, .* K/W, .* J/K", head)
+    assert rest == (
         "V_Air_2 Air_2 0 DC 24\n"
         "C_air air 0 26 IC=24\n"
         "R_skin air Air_2 40\n"
@@ -50,7 +52,8 @@ def test_the_netlist_of_one_mass() -> None:
 
 def test_an_open_path_is_left_out() -> None:
     text = td.interop.to_spice(hot_box(leak={"kind": "conduction", "between": ["glue", "air"], "resistance": "inf [K/W]"}), SIGNALS)
-    assert "* leak: no conductance, an open path\n" in text
+    assert "R_leak" not in text
+    assert "\n* leak: " in text
 
 
 def test_a_schedule_is_refused() -> None:

@@ -77,22 +77,22 @@ def test_a_counter_of_energy_is_the_mean_since_the_stamp_before_and_its_restart_
 
 
 @pytest.mark.parametrize(
-    ("given", "more", "words"),
+    ("given", "more", "code", "words"),
     [
-        ("V_IN + I_IN", {}, "adds"),
-        ("V_IN * D", {}, "is not a power"),
-        ("V_IN * I_OUT", {}, "no column 'I_OUT'"),
-        ("V_IN * U * I_IN", {}, "column 'U' has no unit"),
-        ({"volts": "V_IN"}, {}, "amperes or ohms"),
-        ({"volts": "V_IN", "amps": "I_IN"}, {}, "amps"),
-        ({"energy": "E", "volts": "V_IN"}, {}, "energy"),
-        ("12 [W]", {}, "names no column"),
-        ("V_IN * I_IN", {"full_scale": "3 [W]"}, "full_scale"),
-        ({"volts": "I_IN", "amperes": "I_IN"}, {}, "column 'I_IN'"),
+        ("V_IN + I_IN", {}, "expression.mixed-dimensions", "V_IN + I_IN"),
+        ("V_IN * D", {}, "unit.wrong-dimension", "V_IN * D"),
+        ("V_IN * I_OUT", {}, "name.unknown", "'I_OUT'"),
+        ("V_IN * U * I_IN", {}, "record.unit-unclear", "'U' "),
+        ({"volts": "V_IN"}, {}, "value.incomplete", "volts"),
+        ({"volts": "V_IN", "amps": "I_IN"}, {}, "name.unknown", "'amps'"),
+        ({"energy": "E", "volts": "V_IN"}, {}, "name.unknown", "'volts'"),
+        ("12 [W]", {}, "value.wrong-kind", "'12 [W]'"),
+        ("V_IN * I_IN", {"full_scale": "3 [W]"}, "value.incomplete", "full_scale"),
+        ({"volts": "I_IN", "amperes": "I_IN"}, {}, "unit.wrong-dimension", "'I_IN'"),
     ],
 )
-def test_what_is_no_power_is_refused_with_its_reason(log: Path, given: object, more: dict[str, object], words: str) -> None:
-    with pytest.raises(ThermidError) as found:
+def test_what_is_no_power_is_refused_with_its_reason(log: Path, given: object, more: dict[str, object], code: str, words: str) -> None:
+    with raises_code(code) as found:
         power(log, given, **more)
     assert words in str(found.value)
     assert "P_IN" in str(found.value)

@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import gzip
+import re
 import subprocess
 import sys
 import time
@@ -12,6 +13,7 @@ from by_code import raises_code
 from thermid.base.errors import RecordError
 from thermid.measure._readers.log_reader import read_record
 from thermid.measure._record.record import Record
+from thermid.measure.readers import UNFINISHED
 
 PLAIN = "time_s,T1,Q1\n0,20.5,50\n1,21.25,50\n2,22,0\n"
 BOTH = {"T1": {"node": "h1.sensor"}, "Q1": {"load": "h1.heater", "gain": "h1.alpha"}}
@@ -115,7 +117,7 @@ def test_hash_is_of_all_numbers_and_not_of_what_is_asked_for(log):
 def test_latin_1_degree_sign_is_read_and_noted(log):
     record = read_record(log("t;T [°C]\n0;20,5\n1;21\n".encode("latin-1")), {"case": "T"})
     assert kelvin(record, "case") == [293.65, 294.15]
-    assert record.steps == ("read as Latin-1, because it is not UTF-8", "read with decimal ','")
+    assert [bool(re.search(w, s)) for w, s in zip(("Latin-1, .*UTF-8", "','"), record.steps, strict=True)] == [True, True]
 
 
 @pytest.mark.parametrize(
@@ -177,7 +179,7 @@ def test_samples_of_one_stamp_become_one(log):
     assert kelvin(record, "T") == [293.15, 295.15, 297.65]
     assert np.round(record["U"].values, 9).tolist() == [0.1, 0.9, 0.2]
     assert record.origin.rows == 6
-    assert record.steps == ("3 of 6 rows repeat a time stamp: temperatures are averaged, of powers and commands the last one is used",)
+    assert re.match("3 of 6 rows ", *record.steps)
 
 
 @pytest.mark.parametrize("end", ["3,2", "3,22,", "3,22,5e-", "3"])
@@ -189,7 +191,7 @@ def test_a_cut_last_line(log, end):
         assert record["Q1"].flags == {"not a number": 1}
     else:
         assert record.times.tolist() == [0, 1, 2]
-        assert record.steps == ("line 5, the last one, is incomplete and was dropped",)
+        assert re.match(rf"\w+ 5, .*{UNFINISHED}$", *record.steps)
 
 
 @pytest.mark.parametrize(("cut", "dropped"), [((50,), "1 line with"), ((50, 51, 80), "3 lines with"), (range(50, 54), "")])

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 import numpy as np
 import pytest
 
@@ -67,7 +69,7 @@ def test_tclabsp_preparation_of_a_campaign(shared):
     record = raw.prepare([{"trim": ["2 [s]", "end"]}, {"median": "4 [s]"}, {"resample": {"step": "5 [s]", "switches": False}}])
     assert record.origin == raw.origin
     assert record.step == pytest.approx(5)
-    assert [step.split(":")[0] for step in record.steps] == ["2 of 30803 rows repeat a time stamp", "trim", "median", "resample"]
+    assert [re.match(r"2 of 30803|\w+", step)[0] for step in record.steps] == ["2 of 30803", "trim", "median", "resample"]
     # commands are held: every level on the grid is one that the log has, and the log's levels at those times
     places = np.searchsorted(raw.times, record.times + 1e-9, "right") - 1
     for name in ("Q1_pct", "Q2_pct"):

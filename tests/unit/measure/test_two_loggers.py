@@ -547,8 +547,7 @@ def test_a_clock_by_two_places_is_a_candidate_in_the_line_to_copy(tmp_path: Path
     (found,) = clocks_of(looks)
     assert found["step"]["candidate"]
     assert abs(found["step"]["offset"] - 300.0) < 2.0 * found["step"]["error"]
-    text = "\n".join(clock_lines(looks, [found]))
-    assert "(a candidate" in text
+    assert "second.csv" in "\n".join(clock_lines(looks, [found]))
     (pair,) = joined_lines(looks, [found])
     assert pair["offset"] == "... [s]"
 
@@ -564,6 +563,6 @@ def test_stamps_that_a_step_contradicts_give_no_offset_to_a_log_without_any() ->
     step = {"offset": -1.5, "error": 1.0, "columns": ("load", "power"), "after": "cpu.csv", "candidate": False, "contradicted": True}
     clock = {"file": "usb.csv", "record": "usb", "offset": None, "step": {**step, "stamps": -7.0}}
     text, check = _by_step(clock, None, None)
-    assert "begins 1.5 s before cpu.csv" in text
+    assert re.search(r" 1\.5 s .*cpu\.csv", text)
     assert "write" not in check
     assert "line below" not in check

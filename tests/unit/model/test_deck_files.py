@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 from collections.abc import Callable
 from pathlib import Path
 
@@ -188,13 +189,8 @@ def test_a_deck_that_uses_itself(decks: Decks) -> None:
 @pytest.mark.parametrize("name", ["../secret.toml", "a/../../secret.toml", "/etc/hosts", "//etc/hosts"])
 def test_a_part_outside_the_project(decks: Decks, tmp_path: Path, name: str) -> None:
     (tmp_path.parent / "secret.toml").write_text(BOX, encoding="utf-8")
-    with pytest.raises(DeckError) as caught:
+    with raises_code("file.outside-project", DeckError, match=rf"^main\.toml:4, submodels\.part\.use: '{re.escape(name)}' .*thermid\.toml"):
         decks(main=using(name))
-    assert (
-        str(caught.value)
-        == f"main.toml:4, submodels.part.use: '{name}' lies outside the project (thermid.toml marks its root). Copy the file into the "
-        "project, or put an empty thermid.toml into the folder that holds both: it is then the root."
-    )
 
 
 def test_a_symbolic_link_out_of_the_project(decks: Decks, tmp_path: Path) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from itertools import pairwise
 from typing import Any
 
@@ -189,9 +190,9 @@ def test_levels_are_inverse_to_temperatures(name: str) -> None:
 
 def test_a_run_beyond_its_table_says_so() -> None:
     run = td.simulate(block({"specific_heat": {"points": HEAT[:2]}}, "90 [W]"), bench())
-    assert any("'body' left the range of its law, 273.15 to 373.15 K" in w for w in run.warnings)
+    assert any(re.search(r"'body' .* 273\.15 to 373\.15 K", w) for w in run.warnings)
     run = td.simulate(bar(2), ENDS.with_(boundaries={"hot": "250 [degC]"}))
-    assert any(w.startswith("'c0' left the range of its law, 273.15 to 473.15 K") for w in run.warnings)
+    assert any(re.search(r"^'c0' .* 273\.15 to 473\.15 K", w) for w in run.warnings)
 
 
 def test_decks_are_written_back() -> None:

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
+import re
 import warnings
 
 import ht
 import pytest
 
 import thermid as td
-from by_code import raises_code, warns_code
+from by_code import of_code, raises_code, warns_code
 from thermid.base.errors import code_of
 from thermid.physics.htc import CORRELATION_ERROR
 
@@ -28,8 +29,7 @@ def box() -> td.inference.HtcComparison:
 
 def test_faces_agree_with_the_ht_library() -> None:
     """Its Nu_horizontal_plate_McAdams is the same law from another hand."""
-    found = {c.name.partition(" (")[0]: c for c in box().correlations}
-    one, other = found["horizontal plate, free side"], found["horizontal plate, capped side"]
+    one, other = (c for c in box().correlations if "McAdams" in c.name)
     grashof, length = one.rayleigh / PRINTED[2], SIDE / 4
     nusselt = [ht.Nu_horizontal_plate_McAdams(Pr=PRINTED[2], Gr=grashof, buoyancy=up) for up in (True, False)]
     assert one.htc == pytest.approx(nusselt[0] * PRINTED[0] / length, rel=1e-12)
@@ -38,7 +38,7 @@ def test_faces_agree_with_the_ht_library() -> None:
 
 def test_the_box_is_the_mean_over_its_faces() -> None:
     assert box().theoretical == pytest.approx(4.72, abs=0.005)
-    assert box().correlations[-1].name == "whole box, mean over its six faces"
+    assert box().correlations[-1].htc == box().theoretical
 
 
 def test_air_is_that_of_the_mean_temperature_where_none_is_given() -> None:
@@ -55,10 +55,7 @@ def test_errors_of_power_and_area_join_those_of_the_sensors() -> None:
 def test_above_the_laminar_range_it_warns_and_goes_on() -> None:
     with warns_code("physics.outside-range", match=r"1\.[0-9]+e\+09.*0.*1e\+09"):
         found = td.inference.compare_htc(100.0, 1.0, "320.0 [K]", "290.0 [K]", 0.8)
-    assert [c.name for c in found.correlations] == [
-        "vertical plate, laminar (Churchill and Chu; Eq. 7)",
-        "vertical plate, laminar and turbulent (Churchill and Chu)",
-    ]
+    assert [c.name.partition("(")[2] for c in found.correlations] == ["Churchill and Chu; Eq. 7)", "Churchill and Chu)"]
     assert found.theoretical == found.correlations[1].htc
     assert code_of(found.remarks[0]) == "physics.outside-range"
     assert "0 to 1e+09" in found.remarks[0]
@@ -75,9 +72,7 @@ def test_a_low_coefficient_is_not_explained_by_what_lies_inside() -> None:
     assert "32 % of 0.082241 m^2" in second
     assert code_of(second) == "htc.differs"
     assert "2.168 W" in second
-    whole = next(r for r in box().remarks if r.startswith("to agree"))
-    assert code_of(whole) == "htc.differs"
-    assert "47 % of 0.082241 m^2" in whole
+    assert of_code(box().remarks, "htc.differs", r"47 % of 0\.082241 m\^2")
 
 
 def test_a_high_coefficient_can_be_radiation_or_mounts() -> None:
@@ -106,7 +101,7 @@ def test_a_cold_part_has_a_coefficient_too() -> None:
 def test_a_box_of_another_area_is_remarked() -> None:
     with pytest.warns(td.ThermidWarning):
         found = elegfo(box=("0.1 [m]", "0.1 [m]"))
-    assert any(r.startswith("the box has 0.029968 m^2 outside but the given area is 0.082241 m^2") for r in found.remarks)
+    assert of_code(found.remarks, "htc.area-of-other-faces", r" 0\.029968 m\^2 .* 0\.082241 m\^2")
 
 
 def test_it_prints() -> None:
@@ -115,13 +110,14 @@ def test_it_prints() -> None:
             errors={"drift": "0.7 [K]"}, parts={"case": (0.02492, 130.0)}, capacitance="707.52 [J/K]", settled_after="5 [h]", emissivity=0.3
         )
     )
-    assert text.splitlines()[:5] == [
-        "effective       2.208 W/(m^2 K)   +- 0.13 from sensors, power and area, and +- 0.13 from the drift of the ambient",
-        "theoretical     6.798 W/(m^2 K)   vertical plate, laminar (Churchill and Chu; Eq. 7)   Ra 1.658e+04",
-        "radiation       1.896 W/(m^2 K)   at the emissivity given",
-        "Biot number   0.00042 at the effective, 0.0013 at the theoretical coefficient   case",
-        "time constant  3895.9 s   m c/(h A); the settling time corresponds to 3909 s (2606 to 4601 s for 99.9 to 98 %)",
+    lines = [
+        r" 2\.208 W/\(m\^2 K\)   \+- 0\.13 .* \+- 0\.13 ",
+        r" 6\.798 W/\(m\^2 K\)   .*\(Churchill and Chu; Eq\. 7\)   Ra 1\.658e\+04",
+        r" 1\.896 W/\(m\^2 K\) ",
+        r" 0\.00042 .* 0\.0013 .* case",
+        r" 3895\.9 s .* 3909 s \(2606 to 4601 s for 99\.9 to 98 %\)",
     ]
+    assert [bool(re.search(wanted, line)) for wanted, line in zip(lines, text.splitlines(), strict=False)] == [True] * 5
 
 
 @pytest.mark.parametrize(

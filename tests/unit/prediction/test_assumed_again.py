@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -82,10 +83,9 @@ def test_the_linear_answer_is_that_of_a_second_fit(found: Calibration) -> None:
 
 def test_the_first_line_counts_what_is_left_and_names_the_costliest(found: Calibration) -> None:
     told = td.predict(found, OWN)
-    (words,) = [x for x in told.left_out if "assumed value" in x.what]
-    assert "'seal.conductance' costs most" in words.what
-    assert "than halve what these values add" in words.what
-    (alone,) = [x for x in td.predict(Knowledge(found.model), OWN).left_out if "assumed value" in x.what]
+    (words,) = [x for x in told.left_out if "'seal.conductance'" in x.what]
+    assert re.search(r"'seal\.conductance' .*K\); ", words.what), "the costliest, and what to measure"
+    (alone,) = [x for x in td.predict(Knowledge(found.model), OWN).left_out if "'seal.conductance'" in x.what]
     assert words.kelvin < alone.kelvin
 
 
@@ -165,7 +165,7 @@ def test_a_fixed_value_that_the_readings_know_better_than_its_spread_is_named_wi
         "bench", times, {"T": Channel.from_array("T", hidden + noise, unit="K", role="node", target="case", noise=0.05)}
     )
     held = td.calibrate(model, bench, ["case.capacitance"], scenario=scenario)
-    (remark,) = (w for w in held.warnings if "know fixed values better" in w)
+    (remark,) = (w for w in held.warnings if "'area' " in w)
     assert "'area' 0.0204 +- " in remark
     assert " for 0.02 +- 0.0020" in remark
 

@@ -11,8 +11,9 @@ import pytest
 
 import thermid as td
 from thermid.base.errors import IdentificationError, code_of
-from thermid.fit.error_model import ErrorModel, course_of
+from thermid.fit.error_model import BandCause, ErrorModel, course_of
 from thermid.model.tree import TableSignal
+from thermid.prediction.advice import AGAIN
 from thermid.prediction.bands import predict_record
 from thermid.simulation.runs import Engine, Options, Wiring, network_for
 from unit.fit.bench import BOX, HTC, MASS, box, deck, log, metered
@@ -75,7 +76,7 @@ def test_a_record_is_predicted_with_its_band(fit: td.Calibration) -> None:
     assert band.inside() > 0.9
     assert band.rmse < 0.7 * run.rmse
     assert band.half_width().mean() < 1.0
-    assert {"values", "extrapolation", "differences between tests", "noise of a reading"} <= {*band.parts}
+    assert {"values", "extrapolation", BandCause.RUN, "noise of a reading"} <= {*band.parts}
 
 
 def test_a_room_that_is_fitted_to_a_record_takes_up_what_it_can(fit: td.Calibration) -> None:
@@ -124,7 +125,7 @@ def test_a_fit_whose_elements_cannot_be_followed_counts_its_values_and_says_why(
     told = td.predict(_fit(), _asked(6.0), nodes=["case"])
     assert "how elements depart from their laws, because nobody knows its elements" in told.not_counted
     assert told["case"].parts["values"][-1] > 0.0
-    assert "differences between tests" not in told["case"].parts
+    assert BandCause.RUN not in told["case"].parts
 
 
 def test_power_of_a_deck_departs_as_that_of_a_scenario_does(fit: td.Calibration) -> None:
@@ -133,7 +134,7 @@ def test_power_of_a_deck_departs_as_that_of_a_scenario_does(fit: td.Calibration)
     wiring = Wiring(network_for(fit.model, silent), silent)
     (course,) = [course_of(wiring, Engine(wiring), None, Options())]
     assert {load: watts.value for load, (_, watts) in course.powers.items()} == {"heat": 4.0}
-    given, open_ = (td.predict(fit, s)["case"].parts["differences between tests"][-1] for s in (_asked(4.0), silent))
+    given, open_ = (td.predict(fit, s)["case"].parts[BandCause.RUN][-1] for s in (_asked(4.0), silent))
     assert open_ > given  # a stated power is exact
 
 
@@ -232,7 +233,7 @@ def test_without_power_all_settles_at_its_room_whatever_is_unsure(fit: td.Calibr
     told = td.predict(fit, passive, draws=draws)
     assert told.final["case"].error > 0.1
     rest = told.settled["case"]
-    of_elements = rest.error**2 * (1.0 - rest.shares["what no element explains"])  # which stands at the sensor, heat or not
+    of_elements = rest.error**2 * (1.0 - rest.shares[BandCause.UNEXPLAINED])  # which stands at the sensor, heat or not
     assert (rest.celsius, of_elements) == (pytest.approx(34.0, abs=3e-3), pytest.approx(0.0, abs=1e-9))
 
 
@@ -240,7 +241,7 @@ def test_a_test_more_tells_as_much_as_the_tests_before(fit: td.Calibration) -> N
     """Elements differ from test to test, so that three tests are hardly more than sqrt(3/2) times better than two."""
     for target in (MASS, td.design.Aim(_asked(3.0), "case")):
         advice = td.design.next_test(fit, target, scenario=fit.experiments[0].scenario)
-        (again,) = [o for o in advice.options if o.name == "the same test again"]
+        (again,) = [o for o in advice.options if o.name == AGAIN]
         assert 1.0 < advice.now / again.error < 1.6
     told = td.design.next_test(fit, HTC, scenario=fit.experiments[0].scenario)
     assert told.now / told.value == pytest.approx(fit[HTC].relative, rel=0.01)

@@ -16,6 +16,7 @@ from thermid.fit._error_model.sizes import LENGTHS
 from thermid.fit.error_model import SIZES
 from thermid.measure.records import Channel, Record
 from thermid.model.tree import save_model
+from thermid.prediction._budget import AVERAGED
 from thermid.prediction._predict import Prediction, predict
 
 TIMES = np.linspace(0.0, 18000.0, 151)
@@ -168,7 +169,7 @@ def test_a_deck_that_says_nothing_holds_both_truths() -> None:
 def test_a_deck_that_states_a_constant_path_is_not_shifted(carried_by: str) -> None:
     _, told = predicted(3, False, carried_by)
     assert np.abs(told["board"].shift).max() < 0.2 * told["board"].half_width.max()
-    assert "what carries the heat" not in told.causes
+    assert AVERAGED not in told.causes
     assert told.warnings == ()
 
 
@@ -183,9 +184,9 @@ def test_a_statement_after_the_fit_holds() -> None:
     fit = td.calibrate(td.model_from_dict(deck()), bench(truth, rng), FREE)
     silent = predict(fit, at(12.8))
     told = predict(fit, at(12.8), model=td.model_from_dict(deck("fan")))
-    assert "what carries the heat" in silent["case"].parts
+    assert AVERAGED in silent["case"].parts
     # what is left of it is a path that the deck lacks
-    assert told["case"].parts["what carries the heat"][-1] < 0.1 * silent["case"].parts["what carries the heat"][-1]
+    assert told["case"].parts[AVERAGED][-1] < 0.1 * silent["case"].parts[AVERAGED][-1]
     assert np.abs(told["case"].shift[-1]) < np.abs(silent["case"].shift[-1])
     assert told["case"].error[-1] < silent["case"].error[-1]
 

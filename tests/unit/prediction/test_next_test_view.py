@@ -9,6 +9,8 @@ import pytest
 
 import thermid as td
 from thermid.fit.calibration import Calibration, Request, fit
+from thermid.fit.error_model import BandCause
+from thermid.prediction._budget import AVERAGED
 from unit.fit.bench import box, log, pair
 
 BLACK = {"surfaces/skin/emissivity": {"value": "0.85", "min": 0.7, "max": 0.95}}
@@ -17,7 +19,7 @@ EVERY = (HTC, WATTS, JOINT)
 BENCH = td.Scenario("bench", boundaries={"room": "24 [degC]"}, start="24 [degC]", duration="3 [h]")
 AGAIN = [td.design.Action("again", BENCH)]
 FAR = td.Scenario("far", boundaries={"room": "40 [degC]"}, loads={"a.heat": "6 [W]"}, duration="20 [h]")
-BESIDES = {"extrapolation", "differences between tests", "what no element explains", "what carries the heat"}
+BESIDES = {BandCause.STRUCTURE, BandCause.RUN, BandCause.UNEXPLAINED, AVERAGED}
 
 
 @dataclass(frozen=True, eq=False)

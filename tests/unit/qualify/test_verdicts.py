@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from pathlib import Path
 
 import numpy as np
@@ -10,7 +11,9 @@ import pytest
 from typer.testing import CliRunner
 
 import thermid as td
+from by_code import of_code
 from thermid.app.cli.app import app
+from thermid.base.errors import code_of
 from thermid.base.results import MARKS
 from thermid.campaign.stages import CRITERIA, POLICIES, Criteria, Limits, check_limits, correlate
 from thermid.qualify._trial import Trial
@@ -66,8 +69,8 @@ def test_a_whole_log_that_meets_everything_passes(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("change", "words"),
     [
-        ("gap", "no reading of T_PROC, T_ELE for 64 min of 6 h; the longest gap, 64 min, is at 0.97 h"),
-        ("cool", "the hot level of 'air', 40.0 degC for 6 h, was not applied: ROOM goes to 33.0 degC"),
+        ("gap", r"T_PROC, T_ELE .* 64 min .* 6 h; .* 64 min,.* 0\.97 h"),
+        ("cool", r"'air', 40\.0 degC .* 6 h.*: ROOM .* 33\.0 degC"),
     ],
 )
 def test_what_a_log_does_not_show_is_not_passed(tmp_path: Path, change: str, words: str) -> None:
@@ -79,7 +82,7 @@ def test_what_a_log_does_not_show_is_not_passed(tmp_path: Path, change: str, wor
     assert hot.correlation.verdicts == {"ours": True}
     assert hot.passed is None
     assert whole.passed is not True
-    assert any(words in line for line in hot.open), hot.open
+    assert any(re.search(words, line) for line in hot.open), hot.open
 
 
 def test_a_log_that_ends_early_is_not_passed(tmp_path: Path) -> None:
@@ -107,11 +110,12 @@ def test_a_reading_beyond_its_limit_fails_whatever_the_prediction_says(tmp_path:
 def test_criteria_without_a_log_and_a_log_without_criteria_decide_nothing(tmp_path: Path) -> None:
     hot, whole = tried(tmp_path, ONE)
     assert (hot.within, hot.passed, whole.passed) == (True, None, None)
-    assert hot.open == ("there is no log yet, so ECSS, ours could not be judged",)
+    assert [code_of(line) for line in hot.open] == ["verdict.no-log"]
+    assert "ECSS, ours" in hot.open[0]
     measured(tmp_path)
     hot, _ = tried(tmp_path, ONE.replace('criteria = ["ECSS", "ours"]\n', "") + LOG)
     assert hot.passed is None
-    assert "there is a log, but no criteria for it" in hot.open
+    assert of_code(hot.open, "verdict.no-criteria")
 
 
 def test_a_chamber_that_nobody_logged_is_not_passed(tmp_path: Path) -> None:
@@ -138,7 +142,7 @@ def test_a_rule_from_memory_raises_no_doubt(tmp_path: Path) -> None:
         ONE.replace('"5 [h]", "6 [h]"', '"0.5 [h]", "1.5 [h]"').replace('kind = "thermal', 'stable = "1 K/h"\nkind = "thermal') + LOG,
     )
     assert [s.decides for s in hot.settled] == [False]
-    assert not any("the limit of the drift must" in line for line in hot.open)
+    assert not any("'1 K/h'" in line for line in hot.open)
 
 
 def test_two_tests_with_one_log(tmp_path: Path) -> None:
@@ -146,7 +150,7 @@ def test_two_tests_with_one_log(tmp_path: Path) -> None:
     twice = ONE + LOG + ONE[ONE.index("[[tests]]") :].replace('name = "hot"', 'name = "hot again"') + LOG
     hot, whole = tried(tmp_path, twice)
     assert hot.passed is None
-    assert whole["hot again"].open == ("its log is identical to that of hot",)
+    assert [code_of(line) for line in whole["hot again"].open] == ["verdict.log-of-another-test"]
 
 
 def test_exchanged_sensors_are_named(tmp_path: Path) -> None:
@@ -155,14 +159,15 @@ def test_exchanged_sensors_are_named(tmp_path: Path) -> None:
     log.write_text(log.read_text(encoding="utf-8").replace("T_PROC,T_ELE", "T_ELE,T_PROC"), encoding="utf-8")
     hot, _ = tried(tmp_path)
     assert hot.passed is False
-    assert any(r.startswith("T_PROC and T_ELE look exchanged") or r.startswith("T_ELE and T_PROC look exchanged") for r in hot.remarks)
+    assert of_code(hot.remarks, "record.sensors-exchanged", "^(T_PROC and T_ELE|T_ELE and T_PROC) ")
 
 
 def test_a_plan_that_was_not_locked_first_is_not_passed(tmp_path: Path) -> None:
     measured(tmp_path)
     hot, whole = tried(tmp_path, lock=False)
     assert (hot.passed, whole.passed) == (True, None)
-    assert any("never locked" in line for line in whole.open)
+    assert whole.lock.state == "open"
+    assert str(whole.lock) in whole.open
 
 
 def test_the_command_leaves_with_4_when_something_is_open(tmp_path: Path) -> None:
@@ -171,7 +176,7 @@ def test_the_command_leaves_with_4_when_something_is_open(tmp_path: Path) -> Non
     assert told.exit_code == 4, told.output
     found = json.loads(told.stdout)
     assert found["passed"] is None
-    assert any("there is no log yet, so" in line for line in found["open"])
+    assert any("ECSS, ours" in line for line in found["open"])
 
 
 def test_a_waived_test_is_held_against_its_limits_and_named(tmp_path: Path) -> None:
@@ -190,7 +195,7 @@ def test_a_unit_switched_off_without_limits_of_its_own() -> None:
     assert (good.state, good.passed, good.stand_in) == ("non-operating", True, True)
     (open_,) = check_limits(td.simulate(unit(), soak(-40.0, loads={"cpu": "0 [W]"})), [point])
     assert open_.passed is None
-    assert "beyond its operating limits while it is switched off" in open_.undecided
+    assert code_of(open_.undecided) == "verdict.no-limits-of-this-state"
 
 
 def test_no_number_from_memory_decides_whatever_it_is(tmp_path: Path) -> None:
@@ -229,14 +234,14 @@ def test_a_margin_over_a_course_from_memory_is_not_decided(tmp_path: Path) -> No
     found = td.qualify.run_plan(project(tmp_path, text))
     assert found["hot"].within is None
     assert {m.passed for m in found.margins} == {None}
-    assert all("memory" in m.undecided for m in found.margins)
+    assert {code_of(m.undecided) for m in found.margins} == {"verdict.from-memory"}
 
 
 def test_a_rule_on_stored_heat_needs_every_node_measured(tmp_path: Path) -> None:
     """The plate has no sensor: that the stretch is settled cannot be told, with the reason; with one it is told."""
     measured(tmp_path)
     hot, _ = tried(tmp_path, ONE + LOG + 'stable = "stored 3 %"\n')
-    assert [r for r in hot.remarks if "its steadiness cannot be judged" in r and "'plate'" in r and "60 %" in r]
+    assert [r for r in hot.remarks if "'stored 3 %'" in r and "'plate'" in r and "60 %" in r]
     deck = td.model_from_dict({**UNIT, "nodes": {k: v for k, v in UNIT["nodes"].items() if k != "plate"}, "conductors": BARE})
     measured(tmp_path, deck)
     file = project(tmp_path, ONE + LOG + 'stable = "stored 3 %"\n')

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from typing import Any
 
 import numpy as np
@@ -40,12 +41,12 @@ def model() -> tuple[td.Model, list[str]]:
 def test_the_inputs_of_the_start_were_held_without_a_word() -> None:
     """60 K above the mean for a heater that is on for a fifth of the time: steady and a steady start name the instant."""
     found = td.steady(plate(), course(["chip"]))
-    assert any("inputs of 0 s, although air, chip change in time" in w for w in found.warnings)
+    assert any(re.search(r" 0 s, .*air, chip ", w) for w in found.warnings)
     late = td.steady(plate(), course(["chip"]), "30 [min]")
     assert any("1800 s" in w for w in late.warnings)
     assert found["hottest"].final > late["hottest"].final + 10.0
     run = td.simulate(plate(), course(["chip"], start="steady"))
-    assert any("inputs of 0 s, although" in w for w in run.warnings)
+    assert any(" 0 s, " in w for w in run.warnings)
     assert td.steady(plate(), td.Scenario(boundaries={"air": "20 [degC]", "base": "15 [degC]"})).warnings == ()
 
 
@@ -97,27 +98,29 @@ def test_a_plate_that_takes_hours_comes_back_after_minutes() -> None:
 
 
 WRONG = {
-    "longer than the run": ({"duration": "30 [min]", "start": "periodic"}, "Extend the run to at least one period"),
+    "longer than the run": ({"duration": "30 [min]", "start": "periodic"}, "value.outside-range", "3600 s, .* 1800 s"),
     "nothing changes": (
         {"boundaries": {"air": "20 [degC]", "base": "15 [degC]"}, "commands": {}, "start": "periodic"},
-        "needs inputs that change in time, and none does",
+        "run.no-periodic-state",
+        "'steady'",
     ),
-    "after the end": ({"start": "steady, 2 [h]"}, "after the end of the run"),
+    "after the end": ({"start": "steady, 2 [h]"}, "value.outside-range", "7200 s, .* 3600 s"),
     "no period": (
         {
             "boundaries": {"air": {"times": ["0 [h]", "1 [h]"], "values": ["20 [degC]", "30 [degC]"]}, "base": "15 [degC]"},
             "start": "periodic",
         },
-        "do not repeat",
+        "run.no-periodic-state",
+        "air, chip .*'repeat'",
     ),
-    "initial": ({"start": "periodic", "initial": {"cell[0,0,0]": "30 [degC]"}}, "Leave 'initial' out"),
+    "initial": ({"start": "periodic", "initial": {"cell[0,0,0]": "30 [degC]"}}, "value.excludes-another", "'initial'"),
 }
 
 
 @pytest.mark.parametrize("case", WRONG)
 def test_what_does_not_come_back_is_refused(case: str) -> None:
-    more, message = WRONG[case]
-    with pytest.raises(td.ThermidError, match=message):
+    more, code, match = WRONG[case]
+    with raises_code(code, match=match):
         td.simulate(plate(), course(["chip"], **more))
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import re
 from pathlib import Path
 from typing import Any
 
@@ -75,7 +76,7 @@ def test_the_heat_of_a_heater_on_a_node_without_mass_is_whole() -> None:
 def test_the_command_states_the_duty_cycle(tmp_path: Path) -> None:
     td.save_model(td.model_from_dict(deck(False)), tmp_path / "box.toml")
     words = ["simulate", str(tmp_path / "box.toml"), "--boundary", "air=-20", "--start", "7 [degC]", "--for", "1 [h]"]
-    assert "heater: duty cycle" in CliRunner().invoke(app, words).output
+    assert re.search(r"heater: .* 66\.3 %, 7\.96 W", CliRunner().invoke(app, words).output)
     stated = json.loads(CliRunner().invoke(app, [*words, "--json"]).output)["duty_cycles"]["heater"]
     assert 0.4 < stated["share"] < stated["last_share"] + 0.1
     never = json.loads(CliRunner().invoke(app, [*words[:3], "air=30", *words[4:], "--json"]).output)["duty_cycles"]["heater"]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from typing import Any
 
 import numpy as np
@@ -53,27 +54,27 @@ def test_the_integrator_can_be_asked_for() -> None:
 
 
 @pytest.mark.parametrize(
-    ("model", "scenario", "why"),
+    ("model", "scenario"),
     [
-        (_model(conductance=None, **RADIATING), _scenario(), "the law of 'skin' is not linear"),
+        (_model(conductance=None, **RADIATING), _scenario()),
         (
             _model(),
             _scenario(schedule={"skin.conductance": {"times": ["0 [s]", "500 [s]"], "values": ["0.5 [W/K]", "1 [W/K]"], "hold": True}}),
-            "the conductance of 'skin' changes in time",
         ),
     ],
 )
-def test_what_has_no_modes_is_refused_in_words(model: td.Model, scenario: td.Scenario, why: str) -> None:
+def test_what_has_no_modes_is_refused_in_words(model: td.Model, scenario: td.Scenario) -> None:
     found = td.simulate(model, scenario)
-    assert (found.statistics["method"], found.statistics["reason"]) == ("integrator", why)
-    with pytest.raises(ScenarioError, match=why):
+    assert found.statistics["method"] == "integrator"
+    assert "'skin'" in found.statistics["reason"]
+    with pytest.raises(ScenarioError, match=re.escape(str(found.statistics["reason"]))):
         td.simulate(model, scenario, options=td.Options(method="modal"))
 
 
 def test_other_reasons() -> None:
     simulator = td.prepare(_model(), _scenario(), ["skin.conductance"])
     assert simulator.run().statistics["method"] == "modal"
-    assert simulator.run(sensitivities=True).statistics["reason"] == "derivatives come from the integrator"
+    assert simulator.run(sensitivities=True).statistics["method"] == "integrator"
     with raises_code("name.unknown", ScenarioError):
         td.simulate(_model(), _scenario(), options=td.Options(method="exact"))
 
@@ -85,7 +86,8 @@ def test_irregular_samples_are_left_to_the_integrator() -> None:
     jitter = TableSignal(times, 290 + rng.standard_normal(times.size))
     regular = TableSignal(np.linspace(0.0, 1000.0, 1001), 290 + rng.standard_normal(1001))
     found = [td.simulate(_model(), _scenario(boundaries={"air": table})) for table in (jitter, regular)]
-    assert "by modes" in found[0].statistics["reason"]
+    modes, steps = map(float, re.findall(r"([\d.]+) ms", str(found[0].statistics["reason"])))
+    assert modes > steps
     assert found[1].statistics["method"] == "modal"
 
 

@@ -7,7 +7,7 @@ import pytest
 
 import thermid as td
 from by_code import raises_code
-from thermid.base.errors import ScenarioError, ThermidError
+from thermid.base.errors import ScenarioError, ThermidError, code_of
 
 
 def model(conductance: str) -> td.Model:
@@ -43,7 +43,8 @@ def test_a_sum_is_refused_member_by_member() -> None:
     found = td.ensemble(model("a + b"), SCENARIO, {"b": [0.2, 0.6]}, options=FINE)
     assert found.temperatures("n")[:, 0] == pytest.approx(alone("a + b"), abs=1e-6)
     assert list(found.failed) == [1]
-    assert "in 'g' a parameter that differs between runs and a scheduled one do not" in found.failed[1]
+    assert code_of(found.failed[1]) == "model.element-not-supported"
+    assert "'g'" in found.failed[1]
 
 
 def test_a_sum_is_refused_in_a_run_at_other_values() -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from typing import Any
 
 import numpy as np
@@ -56,7 +57,7 @@ def test_a_cold_box_in_humid_air() -> None:
     assert found["skin"].film.max() == pytest.approx(film, rel=0.02)
     assert found.solution["case"].kelvin[-1] == pytest.approx(end, abs=0.05)
     assert found["skin"].wet > found["skin"].condensing
-    assert "condenses for 26." in str(found)
+    assert re.search(r"21\.39 degC; .* 26\.\d min, wet ", str(found))
 
 
 def film_at(pressure: float) -> float:
@@ -95,7 +96,7 @@ def test_vapour_that_is_not_dilute_is_said() -> None:
     """At 15 kPa a sixth of the gas is vapour: the analogy leaves the stream out that it makes."""
     thin = TRANSFER.with_(start="5 [degC]", environment={"air": td.simulation.Environment(pressure="15 [kPa]")})
     found = td.site.moisture(BOX.with_values({"case.capacitance": "1e7 [J/K]"}), thin, {"air": 0.6})
-    assert ", but mass transfer is computed for dilute vapour. Real" in str(found).splitlines()[1]
+    assert re.search(r"1\d % .*'air', .* \d %", str(found).splitlines()[1])
 
 
 def test_latent_heat_matters() -> None:

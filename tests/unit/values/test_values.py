@@ -97,24 +97,24 @@ def test_names(found: Calibration) -> None:
 
 
 @pytest.mark.parametrize(
-    "damage",
+    ("damage", "code"),
     [
-        lambda t: t.replace("transform", "transformation"),
-        lambda t: t.replace("value = ", "wert = ", 1),
-        lambda t: t[: len(t) // 2],
-        lambda t: "not = a values file",
-        lambda t: "",
-        lambda t: t.replace("sources = [0", "sources = [99"),
-        lambda t: t.replace("sources = [0, ", "sources = ["),
-        lambda t: t.replace("bounds = [", 'bounds = "wide" # [', 1),
-        lambda t: "\x00\x01",
+        (lambda t: t.replace("transform", "transformation"), "file.key-missing"),
+        (lambda t: t.replace("value = ", "wert = ", 1), "file.key-missing"),
+        (lambda t: t[: len(t) // 2], "file.another-kind"),
+        (lambda t: "not = a values file", "file.another-kind"),
+        (lambda t: "", "file.another-kind"),
+        (lambda t: t.replace("sources = [0", "sources = [99"), "file.wrong-value"),
+        (lambda t: t.replace("sources = [0, ", "sources = ["), "file.wrong-value"),
+        (lambda t: t.replace("bounds = [", 'bounds = "wide" # [', 1), "file.wrong-kind"),
+        (lambda t: "\x00\x01", "file.another-kind"),
     ],
 )
-def test_a_damaged_file_is_refused_by_name(found: Calibration, tmp_path: Path, damage) -> None:  # type: ignore[no-untyped-def]
+def test_a_damaged_file_is_refused_by_name(found: Calibration, tmp_path: Path, damage, code: str) -> None:  # type: ignore[no-untyped-def]
     found.save(tmp_path / "v.toml")
     text = (tmp_path / "v.toml").read_text(encoding="utf-8")
     (tmp_path / "v.toml").write_text(damage(text), encoding="utf-8")
-    with pytest.raises(DeckError, match=r"v\.toml: this is not a values file of thermid"):
+    with raises_code(code, DeckError, match=r"^v\.toml: "):
         load_values(tmp_path / "v.toml")
 
 

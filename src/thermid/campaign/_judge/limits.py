@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from thermid.base.arguments import check_two, guard_methods
-from thermid.base.errors import NameNotFoundError, ScenarioError, errors_at, look_up, refuse_unknown
+from thermid.base.errors import CodedText, NameNotFoundError, ScenarioError, errors_at, look_up, refuse_unknown
 from thermid.base.files import Places, by_grammar, read_toml
 from thermid.base.results import MARKS, Figure, Result, check_mark, weakest
 from thermid.base.units import HALF_WIDTH_95, ICE_POINT, Array, Bools, amount, end_of_range
@@ -205,9 +205,12 @@ class LimitCheck:
     def undecided(self) -> str:
         """Why `passed` is None: limits quoted from memory, or operating limits passed while switched off; empty where it is decided."""
         if self.mark == "memory":
-            return f"the limits of {self.point} are quoted from memory"
+            return CodedText(f"the limits of {self.point} are quoted from memory", "verdict.from-memory")
         if self.stand_in and self.crossings:
-            return f"{self.point} is beyond its operating limits while it is switched off, and no non-operating limits are given"
+            return CodedText(
+                f"{self.point} is beyond its operating limits while it is switched off, and no non-operating limits are given",
+                "verdict.no-limits-of-this-state",
+            )
         return ""
 
     def __str__(self) -> str:
@@ -557,7 +560,7 @@ class Margin(Result):
     def undecided(self) -> str:
         """Why it is not decided; empty where it is."""
         if self.mark == "memory":
-            return "a number quoted from memory"
+            return CodedText("a number quoted from memory", "verdict.from-memory")
         if self.margin < 0:
             return ""
         if self.error <= 0 and not self.is_start_value:

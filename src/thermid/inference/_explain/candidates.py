@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from thermid.base.errors import quoted
+from thermid.base.errors import CodedText, quoted
 from thermid.base.units import Array, short, value_of
 from thermid.fit.calibration import MEASURED, Calibration, Experiment, LocalSpec, Problem, Request, SensorTrace, clock_suffix, first_reading
 from thermid.fit.power import PowerCourse
@@ -364,7 +364,7 @@ def hidden_defects(structure: Fitted) -> Iterator[MissingElement]:
     places = _missed_most(_places(structure))
     lags = [_lag(structure.request, p) for p in places if p.channels and not p.lags]
     if lags:
-        yield lags[0] if len(lags) == 1 else _all_alike("a lag of every sensor", lags)
+        yield lags[0] if len(lags) == 1 else _all_alike(CodedText("a lag of every sensor", "element.lag"), lags)
     for place in places:
         yield _second_mass(structure.request, place, "hidden_mass")
     yield from _missing_contacts(structure, places, of_parts=False)
@@ -399,7 +399,10 @@ def _at_a_place(structure: Fitted, place: _Place) -> Iterator[MissingElement]:
     yield _second_mass(request, place, "hidden_mass")
     if place.load in request.model.loads:
         yield _moved_source(
-            request, place, _second_mass(request, place, "inner_mass"), f"an inner mass that takes the heat of '{place.load}'"
+            request,
+            place,
+            _second_mass(request, place, "inner_mass"),
+            CodedText(f"an inner mass that takes the heat of '{place.load}'", "element.inner-mass"),
         )
     if place.boundary:
         yield _steeper_convection(request, place)
@@ -413,11 +416,15 @@ def _same_everywhere(structure: Fitted, places: Sequence[_Place]) -> Iterator[Mi
     """Yield one change at all places together: parts of one kind have sensors, surfaces and powers of one kind."""
     request = structure.request
     kinds: tuple[tuple[str, Callable[[Request, _Place], MissingElement], list[_Place]], ...] = (
-        ("a lag of every sensor", _lag, [p for p in places if p.channels and not p.lags]),
-        ("radiation of every part", _radiation, [p for p in places if p.boundary and not p.gas]),
-        ("coefficients that grow with the difference (dT^(1/4)) at every part", _steeper_convection, [p for p in places if p.boundary]),
+        (CodedText("a lag of every sensor", "element.lag"), _lag, [p for p in places if p.channels and not p.lags]),
+        (CodedText("radiation of every part", "element.radiation"), _radiation, [p for p in places if p.boundary and not p.gas]),
         (
-            "powers that grow with temperature",
+            CodedText("coefficients that grow with the difference (dT^(1/4)) at every part", "element.natural-convection"),
+            _steeper_convection,
+            [p for p in places if p.boundary],
+        ),
+        (
+            CodedText("powers that grow with temperature", "element.growing-power"),
             lambda _, p: _growing_power(structure, p),
             [p for p in places if p.load and _may_grow(request, p.load)],
         ),
@@ -602,7 +609,7 @@ def _lag(request: Request, place: _Place) -> MissingElement:
 
     starts = tuple({free: held / tau} for tau in (3.0, 20.0, 120.0))
     sizes = {free: replace(SIZES["lag"].at(), middle=held / SIZES["lag"].middle)}
-    return MissingElement(f"a lag of the sensor at '{place.node}'", make(request), judge, make, 1, sizes, starts)
+    return MissingElement(CodedText(f"a lag of the sensor at '{place.node}'", "element.lag"), make(request), judge, make, 1, sizes, starts)
 
 
 def _moved_source(request: Request, place: _Place, mass: MissingElement, name: str) -> MissingElement:
@@ -645,7 +652,15 @@ def _second_mass(request: Request, place: _Place, word: str) -> MissingElement:
     mass, pace = SIZES["mass"].at(place.capacity), SIZES["pace"].at(place.pace)
     sizes = {free[0]: mass, free[1]: SizedValue(mass.middle / pace.middle, math.hypot(mass.spread, pace.spread))}
     starts = tuple({free[0]: held, free[1]: held / (share * place.pace)} for share in PACES)
-    return MissingElement(f"a second mass behind a resistance at '{place.node}'", make(request), judge, make, 1, sizes, starts)
+    return MissingElement(
+        CodedText(f"a second mass behind a resistance at '{place.node}'", "element.second-mass"),
+        make(request),
+        judge,
+        make,
+        1,
+        sizes,
+        starts,
+    )
 
 
 def _shell(request: Request, place: _Place) -> MissingElement:
@@ -676,7 +691,7 @@ def _shell(request: Request, place: _Place) -> MissingElement:
 
     starts = tuple({free[0]: share * held, free[1]: g, free[2]: g} for share in (0.3, 3.0))
     sizes = {free[0]: SIZES["large mass"].at(held), free[1]: SIZES["path"].at(g), free[2]: SIZES["path"].at(g)}
-    title = f"a mass between '{place.node}' and '{place.boundary}'"
+    title = CodedText(f"a mass between '{place.node}' and '{place.boundary}'", "element.shell")
     return MissingElement(title, make(request), judge, make, 1, sizes, starts)
 
 
@@ -707,7 +722,7 @@ def _common_mass(request: Request, places: Sequence[_Place]) -> MissingElement:
     sizes |= {f"{link}.conductance": SIZES["path"].at(g) for link, (_, g) in links.items()}
     starts = tuple({free[0]: share * held} for share in (0.3, 1.0, 5.0))
     nodes = ", ".join(f"'{p.node}'" for p in places)
-    return MissingElement(f"a mass that carries {nodes}", make(request), judge, make, 1, sizes, starts)
+    return MissingElement(CodedText(f"a mass that carries {nodes}", "element.common-mass"), make(request), judge, make, 1, sizes, starts)
 
 
 def _contact(request: Request, a: str, b: str, size: float) -> MissingElement:
@@ -721,7 +736,9 @@ def _contact(request: Request, a: str, b: str, size: float) -> MissingElement:
         return f"{short(values[free].value, 3)} W/K", True
 
     sizes = {free: SIZES["contact"].at(size / START_SHARE)}
-    return MissingElement(f"a contact between '{a}' and '{b}'", make(request), judge, make, sizes=sizes, additive=True)
+    return MissingElement(
+        CodedText(f"a contact between '{a}' and '{b}'", "element.contact"), make(request), judge, make, sizes=sizes, additive=True
+    )
 
 
 def _one_way(request: Request, place: _Place, other: str, words: str) -> MissingElement:
@@ -744,7 +761,10 @@ def _one_way(request: Request, place: _Place, other: str, words: str) -> Missing
         """Return what the fitted element is, in words, and whether its size is possible."""
         return f"{short(values[free].value, 3)} W/K more from '{place.node}' than towards it", True
 
-    name, sizes = f"a coupling of '{place.node}' and {words} that depends on direction", {free: SIZES["contact"].at(size / START_SHARE)}
+    name, sizes = (
+        CodedText(f"a coupling of '{place.node}' and {words} that depends on direction", "element.one-direction"),
+        {free: SIZES["contact"].at(size / START_SHARE)},
+    )
     return MissingElement(name, make(request), judge, make, sizes=sizes, additive=True)
 
 
@@ -782,7 +802,7 @@ def _wrong_clock(request: Request, channels: tuple[str, ...], zone: float, far: 
 
     hours = f" by {zone / HOUR:+g} h, as of another time zone" if zone else ""
     starts = tuple({n: at + zone + shift for n, at in offsets.items()} for shift in (0.0, -0.5 * far, 0.5 * far))
-    name = f"a wrong offset of the log of {quoted(channels)}{hours}"
+    name = CodedText(f"a wrong offset of the log of {quoted(channels)}{hours}", "element.wrong-clock")
     return MissingElement(name, made, judge, make, sizes=sizes, starts=starts, chosen=int(bool(zone)))
 
 
@@ -814,7 +834,9 @@ def _delays(request: Request) -> Iterator[MissingElement]:
             line = f"prepare = [{{ delay = {{ by = ['0 [s]', '{short(2.0 * delay, 3)} [s]'] }} }}]"
             return f"{short(delay, 3)} s. To fit the delay, run `thermid improve`, or write into the record: {line}", True
 
-        yield MissingElement(f"commands that act {short(delay, 3)} s late", make(request), judge, make, delay=delay)
+        yield MissingElement(
+            CodedText(f"commands that act {short(delay, 3)} s late", "element.late-commands"), make(request), judge, make, delay=delay
+        )
 
 
 def _steeper_convection(request: Request, place: _Place) -> MissingElement:
@@ -836,7 +858,7 @@ def _steeper_convection(request: Request, place: _Place) -> MissingElement:
         return f"{short(c, 3)} W/(m^2 K) (dT / 1 K)^(1/4), {share}", not place.area or SIZES["convection"].allows(c)
 
     sizes = {free: _law(place, "convection", area * place.rise**0.25)}
-    name = f"a coefficient at '{place.node}' that grows with the difference (dT^(1/4))"
+    name = CodedText(f"a coefficient at '{place.node}' that grows with the difference (dT^(1/4))", "element.natural-convection")
     return MissingElement(name, make(request), judge, make, sizes=sizes, additive=True, bends=True)
 
 
@@ -862,7 +884,10 @@ def _radiation(request: Request, place: _Place) -> MissingElement:
         possible = SIZES["emissivity"].allows(e) if place.area else e > 0.0
         return f"an emissivity of {short(e)} over {short(1e4 * area, 3)} cm^2", possible
 
-    name, sizes = f"radiation of '{place.node}' to '{place.boundary}'", {free: _law(place, "emissivity", 6.0 * area)}
+    name, sizes = (
+        CodedText(f"radiation of '{place.node}' to '{place.boundary}'", "element.radiation"),
+        {free: _law(place, "emissivity", 6.0 * area)},
+    )
     return MissingElement(name, make(request), judge, make, sizes=sizes, additive=True, bends=True)
 
 
@@ -887,7 +912,10 @@ def _settling(structure: Fitted, place: _Place) -> Iterator[MissingElement]:
             more = values[f"{course.name}.power"].value
             return f"{course.words(more)}, {short(100 * more / power)} % of its step", SIZES["settling"].allows(more / power)
 
-        title, sizes = f"a power of '{place.load}' that settles", {f"{name}.power": SIZES["settling"].at(power)}
+        title, sizes = (
+            CodedText(f"a power of '{place.load}' that settles", "element.settling-power"),
+            {f"{name}.power": SIZES["settling"].at(power)},
+        )
         yield MissingElement(title, make(structure.request), judge, make, sizes=sizes, additive=True, chosen=1, of_power=True)
 
 
@@ -946,7 +974,7 @@ def _growing_as_logged(structure: Fitted, place: _Place) -> MissingElement:
         growth = values[free].value
         return f"{short(100 * growth)} % of the power per kelvin", SIZES["growth"].allows(growth)
 
-    name, sizes = f"a power of '{load}' that grows with temperature", {free: SIZES["growth"].at()}
+    name, sizes = CodedText(f"a power of '{load}' that grows with temperature", "element.growing-power"), {free: SIZES["growth"].at()}
     return MissingElement(name, make(structure.request), judge, make, sizes=sizes, additive=True, of_power=True)
 
 
@@ -987,5 +1015,8 @@ def _growing_power(structure: Fitted, place: _Place) -> MissingElement:
         share = growth / abs(place.power) if place.power else float("inf")
         return f"{short(1e3 * growth, 3)} mW/K, {short(100 * share)} % of the power per kelvin", SIZES["growth"].allows(share)
 
-    name, sizes = f"a power of '{place.load}' that grows with temperature", {free: SIZES["growth"].at(abs(place.power) or 1.0)}
+    name, sizes = (
+        CodedText(f"a power of '{place.load}' that grows with temperature", "element.growing-power"),
+        {free: SIZES["growth"].at(abs(place.power) or 1.0)},
+    )
     return MissingElement(name, make(request), judge, make, sizes=sizes, additive=True, of_power=True)

@@ -363,4 +363,4 @@ def _weighed(one: FittedStructure, base: FittedStructure, noise: int) -> Candida
     words, possible = one.judged()[0]
     evidence = 2.0 * float(one.weighing.logs[noise] - base.weighing.logs[noise])
     rmse, weighted = (base.rmse, one.rmse), tuple(float(s.weighing.squares[noise] ** 0.5) for s in (base, one))
-    return Candidate(one.name, words, possible, evidence, rmse, weighted)
+    return Candidate(one.changes[0].name, words, possible, evidence, rmse, weighted)

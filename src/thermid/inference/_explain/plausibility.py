@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from thermid.base.errors import IdentificationError
+from thermid.base.errors import CodedText, IdentificationError
 from thermid.base.results import Named
 from thermid.base.units import short, value_of
 from thermid.fit.calibration import Calibration
@@ -195,14 +195,21 @@ def _coefficient(fit: Calibration, network: Network, c: FlatConductor, v: Fitted
     low, high = max(floor, still / CORRELATION) + shine[0], still * CORRELATION + shine[1]
     what = f"still air over {1e4 * area:.3g} cm^2 {hot - cold:+.3g} K from it" + (", with radiation" if c.kind == "effective" else "")
     if v.value < low:
-        meaning = (
+        meaning = CodedText(
             "Too low: the area includes faces that do not convect (inside, or counted twice), the power is too small, or the air is "
-            "confined"
+            "confined",
+            "fit.below-still-air",
         )
     elif v.value <= MAX_SLOW_FAN_HTC + shine[1]:
-        meaning = "Too high for still air: the air moves, heat leaves by a mount or a lead, the area is too small, or the power too large"
+        meaning = CodedText(
+            "Too high for still air: the air moves, heat leaves by a mount or a lead, the area is too small, or the power too large",
+            "fit.above-still-air",
+        )
     else:
-        meaning = "Higher than with slow fans: heat leaves by a mount or a lead, the area is too small, or the power too large"
+        meaning = CodedText(
+            "Higher than with slow fans: heat leaves by a mount or a lead, the area is too small, or the power too large",
+            "fit.above-slow-fans",
+        )
     return RangeCheck(v.path, v.value, v.error, low, high, what, "Lee, Yovanovich, Jafarpur 1991; emissivity 0.02 to 0.98", meaning)
 
 
@@ -264,12 +271,12 @@ def _weights(fit: Calibration, network: Network, owners: Mapping[str, FittedValu
         ]
         for v in held:
             scale = v.value / capacity if capacity else np.nan
-            meaning = f"It needs {capacity / weight:.4g} J/(kg K) of {weight:.3g} kg: "
-            meaning += (
-                "a mass that was not weighed follows it, or the power is too large"
+            code, cause = (
+                ("fit.more-than-its-weight", "a mass that was not weighed follows it, or the power is too large")
                 if capacity / weight > SPECIFIC_HEAT[1]
-                else ("part of the mass follows more slowly, or the power is too small")
+                else ("fit.less-than-its-weight", "part of the mass follows more slowly, or the power is too small")
             )
+            meaning = CodedText(f"It needs {capacity / weight:.4g} J/(kg K) of {weight:.3g} kg: {cause}", code)
             low, high = SPECIFIC_HEAT[0] * weight * scale, SPECIFIC_HEAT[1] * weight * scale
             yield RangeCheck(v.path, v.value, v.error, low, high, f"{weight:.3g} kg of metal to plastics", "table of materials", meaning)
 

@@ -369,7 +369,7 @@ def wait_until_stable(leg: Leg, state: Array, wanted: WaitRequest) -> WaitResult
             slowest = wanted.watch[movers[max(k - 1, int(np.flatnonzero(np.isfinite(excess))[0]))]]
             return WaitResult(after, slowest, _rate_over_window(leg, wanted, times, traces, slowest, after))
         if reach >= wanted.longest:
-            raise SolverError(_not_stable_message(leg, wanted, times, traces, int(movers[-1])), wanted.where)
+            raise SolverError(_not_stable_message(leg, wanted, times, traces, int(movers[-1])), wanted.where, code="run.not-stable")
         reach *= 2.0
 
 

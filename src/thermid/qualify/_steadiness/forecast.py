@@ -16,7 +16,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from thermid.base.errors import RecordError, ScenarioError
+from thermid.base.errors import CodedText, RecordError, ScenarioError
 from thermid.base.results import Result, Row
 from thermid.base.units import ICE_POINT, Array, Bools, Memo, amount, duration_text, positive_seconds, short
 from thermid.measure.records import FloatArray, Record, StabilityRule, effective_samples, rule_of
@@ -686,10 +686,11 @@ def _why_declined(final: IntervalEstimate, within: float, slow: float, span: flo
     if by_model:
         return f"{text}: the slow parts of the model have not changed enough for a forecast. Wait longer."
     if slow > span:
-        return (
+        return CodedText(
             f"{text}: the readings of {duration_text(span)} cannot exclude a slow part with a time constant of {duration_text(slow)}, "
             "such as a heavy mass behind a weak link, that has only begun to change. Wait longer, or give a model"
-            f"{'' if limited else ', or the longest time constant that the unit can have (slowest)'}."
+            f"{'' if limited else ', or the longest time constant that the unit can have (slowest)'}.",
+            "result.slow-part-possible",
         )
     return f"{text}: the readings are too few or too noisy for {duration_text(span)} of readings. Wait longer."
 

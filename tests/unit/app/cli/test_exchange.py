@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import subprocess
 from pathlib import Path
 
@@ -44,7 +45,8 @@ def test_a_script_becomes_a_deck_that_runs(call: Call, script: Path) -> None:
 def test_without_a_block_the_values_are_written_alone(call: Call, script: Path) -> None:
     deck = script.with_name("values.toml")
     said = call("import", script, "--to", deck)
-    assert said.out.splitlines()[-1].endswith("its nodes, surfaces and loads are still to be written")
+    assert str(deck) in said.out.splitlines()[-1]
+    assert not td.load_model(deck).nodes
     assert td.load_model(deck).parameters["Acc_SpH"].text == "SpH"
 
 
@@ -60,9 +62,8 @@ def test_an_import_does_not_write_over_a_deck(call: Call, script: Path) -> None:
     deck.write_text("title = 'mine'\n", encoding="utf-8")
     said = call("import", script, "--to", deck)
     assert said.code == 2
-    assert said.err.startswith(
-        f"error: {deck}: this file exists already. It was not written by thermid as deck Acc, or was changed since. Give another name"
-    )
+    assert said.codes == ("output.over-another-file",)
+    assert re.search(f"^error: {re.escape(str(deck))}: .*deck Acc.*--force", said.err)
     assert deck.read_text(encoding="utf-8") == "title = 'mine'\n"
 
 
@@ -111,7 +112,9 @@ def test_a_fitted_model_and_a_vacuum_go_out(call: Call, accelerometer: Path, tmp
     FittedValues("s", {"area": value}, np.array([[1e-6]])).save(tmp_path / "v.toml")
     plain = ("export", accelerometer, "--as", "spice", "--boundary", "air=24", "--for", "5 [h]")
     assert all(part in call(*plain, "--values", tmp_path / "v.toml").out for part in ("R_skin", "air 33.3333333333"))
-    assert "* skin: no conductance, an open path\n" in call(*plain, "--as-printed").out
+    closed = call(*plain, "--as-printed").out
+    assert "R_skin" not in closed
+    assert "\n* skin: " in closed
     assert "model.needs-gas-law" in call(*plain, "--vacuum").codes
     assert "'skin'" in call(*plain, "--vacuum").err
     assert "value.excludes-another" in call(*plain, "--vacuum", "--as-printed").codes
@@ -129,28 +132,22 @@ def test_equations_are_written(call: Call, stack: Path, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("arguments", "message"),
+    ("arguments", "code", "match"),
     [
         (
             ("export", "DECK", "--as", "spyce"),
-            "error: --as: a model is not written as 'spyce'. Did you mean 'spice'? "
-            "There are octave, c, modelica, spice, sinda, esatan, fmu.",
+            "name.unknown",
+            "--as: .*'spyce'.* 'spice'.* octave, c, modelica, spice, sinda, esatan, fmu",
         ),
-        (
-            ("export", "DECK", "--as", "spice", "--step", "5 [s]"),
-            "error: --step: a step is of a C header; 'spice' has no steps of its own.",
-        ),
-        (
-            ("export", "DECK", "--boundary", "air=24"),
-            'error: command line: an export of a run needs a duration above zero: duration = "5 [h]"',
-        ),
-        (("equations", "DECK", "--as", "tex"), "error: --as: equations are not written as 'tex'. Did you mean 'text'?"),
+        (("export", "DECK", "--as", "spice", "--step", "5 [s]"), "value.without-effect", "--step: .*'spice'"),
+        (("export", "DECK", "--boundary", "air=24"), "value.outside-range", 'command line: .* = "5'),
+        (("equations", "DECK", "--as", "tex"), "name.unknown", "--as: .*'tex'.* 'text'"),
     ],
 )
-def test_refusals(call: Call, accelerometer: Path, arguments: tuple[str, ...], message: str) -> None:
+def test_refusals(call: Call, accelerometer: Path, arguments: tuple[str, ...], code: str, match: str) -> None:
     said = call(*(accelerometer if a == "DECK" else a for a in arguments))
-    assert (said.code, said.out) == (2, "")
-    assert said.err.startswith(message)
+    assert (said.code, said.out, said.codes) == (2, "", (code,))
+    assert re.search(match, said.err)
 
 
 def test_a_change_without_a_number_of_its_own_is_said_first(call: Call, tmp_path: Path) -> None:
@@ -162,9 +159,7 @@ def test_a_change_without_a_number_of_its_own_is_said_first(call: Call, tmp_path
     assert call("import", case, "--to", tmp_path / "strap.toml").code == 0
     back = ("write-back", case, tmp_path / "strap.toml", "--to", tmp_path / "back")
     said = call(*back, "--param", "A_G1_2.conductance=0.8 [W/K]", "--param", "A.T2.capacitance=6 [J/K]")
-    assert said.out.splitlines()[0] == (
-        "INCOMPLETE: 1 changed value without a number of its own in the deck, not written: A_G1_2.conductance"
-    )
+    assert re.fullmatch("INCOMPLETE: 1 .*: A_G1_2.conductance", said.out.splitlines()[0])
     assert "2, 20., 6 $" in (tmp_path / "back" / "strap.inp").read_text()
     found = call(*back, "--param", "A_G1_2.conductance=0.8 [W/K]", "--json").object
     assert (found["files"], found["not_written"]) == ([], ["A_G1_2.conductance"])
@@ -191,8 +186,8 @@ def test_an_incomplete_import_marks_every_result(call: Call, tmp_path: Path) -> 
     assert said.code == 5
     assert said.out.startswith("INCOMPLETE: ")
     model = td.load_model(deck)
-    assert "not taken over" in model.incomplete
-    assert any(f.severity == "warning" and "incomplete" in f.message for f in model.check())
+    assert re.match("[123] .* SINDA ", model.incomplete)
+    assert any(f.severity == "warning" and model.incomplete in f.message for f in model.check())
     for command in (
         ("simulate", deck, "--scenario", bench, "--for", "1 [h]"),
         ("steady", deck, "--scenario", bench),

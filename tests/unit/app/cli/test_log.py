@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import signal
 import threading
 import time
@@ -25,9 +26,10 @@ def test_a_step_test_without_hardware(call: Call, tmp_path: Path) -> None:
     (tmp_path / "step.toml").write_text(PROGRAMME)
     log = tmp_path / "bench.log"
     said = call("log", log, "--sensors", tmp_path / "sensors.toml", "--programme", tmp_path / "step.toml")
-    assert (said.code, "0 missing" in said.out) == (0, True)
+    assert said.code == 0
     record = td.read_record(log, {"plate": "plate", "heater1": {"command": "heater"}})
     plate = record["plate"]
+    assert plate.valid[1:].all()
     assert plate.values[plate.valid][-1] - plate.values[plate.valid][0] > 0.5
     assert record["heater1"].values[record["heater1"].valid].max() == 0.5
 
@@ -40,25 +42,25 @@ def test_what_was_too_hot_is_heated_again_only_if_somebody_says_so(call: Call, t
     said = call(*asked)
     assert said.code == 2
     assert "bench.sensor" in said.codes
-    assert f"1 and 2 off: over-temperature of {made_up_rom(0)}" in said.err
+    assert made_up_rom(0) in said.err
     assert "--clear-latch" in said.err
     assert "cleared 1" in call(*asked, "--clear-latch").out
 
 
 @pytest.mark.parametrize(
-    ("options", "word"),
+    ("options", "code", "match"),
     [
-        (("--interval", "1 [K]"), "--interval"),
-        (("--limit", "400 [degC]"), "limit = 400 is outside -55 to 125"),
-        (("--sensors", "none.toml"), "none.toml: there is no such sensor map. Make one with `thermid log --identify`."),
-        (("--programme", "none.toml"), "there is no file 'none.toml'"),
-        (("--identify",), "--sensors sensors.toml"),
+        (("--interval", "1 [K]"), "unit.wrong-dimension", "--interval"),
+        (("--limit", "400 [degC]"), "bench.sensor", "400.* -55 .* 125"),
+        (("--sensors", "none.toml"), "record.log-missing", "none.toml: .*`thermid log --identify`"),
+        (("--programme", "none.toml"), "file.not-found", "'none.toml'"),
+        (("--identify",), "value.incomplete", "--sensors sensors.toml"),
     ],
 )
-def test_a_mistake_is_named(call: Call, tmp_path: Path, options: tuple[str, ...], word: str) -> None:
+def test_a_mistake_is_named(call: Call, tmp_path: Path, options: tuple[str, ...], code: str, match: str) -> None:
     said = call("log", tmp_path / "bench.log", *options)
-    assert said.code == 2
-    assert word in said.err
+    assert (said.code, said.codes) == (2, (code,))
+    assert re.search(match, said.err)
     assert not (tmp_path / "bench.log").exists()
 
 
@@ -71,7 +73,8 @@ def test_no_board_is_an_error_and_not_a_wait(call: Call, tmp_path: Path, monkeyp
     assert "bench.no-board" in said.codes
     named = call("log", tmp_path / "bench.log", "--port", tmp_path / "ttyUSB9")
     assert named.code == 2
-    assert "the port does not exist. Connect" in named.err
+    assert named.codes == ("bench.no-board",)
+    assert "ttyUSB9" in named.err
     assert not (tmp_path / "bench.log").exists()
 
 
@@ -91,11 +94,13 @@ def test_a_port_that_is_none_is_an_error_and_not_a_wait(call: Call, tmp_path: Pa
     (tmp_path / "notes.txt").write_text("no port")
     said = call("log", tmp_path / "bench.log", "--port", tmp_path / "notes.txt")
     assert said.code == 2
-    assert "it is not a serial port" in said.err
+    assert said.codes == ("bench.no-board",)
+    assert "notes.txt: " in said.err
     assert not (tmp_path / "bench.log").exists()
     missing = call("log", tmp_path / "bench.log", "--port", "ttyX")
     assert missing.code == 2
-    assert "the port does not exist. Connect" in missing.err
+    assert missing.codes == ("bench.no-board",)
+    assert "ttyX" in missing.err
 
 
 @pytest.mark.skipif(os.name != "posix", reason="a board without hardware needs pseudo-terminals")
@@ -110,14 +115,16 @@ def test_a_port_that_is_in_use_is_named(call: Call, tmp_path: Path) -> None:
         said = call("log", tmp_path / "bench.log", "--port", terminal.port)
         held.close()
     assert said.code == 2
-    assert "another program uses it. Close" in said.err
+    assert said.codes == ("bench.no-board",)
+    assert f"{terminal.port}: " in said.err
 
 
 @pytest.mark.usefixtures("board")
 def test_a_log_that_exists_is_continued_and_that_is_said(call: Call, tmp_path: Path) -> None:
     for _ in range(2):
         said = call("log", tmp_path / "bench.log", "--for", "5 [s]")
-    assert (said.code, "is continued: start 2 of it" in said.err) == (0, True)
+    assert said.code == 0
+    assert re.search(r"bench\.log .* 2 ", said.err)
     assert "0 faulty values. Marks: " in said.out
 
 

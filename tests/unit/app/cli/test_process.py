@@ -75,6 +75,5 @@ def test_ctrl_c_is_no_traceback(made: Path, tmp_path: Path) -> None:
     said = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, env=ENVIRONMENT, timeout=120, check=False)
     assert said.returncode == 130
     assert "Traceback" not in said.stderr
-    assert said.stderr.endswith("stopped by the interrupt key; files that were complete before remain.\n")
-    assert len([line for line in said.stderr.splitlines() if "interrupt" in line]) == 2  # at the key, and at the end
+    assert len([line for line in said.stderr.splitlines() if line.strip()]) == 2  # one at the key, one at the end
     assert said.stdout == ""

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import re
 
 import numpy as np
 import pytest
@@ -104,14 +103,14 @@ def test_settle_without_a_temperature_or_with_a_wrong_rule(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("asked", "words"),
+    ("asked", "match"),
     [
-        (["--within", "-1 [K]"], "half of an interval is above zero, not '-1 [K]'"),
-        (["--within", "0"], "half of an interval is above zero"),
+        (["--within", "-1 [K]"], r"'-1 \[K\]'"),
+        (["--within", "0"], "'0'"),
     ],
 )
-def test_settle_refuses_what_no_log_can_answer(tmp_path, asked, words):
-    with pytest.raises(td.ThermidError, match=re.escape(words)):
+def test_settle_refuses_what_no_log_can_answer(tmp_path, asked, match):
+    with raises_code("value.outside-range", match=match):
         CliRunner().invoke(app, ["settle", str(log(tmp_path, 1.0)), *asked], catch_exceptions=False)
 
 
@@ -134,6 +133,6 @@ def test_stored_heat_is_judged_with_a_model_and_refused_without(tmp_path, deck):
     asked = ["settle", log, "--channel", column, "--rule", "stored 3 %"]
     done = call(*asked, "--model", deck, "--scenario", scenario)
     assert done.exit_code == 0, done.output
-    assert "of 5 W, over the last" in done.output
+    assert " 5 W, " in done.output
     with pytest.raises(td.ThermidError, match="--model and --scenario"):
         CliRunner().invoke(app, [str(a) for a in asked], catch_exceptions=False)

@@ -16,8 +16,8 @@ from unit.fit.planted import planted
 pytestmark = pytest.mark.usefixtures("values_alone")
 
 STUDY = Path(__file__).parents[4] / "examples" / "sisnav" / "study.toml"
-TOLD = "NOT CREDIBLE: rests on stage 'box' (T_BOX would need an error of +0."
-TAKEN = TOLD.replace("CREDIBLE:", "CREDIBLE (accepted):")
+TOLD = re.compile(r"NOT CREDIBLE: [^'\n]*'box' \(T_BOX .*\+0\.")
+TAKEN = re.compile(r"NOT CREDIBLE \(accepted\): [^'\n]*'box' \(T_BOX .*\+0\.")
 HOLD = """
 model = "whole.toml"
 scenario = "scenario.toml"
@@ -65,14 +65,14 @@ def test_every_command_says_it_first_and_in_its_exit_code(
         return call(*COMMANDS[name], *to, *more)
 
     said = said_with()
-    assert said.out.startswith(TOLD)
+    assert TOLD.match(said.out)
     assert said.code == 1
     standing = said_with("--json").object["standing"]
     assert (standing["state"], standing["stage"]) == ("not credible", "box")
-    assert standing["because"] in TOLD + said.out
+    assert standing["because"] in said.out
     if name != "watch":  # which takes `accept` of the campaign alone
         taken = said_with("--accept", "box")
-        assert (taken.code, taken.out.startswith(TAKEN)) == (0, True)
+        assert (taken.code, bool(TAKEN.match(taken.out))) == (0, True)
 
 
 def test_calibrate_and_report(folder: Path, call: Call, monkeypatch: pytest.MonkeyPatch) -> None:

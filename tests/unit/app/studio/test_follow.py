@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import tracemalloc
 from contextlib import suppress
 from pathlib import Path
@@ -71,7 +72,7 @@ def test_a_forecast_is_given_where_it_can_be_and_declined_where_not(log: Path) -
     follower = Follower(log.parent)
     early = seen(follower.look({"file": "run.csv"}), "T_CASE")["forecast"]
     assert early["final"] is None
-    assert "cannot exclude a slow part" in early["declined"]
+    assert code_of(early["declined"]) == "result.slow-part-possible"
     known = seen(follower.look({"file": "run.csv", "slowest": 0.5}), "T_CASE")["forecast"]
     assert known["final"] == pytest.approx(33.0, abs=0.2)
     assert known["low"] < 33.0 < known["high"]
@@ -88,7 +89,7 @@ def test_a_forecast_with_a_time_constant_beyond_reason_takes_no_memory(log: Path
     declined = seen(told, "T_CASE")["forecast"]["declined"]
     assert code_of(declined) == "value.outside-range"
     assert "3.6e+23 s" in declined
-    assert told["watch"]["because"] == "there is an alarm: sensor: T_LID: no reading since 1000 s"
+    assert re.search(": sensor: T_LID: .* 1000 s$", told["watch"]["because"])
     assert most < 10e6
 
 
@@ -109,7 +110,7 @@ def test_half_of_a_line_is_no_reading(log: Path, cut: int) -> None:
     told = Follower(log.parent).look({"file": "run.csv"})
     assert told["rows"] == 399
     assert min(v for v in seen(told, "T_LID")["values"] if np.isfinite(v)) > 23.0
-    assert any(n in (f"the last line {UNFINISHED}", f"line 402, the last one, {UNFINISHED}") for n in told["notes"])
+    assert any(n.endswith(UNFINISHED) for n in told["notes"])
 
 
 def test_faults_and_silences_are_gaps_with_their_reasons(log: Path) -> None:
@@ -138,10 +139,12 @@ def test_what_is_not_there_yet_is_waited_for(tmp_path: Path) -> None:
     file = tmp_path / "run.csv"
     follower = Follower(tmp_path, file)
     assert "'run.csv'" in follower.look({})["waiting"]
-    file.write_text("time_s,T_CASE\n", encoding="utf-8")
-    assert "no samples below it" in follower.look({})["waiting"]
-    file.write_text("time_s,pressure [Pa]\n0,1\n1,2\n", encoding="utf-8")
-    assert "No column is recognised as a temperature." in follower.look({})["waiting"]
+    waits = []
+    for text in ("time_s,T_CASE\n", "time_s,pressure [Pa]\n0,1\n1,2\n"):
+        file.write_text(text, encoding="utf-8")
+        waits.append(follower.look({})["waiting"])
+    assert all(waits)
+    assert waits[0] != waits[1], "no samples yet, and no temperature"
     write(file, 6)
     told = follower.look({})
     assert told["verdict"]["word"] == "too early"

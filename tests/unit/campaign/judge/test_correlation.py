@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 import numpy as np
 import pytest
 
@@ -97,7 +99,7 @@ def test_a_limit_from_memory_decides_nothing() -> None:
     found = correlate(seen(2.0, 0.0), [heard], steady=SETTLED)
     assert found.passed("heard") is None
     assert found.failed == ()
-    assert "not decided, because the limit is quoted from memory" in str(found)
+    assert re.search(r"limit 1 K \[memory\].*: not decided, ", str(found))
 
 
 def test_a_criterion_without_data_is_refused() -> None:
@@ -164,7 +166,7 @@ def test_a_stretch_named_steady_in_which_a_sensor_drifts_is_remarked_on_with_the
         found = correlate([Overlay("hot", n, "", TIMES, readings + x, readings) for n, x in (("T1", 0.0), ("T2", noise))], steady=SETTLED)
         if drifts:
             (remark,) = found.remarks
-            assert "'T1' goes from 75.3 to 78.5 degC, +3.2 K/h, and 1 more drift" in remark or "'T2'" in remark
+            assert re.search(r"'T1' .* 75\.3 .* 78\.5 degC, \+3\.2 K/h, .*1 ", remark) or "'T2'" in remark
             assert f"remark: {remark}" in str(found)
         assert found.to_dict()["remarks"] == list(found.remarks)
         assert bool(found.remarks) == drifts

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import tomllib
 from pathlib import Path
 from types import SimpleNamespace
@@ -12,8 +13,8 @@ import tomlkit
 
 import thermid as td
 from by_code import raises_code
-from thermid.base.errors import DeckError, OutputError
-from thermid.campaign._start.improve import Delay, improve, with_step
+from thermid.base.errors import DeckError, OutputError, code_of
+from thermid.campaign._start.improve import LATE as LATE_POWERS, Delay, improve, with_step
 from thermid.inference._explain.candidates import missing_elements
 
 from .test_init import bench
@@ -84,7 +85,6 @@ def test_nothing_is_written_where_nothing_is_proved(tmp_path: Path) -> None:
     made = improve(project(tmp_path, 0.0), evaluations=3000)
     assert made.files == ()
     assert not (tmp_path / "campaign_next.toml").exists()
-    assert "No change of the structure is supported" in str(made)
 
 
 def test_a_stage_that_is_not_there(tmp_path: Path) -> None:
@@ -117,13 +117,13 @@ def test_a_delay_that_is_proved_is_written_into_the_record(tmp_path: Path) -> No
     prepare = 'prepare = [{ trim = ["1 [min]", "end"] }]  # the first minute is unsettled\n'
     path.write_text(CAMPAIGN.replace("[[stages]]", prepare + "[[stages]]", 1) + STILL)
     made = improve(path, "plate", evaluations=3000)
-    assert made.changes == ("logged powers and commands act late",)
+    assert made.changes == (LATE_POWERS,)
     (delay,) = made.delays
     ((value, error),) = delay.found.values()
     assert value == pytest.approx(LATE, abs=2.5 * error)
     assert 0.25 * 20.0 < error < 0.3 * 20.0  # nobody states whether the power was logged as it changed: a quarter of an interval
-    assert f"delay: test {value:.3g} +- {error:.2g} s; written into [records.test]." in str(made)
-    assert str(made).count("[records.test]. It also applies in again.") == 1
+    assert f"delay: test {value:.3g} +- {error:.2g} s; " in str(made)
+    assert len(re.findall(r"\[records\.test\]\..* again\.", str(made))) == 1
     (row,) = made.rows()
     assert row["before_K"] > 5.0 * row["after_K"]
     written = made.files[1].read_text()
@@ -172,7 +172,7 @@ def test_a_proposal_that_a_full_fit_refuses_is_not_written(tmp_path: Path, monke
     assert [f.stem for f in (tmp_path / "finished").iterdir()], "finished stages are kept there"
     assert not (tmp_path / "results").exists()
     assert (made.files, made.refused) == ((), "a node's capacitance must be above zero and finite.")
-    assert "nothing was written" in str(made)
+    assert made.refused in str(made)
 
 
 def test_a_mass_that_no_reading_can_know_is_not_possible() -> None:
@@ -183,7 +183,7 @@ def test_a_mass_that_no_reading_can_know_is_not_possible() -> None:
     readings = td.Channel.from_array("T", 300.0 + 5.0 * np.exp(-times / 900.0), unit="K", role="node", target="case")
     record = td.Record.from_arrays("log", times, {"T": readings})
     fit = td.calibrate(model, record, ["skin.conductance"], scenario=td.Scenario("b", {"room": "300 [K]"}))
-    second = next(m for m in missing_elements(fit, fit.request) if m.name.startswith("a second mass"))
+    second = next(m for m in missing_elements(fit, fit.request) if code_of(m.name) == "element.second-mass")
 
     def found(held: float, link: float) -> dict[str, SimpleNamespace]:
         return {p: SimpleNamespace(value=v, error=0.1 * v) for p, v in zip(second.request.free[-2:], (held, link), strict=True)}

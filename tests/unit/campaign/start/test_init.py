@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import shutil
 from dataclasses import replace
 from pathlib import Path
@@ -13,7 +14,7 @@ import pytest
 from typer.testing import CliRunner
 
 import thermid as td
-from by_code import raises_code
+from by_code import of_code, raises_code
 from thermid.app.cli.app import app
 from thermid.base.errors import IdentificationError, NameNotFoundError, OutputError, RecordError, ThermidError, code_of
 from thermid.campaign._start.project import TEMPLATES, parted, write_template
@@ -72,7 +73,7 @@ def test_a_hidden_mass_is_found_written_checked_and_validated(tmp_path: Path) ->
         assert (tmp_path / "p" / "schema" / f"{kind}.schema.json").is_file()
     text = (tmp_path / "p" / "plate.toml").read_text()
     assert "T_plate_C" in text
-    assert "because the readings are likelier with it" in text
+    assert "hidden: no sensor" in text
     run("simulate", str(tmp_path / "p" / "plate.toml"), "--scenario", str(tmp_path / "p" / "scenario.toml"))
 
 
@@ -84,7 +85,7 @@ def test_one_mass_stays_one_and_what_cannot_be_told_is_said(tmp_path: Path) -> N
 
 
 def test_codes_of_a_sensor_are_masked_and_said_first(tmp_path: Path) -> None:
-    code, words = "9999", "far from all other readings (9999)"
+    code = "9999"
     log = bench(tmp_path / "test.csv")
     rows = log.read_text().splitlines()
     for k in (40, 41, 170):
@@ -94,8 +95,8 @@ def test_codes_of_a_sensor_are_masked_and_said_first(tmp_path: Path) -> None:
     found = CliRunner().invoke(app, ["init", str(log), "--to", str(tmp_path / "p"), "--name", "plate", "--evaluations", "700"])
     first, second, *_ = found.stdout.split("\n")
     assert "RMSE 0.0" in first
-    assert second == f"T_plate_C: 3 readings masked: {words}"
-    assert f"# T_plate_C: 3 readings masked: {words}; empty in the logs" in (tmp_path / "p" / "campaign.toml").read_text()
+    assert re.match(r"T_plate_C: 3 .*\(9999\)", second)
+    assert f"# {second}; " in (tmp_path / "p" / "campaign.toml").read_text()
     assert run("check", str(tmp_path / "p" / "campaign.toml"))["findings"] == []
     raw = tmp_path / "p" / "raw.toml"
     shutil.copy(log, tmp_path / "p" / "raw.csv")
@@ -106,17 +107,18 @@ def test_codes_of_a_sensor_are_masked_and_said_first(tmp_path: Path) -> None:
     )
     (finding,) = run("check", str(raw))["findings"]
     assert finding["severity"] == "warning"
-    assert f"readings of 'T_plate_C' in 't' are no temperatures: {words}. Mask them: prepare = " in finding["message"]
+    assert finding["code"] == "record.stray-readings"
+    assert re.search(r"'T_plate_C' .*'t' .*\(9999\)\. .*prepare = ", finding["message"])
     fitted = CliRunner().invoke(app, ["calibrate", str(raw)])
     told = " ".join(f"{fitted.output} {fitted.exception}".split())
-    assert "are no temperatures" in told
+    assert "(9999)" in told
     assert "ikely mistake" not in told
 
 
 def test_a_duty_without_full_scale_gives_ratios_and_says_so(tmp_path: Path) -> None:
     log = bench(tmp_path / "test.csv", header="time_s,T_plate_C,T_room_C,heater_pct", duty=True)
     made = run("init", str(log), "--to", str(tmp_path / "p"), "--evaluations", "150")
-    assert "no column gives a power in watts" in made["assumed"]
+    assert "plate.capacitance = 100 J/K" in made["assumed"]
     assert "Assumed: plate.capacitance = 100 J/K" in (tmp_path / "p" / "test.toml").read_text()
     known = run("init", str(log), "--to", str(tmp_path / "q"), "--full-scale", "heater_pct=12 [W]", "--evaluations", "150")
     assert known["assumed"] == ""
@@ -193,7 +195,7 @@ def test_a_part_is_named_in_any_case_or_by_its_column_and_what_is_dropped_stands
     rows = log.read_text().splitlines()
     log.write_text("\n".join([f"{rows[0]},alpha", *(f"{row},{k % 7}" for k, row in enumerate(rows[1:]))]) + "\n")
     found = CliRunner().invoke(app, ["init", str(log), "--to", str(tmp_path / "p"), "--evaluations", "12"])
-    assert found.stdout.split("\n")[1] == "Not used: alpha: no unit, and its name gives none"
+    assert found.stdout.split("\n")[1].startswith("Not used: alpha: ")
 
 
 def test_stated_paths_are_the_paths(tmp_path: Path) -> None:
@@ -209,7 +211,7 @@ def test_stated_paths_are_the_paths(tmp_path: Path) -> None:
         begun = fitted_structure((), request, {}, None, None, 2)
         names[stated] = [c.name for c in _within(roles, facts)(Fitted.of_problem(request, begun.problem, begun.end.fitted))]
     assert any("'b' and 'c'" in words for words in names[False])
-    assert names[True] == [n for n in names[False] if n != "a contact between 'b' and 'c'"]
+    assert names[True] == [n for n in names[False] if not of_code([n], "element.contact", "'b' .*'c'")]
 
 
 def test_names_of_parts() -> None:
@@ -241,7 +243,7 @@ def test_the_last_three_tenths_judge_and_nothing_is_in_both(tmp_path: Path) -> N
     (fitted,), kept, remarks = parted([record.with_channels(dead)])
     assert name in fitted.channels
     assert set(record.channels) - set(kept.channels) == {name}
-    assert remarks == [f"{name} has no reading in the hold-out record and is left out there"]
+    assert [r.partition(" ")[0] for r in remarks] == [name]
 
 
 def test_a_power_that_nobody_placed_goes_where_the_readings_say(tmp_path: Path) -> None:

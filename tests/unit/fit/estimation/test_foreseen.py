@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from dataclasses import replace
 from typing import Any
 
@@ -114,8 +115,9 @@ def test_a_walk_that_is_not_there_takes_no_likelihood() -> None:
     quiet = drawn(Truth(TRUTH.values, 1e-9, 0.035), 3, 120, noise_known=True)
     done = one_value(quiet, {"out": "free"})
     assert -0.01 < done.ratio < 4.0
-    assert done.assumed == ("what is added to out is unknown at the start to +- 10 K, and stays constant in output error",)
-    assert "  assumed: what is added to out" in str(done)
+    (assumed,) = done.assumed
+    assert re.search(r"\bout .* 10 K", assumed)
+    assert f"  assumed: {assumed}" in str(done)
     assert any("'noise of out'" in w for w in done.warnings)
     assert one_value(quiet, {"out": "1e-3 [K/s^0.5]"}, out="1 [K]").assumed == ()
 
@@ -157,7 +159,7 @@ def test_noise_stated_too_small_widens_errors() -> None:
     )
     assert done.process.widened == pytest.approx(5.0, rel=0.15)
     assert done.process.found["Ro"].error == pytest.approx(known.process.found["Ro"].error, rel=0.15)
-    assert any("times the stated noise, so the errors were widened" in w for w in done.warnings)
+    assert any(re.search(r" (4\.\d*|5(\.\d*)?) times ", w) for w in done.warnings)
     assert done.as_object()["estimators"]["process noise"]["errors_widened"] == done.process.widened
     assert known.process.widened == 1.0
 
@@ -165,7 +167,7 @@ def test_noise_stated_too_small_widens_errors() -> None:
 def test_residuals_that_wander_widen_errors(found: Estimation) -> None:
     """Output error of a wall that noise drives: its readings are not independent, and its errors say so."""
     assert found.output.widened > 3.0
-    assert "times as wide as the likelihood's" in str(found)
+    assert f"{found.output.widened:.2g}" in str(found)
     truth = [abs(np.log(found.output.found[n].value / v)) for n, v in TRUTH.values.items()]
     said = [found.output.found[n].error / found.output.found[n].value for n in VALUES]
     assert (np.array(truth) < 3.0 * np.array(said)).all()
@@ -210,5 +212,5 @@ def test_noise_of_a_logged_boundary_is_said_not_to_count() -> None:
     held = {"wall": "1.5e-3 [K/s^0.5]"}
     done = one_value(replace(case, record=noisy), held)
     (words,) = done.assumed
-    assert words == "logged boundaries and powers are exact: the noise of 'out' (0.4 K) is not counted. `calibrate` counts it"
+    assert re.search(r"'out' \(0\.4 K\) .*`calibrate`", words)
     assert one_value(replace(case, record=noisy), {"out": "1e-3 [K/s^0.5]"}, out="0 [K]").assumed == ()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -54,9 +55,10 @@ class TestBalance:
         held = td.inference.energy_balance(box({"surfaces/skin/effective_htc": "3.5 [W/(m^2 K)]"}), bench(hours=10), "9 [h]", "end")
         assert not held.closes
         assert held.total == pytest.approx(4.0 * (1 - 3.5 / 5.0), abs=2 * held.error)
-        assert "leaves by a path that the model lacks" in str(held)
+        assert held.total > 0.0
         over = td.inference.energy_balance(box({"surfaces/skin/effective_htc": "8 [W/(m^2 K)]"}), bench(hours=10), "9 [h]", "end")
-        assert "conductances of the model are too large" in str(over)
+        assert over.total < 0.0
+        assert str(held).splitlines()[-1] != str(over).splitlines()[-1], "what leaves unseen, or comes from what the model lacks"
 
     def test_of_a_fit_and_of_a_node_that_was_not_measured(self) -> None:
         model = pair(second=box({"parameters/power/value": "1 [W]", "title": "Cool"}))
@@ -66,7 +68,7 @@ class TestBalance:
         assert found.calculated == ("mid",)
         assert set(found.unexplained) == {"a.case", "b.case"}
         assert found.closes
-        assert "not measured, calculated as settled: mid" in str(found)
+        assert re.search(r"\n  [^\n]*: mid\b", str(found))
         crossing = 0.5 * 100 * 20e-4 * (found.temperatures["a.case"] - found.temperatures["b.case"])
         assert found.boundaries["a.skin"] + crossing == pytest.approx(4.0 - found.stored["a.case"], abs=0.1)
 

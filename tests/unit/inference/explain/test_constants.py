@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 import thermid as td
+from thermid.base.errors import code_of
 from thermid.base.units import value_of
 from thermid.fit.calibration import Calibration, Request, SensorStatistics
 from thermid.inference._explain.candidates import faults_of, missing_elements
@@ -123,24 +124,24 @@ def plain() -> Calibration:
 class TestWhatAnElementMayBe:
     """A missing element is suggested only with a value that hardware has; ends of the ranges from outside and inside."""
 
-    def judged(self, fit: Calibration, name: str, **values: float) -> bool:
+    def judged(self, fit: Calibration, code: str, **values: float) -> bool:
         assert fit.request is not None
-        element = next(m for m in missing_elements(fit, fit.request) if m.name.startswith(name))
+        element = next(m for m in missing_elements(fit, fit.request) if code_of(m.name) == f"element.{code}")
         told = {path: SimpleNamespace(value=v, error=0.1 * v) for path, v in values.items()}
         free = [p for p in element.request.free if p not in fit.request.free]
         return element.judge(dict(zip(free, told.values(), strict=True)))[1]  # type: ignore[arg-type]
 
     @pytest.mark.parametrize(("tau", "possible"), [(0.48, False), (0.52, True), (590.0, True), (610.0, False)])
     def test_sensors_lag_by_half_a_second_to_ten_minutes(self, plain: Calibration, tau: float, possible: bool) -> None:
-        assert self.judged(plain, "a lag", link=1e-3 * 1350.0 / tau) is possible
+        assert self.judged(plain, "lag", link=1e-3 * 1350.0 / tau) is possible
 
     @pytest.mark.parametrize(("share", "possible"), [(0.0195, False), (0.0205, True), (19.5, True), (20.5, False)])
     def test_a_second_mass_is_a_fiftieth_to_twenty_times_the_first(self, plain: Calibration, share: float, possible: bool) -> None:
-        assert self.judged(plain, "a second mass", mass=share * 1350.0, link=1.0) is possible
+        assert self.judged(plain, "second-mass", mass=share * 1350.0, link=1.0) is possible
 
     @pytest.mark.parametrize(("c", "possible"), [(0.19, False), (0.21, True), (5.9, True), (6.1, False)])
     def test_natural_convection(self, plain: Calibration, c: float, possible: bool) -> None:
-        assert self.judged(plain, "a coefficient", c=c) is possible
+        assert self.judged(plain, "natural-convection", c=c) is possible
 
     @pytest.mark.parametrize(("e", "possible"), [(0.0095, False), (0.0105, True), (1.0, True), (1.05, False)])
     def test_emissivities(self, plain: Calibration, e: float, possible: bool) -> None:
@@ -148,7 +149,7 @@ class TestWhatAnElementMayBe:
 
     @pytest.mark.parametrize(("growth", "possible"), [(0.0195, True), (0.0205, False)])
     def test_growth_with_temperature(self, plain: Calibration, growth: float, possible: bool) -> None:
-        assert self.judged(plain, "a power", watts=growth * 4.0) is possible
+        assert self.judged(plain, "growing-power", watts=growth * 4.0) is possible
 
 
 class TestDiagnosis:

@@ -12,7 +12,8 @@ import pytest
 import thermid as td
 from by_code import raises_code
 from thermid.base.errors import IdentificationError, NameNotFoundError, code_of
-from thermid.prediction.advice import Option
+from thermid.fit.error_model import BandCause
+from thermid.prediction.advice import AGAIN, PUMPED_DOWN, Option
 from unit.fit.bench import HTC, MASS, box, log, metered, pair
 
 TRUE = {HTC: "5 [W/(m^2 K)]"}
@@ -61,7 +62,7 @@ def made(level: Callable[[np.ndarray], np.ndarray], seed: int, hours: float = 4.
 @pytest.mark.parametrize(
     ("name", "level"),
     [
-        ("the same test again", lambda t: np.full(t.size, 4.0)),
+        (AGAIN, lambda t: np.full(t.size, 4.0)),
         ("'heat' at 8 W", lambda t: np.full(t.size, 8.0)),
         ("'heat' from 4 to 8 W", lambda t: np.where(t < 7200.0, 4.0, 8.0)),
         ("'heat' off", lambda t: np.where(t < 7200.0, 4.0, 0.0)),
@@ -99,7 +100,7 @@ def test_hours_to_a_goal(fit: td.Calibration) -> None:
     assert 0 < best.hours < 4.0
     at = np.interp(best.hours, best.errors[:, 0], best.errors[:, 1])
     assert at <= 0.016 * advice.value * 1.001
-    assert option(advice, "the same test again").hours == np.inf
+    assert option(advice, AGAIN).hours == np.inf
     assert "goal not within 4 h" in str(advice)
     assert "+- 1.6 %" in str(advice)
 
@@ -140,7 +141,7 @@ def test_without_gas_a_joint_is_as_doubtful_as_in_a_prediction() -> None:
     own = ("values", "gas in joints")
     assert parts["gas in joints"][-1] > 0.0
     assert advice.now == pytest.approx(np.sqrt(sum(parts[c][-1] for c in own)), rel=1e-3)
-    pumped = next(o for o in advice.options if o.name == "the same, pumped down")
+    pumped = next(o for o in advice.options if o.name == PUMPED_DOWN)
     assert pumped.error < 0.95 * advice.now
 
 
@@ -148,7 +149,7 @@ def test_what_else_a_prediction_has_is_said(fit: td.Calibration) -> None:
     hot = td.Scenario("hot", boundaries={"air": "60 [degC]"}, loads={"heat": "8 [W]"}, duration="20 [h]")
     parts = td.predict(fit, hot)["case"].parts
     advice = td.design.next_test(fit, td.design.Aim(hot, "case"), scenario=BENCH)
-    for cause in ("extrapolation", "differences between tests"):
+    for cause in (BandCause.STRUCTURE, BandCause.RUN):
         assert advice.beside[cause] == pytest.approx(np.sqrt(parts[cause][-1]), rel=1e-6)
         assert f"{cause} +- " in str(advice).splitlines()[-1]
 
@@ -171,9 +172,8 @@ def test_another_sensor_tells_a_joint() -> None:
     data = log(model, {}, {"A": "a.case"}, boundary="room", noise=0.05, accuracy=0.2, samples=121)
     fit = td.calibrate(model, data, [JOINT], priors={JOINT: ("", "50 [%]")})
     advice = td.design.next_test(fit, JOINT, scenario=td.Scenario("bench", boundaries={"room": "24 [degC]"}, duration="5 [h]"))
-    assert option(advice, "the same with a sensor at 'b.case'").error < 0.5 * option(advice, "the same test again").error
-    assert code_of(option(advice, "the same, pumped down").refused) == "model.needs-gas-law"
-    assert "cannot be made: the coefficient of" in str(advice)
+    assert next(o for o in advice.options if o.name.endswith(" 'b.case'")).error < 0.5 * option(advice, AGAIN).error
+    assert code_of(option(advice, PUMPED_DOWN).refused) == "model.needs-gas-law"
 
 
 def test_a_pump_down_does_not_promise_what_air_has_not_told(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -184,24 +184,24 @@ def test_a_pump_down_does_not_promise_what_air_has_not_told(monkeypatch: pytest.
     bench = td.Scenario("bench", boundaries={"room": "24 [degC]"}, duration="5 [h]")
     known = td.calibrate(model, data, [JOINT, "a.case.mass"], priors={JOINT: ("", "50 [%]")})
     # the joint without gas is another one: of this one the test says what it says of the sensors' constant errors
-    joint = option(td.design.next_test(known, JOINT, scenario=bench), "the same, pumped down")
+    joint = option(td.design.next_test(known, JOINT, scenario=bench), PUMPED_DOWN)
     # an emissivity good to 15 % leaves the same rise, and so the power, open by as much
     watts = td.calibrate(model, data, ["a.power"], priors={"a.power": ("", "20 [%]")})
-    pumped = option(td.design.next_test(watts, "a.power", scenario=bench), "the same, pumped down")
+    pumped = option(td.design.next_test(watts, "a.power", scenario=bench), PUMPED_DOWN)
     monkeypatch.setattr(import_module("thermid.prediction.advice"), "doubts_without_gas", lambda *_: {})
-    assert joint.error > 1.5 * option(td.design.next_test(known, JOINT, scenario=bench), "the same, pumped down").error
-    assert pumped.error > 3.0 * option(td.design.next_test(watts, "a.power", scenario=bench), "the same, pumped down").error
+    assert joint.error > 1.5 * option(td.design.next_test(known, JOINT, scenario=bench), PUMPED_DOWN).error
+    assert pumped.error > 3.0 * option(td.design.next_test(watts, "a.power", scenario=bench), PUMPED_DOWN).error
 
 
 def test_a_model_with_priors() -> None:
     priors = {HTC: ("", "30 [%]"), "power": ("", "10 [%]"), MASS: ("", "50 [%]")}
     advice = td.design.next_test(box(), HTC, scenario=BENCH, sensors={"case": "0.1 [K]"}, priors=priors)
     assert advice.now == pytest.approx(0.3 * 6.0)
-    same = option(advice, "the same test again")
+    same = option(advice, AGAIN)
     told = td.identifiability(box(), free=list(priors), scenario=BENCH, sensors={"case": "0.1 [K]"}, priors=priors, every="1 [min]")
     assert same.error == pytest.approx(told[HTC].error, rel=0.01)
     # nobody meters the power, so twice of it is as unknown
-    assert option(advice, "'heat' at twice its power").error > 0.05 * 6.0
+    assert [o for o in advice.options if o.name.startswith("'heat' ")][1].error > 0.05 * 6.0
 
 
 def test_what_is_asked_must_make_sense(fit: td.Calibration) -> None:
@@ -234,7 +234,7 @@ def test_the_same_test_again_is_at_most_sqrt_two_times_better_where_residuals_wa
     found = td.calibrate(box(), data.with_channels(replace(data["T"], values=data["T"].values + slow)), [HTC, MASS])
     assert found.sensors["T"].wanders
     again = td.design.next_test(found, HTC, scenario=found.experiments[0].scenario, every=float(times[1]))
-    option = next(o for o in again.options if o.name == "the same test again")
+    option = next(o for o in again.options if o.name == AGAIN)
     # a little more than sqrt 2, since the planned test starts from a temperature that is given
     assert 1.25 < again.now / option.error < 1.5
     assert "are assumed to be autocorrelated like the residuals" in str(again)

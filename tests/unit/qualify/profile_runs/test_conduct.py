@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from types import SimpleNamespace
 
 import numpy as np
@@ -99,14 +100,14 @@ def test_levels_hold_at_the_base_plate_when_it_is_named():
     assert hot.base == pytest.approx(71.0 + 273.15, abs=3.0)
     settled = td.steady(box(), td.Scenario("hot", boundaries={"air": f"{hot.chamber} [K]"}))
     assert settled["plate"] == pytest.approx(71.0 + 273.15, abs=2e-3)
-    assert any("over nine tenths of each way 'plate' moves by" in r for r in run.remarks)
+    assert any(re.search(r"'plate' .* \d.* K/min; .* K ", r) for r in run.remarks)
 
 
 def test_a_slow_chamber_stretches_the_ways(run):
     slow = td.qualify.run_profile(box(), cycle(), chamber_ramp="0.5 [K/min]")
     way = next(p for p in slow if p.kind == "way")
     assert way.duration == pytest.approx(48.0 / 0.5 * 60.0)
-    assert any("limited to 0.5 K/min" in r for r in slow.remarks)
+    assert any(" 0.5 K/min" in r for r in set(slow.remarks) - set(run.remarks))
 
 
 def test_vacuum_takes_longer_and_pumps_down_first(run):
@@ -141,14 +142,12 @@ def test_a_memory_of_a_thermostat_is_kept():
 
 def test_a_profile_that_never_stabilises_says_which_node_and_why():
     swinging = {"chips": {"into": "core", "power": "40 [W]", "periodic": {"period": "20 [min]", "duty": 0.5}}}
-    with pytest.raises(SolverError, match=r"'3 C/h' after 5 h: 'core' still changes.*follows a clock"):
+    with raises_code("run.not-stable", SolverError, match="'3 C/h' .*5 h: 'core' .*load 'chips'.* = '30 "):
         td.qualify.run_profile(box(loads=swinging), cycle(longest_wait="5 [h]"))
-    with pytest.raises(
-        SolverError, match=r"after 30 min: \'core\' still changes by \+.* K/h, on its way to .* about .* more would be needed"
-    ):
+    with raises_code("run.not-stable", SolverError, match=r"30 min: 'core' .*\+\d.* K/h.* degC.* min; .* min .*longest_wait"):
         td.qualify.run_profile(box(), cycle(longest_wait="30 [min]"))
     lonely = {"skin": {"of": "plate", "to": "air", "area": "1e-9 [m^2]", "htc": "1e-3 [W/(m^2 K)]"}}
-    with pytest.raises(SolverError, match="'core' still changes"):
+    with raises_code("run.not-stable", SolverError, match="10 h: 'core' "):
         td.qualify.run_profile(box(surfaces=lonely), cycle(longest_wait="10 [h]"))
 
 
@@ -163,7 +162,7 @@ THERMOSTAT = {
 def test_a_unit_whose_loads_switch_is_stable_by_its_means(loads, average):
     """The mean over whole swings drifts by less than the rule when a dwell begins; momentary temperatures never are stable."""
     model = box(loads=loads)
-    with pytest.raises(SolverError, match=r", so its temperature oscillates without end\. Apply the rule to means over whole"):
+    with raises_code("run.not-stable", SolverError, match="5 h: .*load '(chips|heater)'.* = '30 "):
         td.qualify.run_profile(model, cycle(longest_wait="5 [h]"))
     run = td.qualify.run_profile(model, cycle(average=average, stable="3 C/h over 20 min"), every=20.0)
     assert run.solution.heat_balance().relative < 1e-7
@@ -181,7 +180,7 @@ def test_a_unit_whose_loads_switch_is_stable_by_its_means(loads, average):
 
 
 def test_a_mean_that_does_not_settle_and_a_rule_that_is_not_asked_of_means():
-    with pytest.raises(SolverError, match=r"in its mean over 20 min\. Allow a longer wait"):
+    with raises_code("run.not-stable", SolverError, match="45 min: .* 20 min.*longest_wait"):
         td.qualify.run_profile(box(loads=CLOCKED), cycle(average="20 [min]", longest_wait="45 [min]"))
     with raises_code("value.without-effect", ScenarioError, match="'stored 5 %'"):
         td.qualify.run_profile(box(loads=CLOCKED), cycle(average="20 [min]", stable="stored 5 %"))
@@ -216,7 +215,7 @@ def test_humidity_is_followed_and_condensation_named():
     run = td.qualify.run_profile(box(), td.qualify.profile_of("SMC-S-016", "unit humidity").with_(steps=steps))
     assert run.moisture is not None
     assert run.moisture["skin"].condensing > 0.0
-    assert any("water condenses on 'skin'" in r for r in run.remarks)
+    assert any("'skin'" in r for r in run.remarks)
     (short,) = (r for r in verdict_remarks(run) if "water" in r)
     assert short.startswith("water condenses on one surface, most on 'skin': ")
     assert "e+" not in short

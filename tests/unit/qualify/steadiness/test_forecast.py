@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from math import comb
 from pathlib import Path
 
@@ -10,7 +11,7 @@ import pytest
 
 import thermid as td
 from by_code import raises_code
-from thermid.base.errors import RecordError, ScenarioError
+from thermid.base.errors import RecordError, ScenarioError, code_of
 from thermid.measure.readers import read_record
 
 HOUR = 3600.0
@@ -48,7 +49,7 @@ def test_a_hidden_slow_mass_is_declined_where_one_exponential_would_be_sure():
     """The unit seems to settle at 314.7 K; a mass behind a weak link takes 20 h to bring the rest, to 320 K."""
     hidden = log(3.0, parts=((10.0, 1200.0), (6.0, 20.0 * HOUR)), noise=0.1)
     found = td.bench.forecast(hidden)
-    assert "cannot exclude a slow part" in found.declined
+    assert code_of(found.declined) == "result.slow-part-possible"
     (row,) = found._as_rows()
     assert row["final_C"] is None, "a declined forecast has no final temperature in a frame, as in JSON"
     assert row["low_C"] < row["high_C"]
@@ -120,7 +121,7 @@ def test_when_a_rule_will_hold_and_what_that_saves():
 def test_words_and_objects():
     text = str(td.bench.forecast(log(8.0)))
     assert "5 of 100" in text
-    assert "cannot be detected; it would" in text
+    assert re.search(r"5 of 100 .* [\d.]+ K/h ", text), "how slow an unseen drift may be"
     assert td.bench.forecast(log(1.5)).as_object()["final_C"] is None
 
 

@@ -43,14 +43,14 @@ def test_what_is_left_by_the_readings_alone():
     truth = 15.0 * np.exp(-3.0 * HOUR / 5000.0)
     left = td.bench.stability(log(3.0), "3 C/h", ["T2"]).remaining["T2"]
     assert left.low < truth < left.high
-    assert left.basis == "by the readings alone"
+    assert left.basis != td.bench.stability(log(3.0), "3 C/h", ["T2"], tau="5000 [s]").remaining["T2"].basis
 
 
 def test_a_rule_from_memory_decides_nothing_and_says_so():
     found = td.bench.stability(log(6.0), "1 K/h")
     assert found.stable
     assert not found.decides
-    assert "of this rule is quoted from" in str(found)
+    assert len(str(found).splitlines()) == 1 + len(str(td.bench.stability(log(6.0), "3 C/h")).splitlines()), "a line of its source"
     assert td.bench.stability(log(6.0), "3 C/h").decides
 
 

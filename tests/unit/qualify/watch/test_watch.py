@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Callable
 from types import SimpleNamespace
 from typing import Any
@@ -43,7 +44,7 @@ class TestSensors:
         def off(v: np.ndarray) -> None:
             v[200:] = ICE
 
-        assert "jumped by" in self.values(off)[0]
+        assert re.search(r"^T: .* -[34]\d(\.\d+)? K .* 2000 s ", self.values(off)[0])
 
     def test_a_spike_comes_back(self) -> None:
         def spike(v: np.ndarray) -> None:
@@ -84,8 +85,7 @@ class TestStopping:
         advice = self.decided(rising(200), within=2.5)
         assert advice.word == "stop"
         assert advice.ends["T"].final.value == pytest.approx(ICE + 42.0, abs=2.5)
-        assert "is not met yet" in advice.because
-        assert ". Check in the plan whether" in advice.because
+        assert re.search(r" 2\.5 K .*'3 C/h' .*min", advice.because), "the rule that is not met, and when it will be"
         assert advice.level == pytest.approx(1.0 - 0.01 / DECISIONS)
 
     def test_early_readings_are_declined(self) -> None:
@@ -127,13 +127,14 @@ class TestStopping:
         s.count = DECISIONS
         advice = s.decide(rising(200), ("T",))
         assert advice.word == "declined"
-        assert "decisions were made, which" in advice.because
+        assert str(DECISIONS) in advice.because
 
     def test_a_model_that_settles_elsewhere_declines_until_the_readings_meet_the_rule(self) -> None:
         s = Stopping(RULE, 1.0, slowest="30 [min]")
         advice = s.decide(rising(300), ("T",), {"T": ICE + 45.0})
         assert advice.word == "declined"
-        assert "K above that. The model lacks a slow mass, or one of its" in advice.because
+        assert re.search(r"^T: .* degC .* K ", advice.because)
+        assert advice.ends["T"].final.value + 1.0 < ICE + 45.0
         advice = s.decide(rising(600), ("T",), {"T": ICE + 45.0})
         assert advice.word == "stop"
         assert "'s rule '3 C/h'. Where" in advice.because
@@ -172,7 +173,7 @@ class TestModel:
         look = Watcher(Stopping(RULE, 1.0), ("chip", "case"), rig(), scenario()).look(logged(courses, 3))
         assert look.alarms[0].suspect == "case"
         assert look.advice.word == "declined"
-        assert "there is an alarm" in look.advice.because
+        assert str(look.alarms[0]) in look.advice.because
         assert "ALARM" in str(look)
 
 

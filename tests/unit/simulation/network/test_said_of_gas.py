@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import sys
 from pathlib import Path
 from typing import Any
@@ -11,7 +12,7 @@ import numpy as np
 import pytest
 
 import thermid as td
-from by_code import raises_code
+from by_code import of_code, raises_code
 from thermid.app.cli.app import main
 from thermid.base.errors import DeckError, NameNotFoundError, ScenarioError, code_of
 from thermid.base.units import ATMOSPHERE, STEFAN_BOLTZMANN
@@ -25,10 +26,9 @@ PUMPED = ROOM.with_(
     }
 )
 HTC = {"htc": "5 [W/(m^2 K)]"}
-SAYS_NO_EMISSIVITY = (
-    "'skin' has htc but no emissivity. Without gas in 'air' no heat would leave it. Give an emissivity or a finish, or emissivity ="
-)
-SAYS_NO_HTC = "'skin' has an emissivity and no htc: in the gas of 'air' it would have no convection. Give htc"
+ONE_STATE = "model.element-not-supported"
+SAYS_NO_EMISSIVITY = "'skin' .*'air' .* = 0 "
+SAYS_NO_HTC = "'skin' .* htc: .*'air' .*--vacuum"
 
 
 def plate(**skin: Any) -> td.Model:
@@ -48,8 +48,8 @@ def rise(model: td.Model, scenario: td.Scenario) -> float:
     return td.steady(model, scenario)["body"] - 293.15
 
 
-def refused(text: str) -> Any:
-    return pytest.raises(ScenarioError, match=text.replace(".", r"\."))
+def refused(text: str, code: str = "model.needs-gas-law") -> Any:
+    return raises_code(code, ScenarioError, match=text)
 
 
 # convection without a word on radiation ------------------------------------------------------------------------------------------------
@@ -58,7 +58,7 @@ def refused(text: str) -> Any:
 def test_vacuum_is_named_once_in_a_title() -> None:
     said = ROOM.with_(title="vacuum, room 22").vacuum()
     assert said.title == "vacuum, room 22"
-    assert said.vacuum(as_printed=True).title == "vacuum, room 22, vacuum as printed (upper bound)"
+    assert said.vacuum(as_printed=True).title.startswith("vacuum, room 22, ")
     assert ROOM.vacuum().title == f"{ROOM.title}, vacuum"
 
 
@@ -87,7 +87,7 @@ def test_vacuum_with_a_bare_htc_dropped_all_exchange_in_silence(
     with pytest.raises(SystemExit) as ended:
         main()
     assert ended.value.code == 2
-    assert SAYS_NO_EMISSIVITY in json.loads(capsys.readouterr().out)["message"]
+    assert re.search(SAYS_NO_EMISSIVITY, json.loads(capsys.readouterr().out)["message"])
     assert [f.severity for f in bare.check() if f.code == "model.no-emissivity" and "'skin'" in f.message] == ["note"]
 
 
@@ -124,7 +124,7 @@ def test_a_lead_with_a_bare_htc_lost_nothing_in_vacuum() -> None:
         deck = to_dict(plate(**HTC, emissivity=0.8))
         return td.model_from_dict({k: v for k, v in deck.items() if k != "box"} | {"conductors": {"wire": wire | HTC | more}})
 
-    with refused("'wire' has htc but no emissivity. Without gas in 'air' no heat would leave it."):
+    with refused("'wire' .*'air' "):
         td.simulate(wired(), ROOM.vacuum())
     for emissivity, lost in ((0, True), (0.5, False)):
         run = td.simulate(wired(emissivity=emissivity), ROOM.vacuum())
@@ -284,14 +284,13 @@ def test_a_part_of_one_air_is_bound_to_air_and_walls_apart(deeper: bool, tmp_pat
 
 def test_an_effective_coefficient_radiates_to_what_it_sees_once_gas_is_gone() -> None:
     model = installed(part(effective_htc="9 [W/(m^2 K)]", emissivity=0.8))
-    said = "the radiation in the effective coefficient of 'p.board_skin' goes to the gas node, not to the surfaces"
     run = td.simulate(model, ROOM)
-    assert any(w.startswith(said) for w in run.warnings)
+    assert of_code(run.warnings, "model.radiation-not-split", r"'p\.board_skin'")
     assert run.heat_flow("p.board_skin")[-1] == pytest.approx(3.0, abs=1e-3)
     empty = td.simulate(model, ROOM.vacuum().with_(duration="40 [h]"))
     flat = td.simulate(box(skin={"sees": "wall"}), ROOM.vacuum().with_(duration="40 [h]"))
     assert empty["p.board"].final == pytest.approx(flat["board"].final, abs=1e-6)
-    assert not any(w.startswith(said) for w in empty.warnings)
+    assert not of_code(empty.warnings, "model.radiation-not-split")
     falling = td.simulate(model, PUMPED)
     assert falling.heat_balance().relative < 1e-6
     assert falling["p.board"].final == pytest.approx(td.simulate(model, ROOM.vacuum())["p.board"].final, abs=1e-3)
@@ -308,10 +307,9 @@ def test_first_lines_say_what_stops_and_what_stays_without_gas() -> None:
     }
     model = box(skin={"sees": "wall"}, conductors=conductors)
     assert td.simulate(model, ROOM).warnings == ()
-    assert td.simulate(model, ROOM.vacuum()).warnings == (
-        "without gas no heat flows through 'wall_in', 'slot' and 'draft'",
-        "'seal' ends in 'inside' and stays without its gas. If this path leads through the gas, give it kind convection or gas",
-    )
+    stops, stays = td.simulate(model, ROOM.vacuum()).warnings
+    assert of_code([stops], "run.heat-stops-without-gas", "'wall_in', 'slot' and 'draft'$")
+    assert of_code([stays], "run.path-stays-without-gas", "^'seal' .*'inside' ")
     kept = ROOM.with_(
         environment={"inside": td.simulation.Environment(sealed=True), "wall": td.simulation.Environment(sealed=True)}
     ).vacuum()
@@ -347,31 +345,28 @@ def chain(**middle: Any) -> td.Model:
 def test_a_reduced_deck_kept_its_air_in_vacuum(tmp_path: Path) -> None:
     """36.5 degC for 47.4 degC."""
     found = td.qualify.reduce(chain(), ROOM, nodes=2)
-    assert (
-        found.remarks[0]
-        == "made with 'air' in one state, air at 101325 Pa; its conductances are valid there only, and other states are refused"
-    )
+    assert re.search("'air' .* 101325 Pa", found.remarks[0])
     td.save_model(found.model, tmp_path / "small.toml")
     again = td.load_model(tmp_path / "small.toml")
     assert again == found.model
     host = td.model_from_dict({"title": "host", "needs": ["room"], "submodels": {"p": {"use": again, "bind": {"air": "room"}}}})
-    said = "'chain reduced to 2' was reduced with '{}' in one state, air at 101325 Pa, and its conductances are valid there only"
+    said = "'chain reduced to 2' .*'{}' .* 101325 Pa"
     others = {
         "pressure": td.simulation.Environment("60 [kPa]"),
         "gas": td.simulation.Environment(gas="He"),
         "gravity": td.simulation.Environment(gravity=0.0),
     }
     for scenario in (ROOM.vacuum(), PUMPED, *(ROOM.with_(environment={"air": e}) for e in others.values())):
-        with refused(said.format("air")):
+        with refused(said.format("air"), ONE_STATE):
             td.simulate(again, scenario)
-    with refused(said.format("room")):
+    with refused(said.format("room"), ONE_STATE):
         td.simulate(host, td.Scenario("x", boundaries={"room": "20 [degC]"}, start="room", duration="1 [h]").vacuum())
     assert td.simulate(again, ROOM)["c"].final == pytest.approx(td.simulate(chain(), ROOM)["c"].final, abs=0.05)
-    with refused(said.format("air")):
+    with refused(said.format("air"), ONE_STATE):
         td.qualify.reduce(chain(), [ROOM, ROOM.vacuum()], nodes=2)
     empty = td.qualify.reduce(chain(), ROOM.vacuum(), nodes=2)
     assert td.simulate(empty.model, ROOM.vacuum())["c"].final == pytest.approx(td.simulate(chain(), ROOM.vacuum())["c"].final, abs=0.3)
-    with refused("'chain reduced to 2' was reduced with 'air' in one state, vacuum"):
+    with refused("'chain reduced to 2' .*'air' ", ONE_STATE):
         td.simulate(empty.model, ROOM)
 
 
@@ -381,5 +376,5 @@ def test_reduce_made_phase_change_constant_without_a_remark() -> None:
         td.qualify.reduce(chain(mass="10 [g]", enthalpy={"points": wax}), ROOM, nodes=2)
     rising = {"points": [["0 [degC]", "800 [J/(kg K)]"], ["100 [degC]", "1200 [J/(kg K)]"]]}
     found = td.qualify.reduce(chain(mass="10 [g]", specific_heat=rising), ROOM, nodes=3)
-    assert any(r.startswith("'b' has a constant 912.9 ") and "instead of its table, which ranges from" in r for r in found.remarks)
+    assert any(re.search(r"^'b' .* 912\.9 J/\(kg K\) .* \d+ to \d+", r) for r in found.remarks)
     assert abs(found.worst.largest) < 0.02
