@@ -105,11 +105,11 @@ def _record_of_columns(
     if times[0] == times[-1]:
         samples_text = "one sample" if times.size == 1 else f"{times.size} samples with one time stamp"
         raise RecordError(f"the log has {samples_text}; a record needs at least two times.", cells.file, code="record.too-short")
-    series, notes = [], [*cells.notes, *read_at.notes]
-    for one in wanted:
-        channel = _channel(cells, one, parsed, times)
-        certificate = one.certificate or cells.certificates.get(channel.column)
-        channel, remarks = with_sensor(channel, one.part, certificate, f"{cells.file}, channels.{one.name}")
+    series, notes = list[Channel](), [*cells.notes, *read_at.notes]
+    for binding in wanted:
+        channel = _channel(cells, binding, parsed, times)
+        certificate = binding.certificate or cells.certificates.get(channel.column)
+        channel, remarks = with_sensor(channel, binding.part, certificate, f"{cells.file}, channels.{binding.name}")
         series.append(channel)
         notes += remarks
     questions = _questions(times, clock_at, read_at, series, _bare_numbers(cells, clock_at, parsed))
