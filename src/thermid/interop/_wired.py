@@ -207,11 +207,8 @@ def wired(model: Model, scenario: Scenario, what: str | Writer) -> Wired:
         )
     network = network_for(model, scenario)
     if network.controls:
-        raise DeckError(
-            f"{writer.name} does not support controls, and '{network.controls[0]}' is in use. Export the model without it, or one run for "
-            "each share.",
-            code="model.element-not-supported",
-        )
+        what = f"{writer.name} does not support controls, and '{network.controls[0]}' is in use"
+        raise DeckError(f"{what}. Export the model without it, or one run for each share.", code="model.element-not-supported")
     wiring = Wiring(network, scenario)
     numbers = wiring.flowing(with_formulas(network), {})
     laws = [row for row in numbers.conductors if writer.numbers and row.form in ("power", "table") and not row.signal]

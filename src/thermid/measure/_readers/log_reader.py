@@ -85,10 +85,9 @@ def read_record(
     sign = decimal_sign(cells, decimal)
     read_at = read_times(cells, clock_at, sign, clock, asked_unit or clock_at.unit, asked_unit is not None)
     parsed = [numbers(column, sign) if at not in clock_at.places else read_at.values for at, column in enumerate(cells.columns)]
-    cells = replace(cells, columns=[c if isinstance(x, int) else () for c, x in zip(cells.columns, parsed, strict=True)])  # text is long
+    texts = [c if isinstance(x, int) else () for c, x in zip(cells.columns, parsed, strict=True)]  # the others are long
+    cells = replace(cells, columns=texts, notes=cells.notes + (("read with decimal ','",) if sign == "," and decimal is None else ()))
     clock_at = replace(clock_at, texts=() if isinstance(clock_at.texts, NumberColumn) else clock_at.texts)
-    if sign == "," and decimal is None:
-        cells = replace(cells, notes=(*cells.notes, "read with decimal ','"))
     return _record_of_columns(name or Path(Path(path).name.removesuffix(".gz")).stem, cells, clock_at, read_at, parsed, wanted)
 
 
@@ -105,17 +104,18 @@ def _record_of_columns(
     if times[0] == times[-1]:
         samples_text = "one sample" if times.size == 1 else f"{times.size} samples with one time stamp"
         raise RecordError(f"the log has {samples_text}; a record needs at least two times.", cells.file, code="record.too-short")
-    series, notes = list[Channel](), [*cells.notes, *read_at.notes]
-    for binding in wanted:
-        channel = _channel(cells, binding, parsed, times)
-        certificate = binding.certificate or cells.certificates.get(channel.column)
-        channel, remarks = with_sensor(channel, binding.part, certificate, f"{cells.file}, channels.{binding.name}")
-        series.append(channel)
-        notes += remarks
-    questions = _questions(times, clock_at, read_at, series, _bare_numbers(cells, clock_at, parsed))
-    origin = replace(_origin(cells, clock_at, read_at, parsed), questions=questions)
+    read = [(_channel(cells, binding, parsed, times), binding) for binding in wanted]
+    sensors = [
+        with_sensor(one, binding.part, binding.certificate or cells.certificates.get(one.column), f"{cells.file}, channels.{binding.name}")
+        for one, binding in read
+    ]
+    series = [one for one, _ in sensors]
+    origin = replace(
+        _origin(cells, clock_at, read_at, parsed),
+        questions=_questions(times, clock_at, read_at, series, _bare_numbers(cells, clock_at, parsed)),
+    )
     times, series, repeated = _one_per_stamp(times, series)
-    notes += [repeated] if repeated else []
+    notes = [*cells.notes, *read_at.notes, *(note for _, remarks in sensors for note in remarks), *([repeated] if repeated else [])]
     for one in series:
         try:
             one.checked()

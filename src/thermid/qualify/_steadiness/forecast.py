@@ -570,8 +570,7 @@ def forecast(
 
     Parameters
     ----------
-    record : Record
-    channel : str               The channel; may be left out where the record has one temperature.
+    record, channel : Record, str   The channel may be left out where the record has one temperature.
     since, until : str or float The stretch to use, from the last change of conditions on, as in `Record.trim`.
     rule : str                  Rule of stability that the test waits for.
     within : str or float       Largest half-width of the interval; a wider forecast is declined. [K]
