@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 import ast
+import runpy
+from types import SimpleNamespace
 
 import pytest
 
 from . import decisive, doors, public, rewording, size, warm, words
-from .source import Module, is_below_init, is_inner, room_of
+from .source import ROOT, Module, is_below_init, is_inner, room_of
+
+additions = SimpleNamespace(**runpy.run_path(str(ROOT / "scripts" / "additions.py")))
 
 
 def house(**texts: str) -> dict[str, Module]:
@@ -257,3 +261,23 @@ def test_a_walk_counts_lines_functions_and_crossings(monkeypatch: pytest.MonkeyP
         exec(compile(text, name, "exec"), space)
     monkeypatch.setattr(warm, "PACKAGE", "/thermid/")
     assert warm.walk(space["outer"]) == warm.Walk(files=2, functions=2, lines=3, crossings=2)
+
+
+class TestAdditions:
+    def test_every_row_is_there_and_no_statement_counts_twice(self, modules: dict[str, Module]) -> None:
+        rows = additions.rows()
+        assert all(additions.statements_of(row, modules) > 0 for row in rows)
+        whole = [row["module"] for row in rows if "names" not in row]
+        parts = [f"{row['module']}.{name}" for row in rows for name in row.get("names", ())]
+        places = [f"{place}." for place in whole + parts]
+        assert not [(a, b) for a in places for k, b in enumerate(places) if b.startswith(a) and places.index(a) != k]
+
+    def test_a_row_counts_its_names_less_what_they_replace(self) -> None:
+        modules = house(fit__a="X = 1\nclass A:\n    '''Doc.'''\n    def f(self):\n        return 1\ndef g():\n    return 2")
+        assert additions.statements_of({"module": "fit.a"}, modules) == 6
+        assert additions.statements_of({"module": "fit", "replaces": 2}, modules) == 4
+        assert additions.statements_of({"module": "fit.a", "names": ["A.f", "g"]}, modules) == 4
+        with pytest.raises(KeyError):
+            additions.statements_of({"module": "fit.a", "names": ["h"]}, modules)
+        with pytest.raises(KeyError):
+            additions.statements_of({"module": "fit.b"}, modules)

@@ -129,11 +129,6 @@ class Shared:
         start = self.classes[name].start
         return default if start is None else start
 
-    def fitted_before(self, name: str, level: Level) -> bool:
-        """Return whether a stage below a level fitted a value."""
-        order = [one.name for one in self.levels]
-        return any(order.index(stage) < order.index(level.name) for stage in self.classes[name].fitted)
-
     def without(self, names: Iterable[str]) -> Shared:
         """Return it without some values."""
         gone = set(names)
@@ -461,11 +456,12 @@ def _with_priors(unknowns: Sequence[Unknown], levels: Sequence[Level], shared: S
     stated: dict[str, Prior] = {}
     stated_by: dict[str, str] = {}
     by_name = {u.name: u for u in unknowns}
+    order = [level.name for level in shared.levels]
     for level in levels:
-        canonical = level.request.model.canonical
+        canonical, below = level.request.model.canonical, {*order[: order.index(level.name)]}
         for raw, texts in level.request.priors.items():
             name = shared.name_of(level, level.values.freeable(raw, canonical))
-            if name not in by_name or (not texts[0] and shared.fitted_before(name, level)):
+            if name not in by_name or (not texts[0] and not below.isdisjoint(shared.classes[name].fitted)):
                 continue
             unknown = replace(by_name[name], start=level.start_of(raw))
             prior = prior_of(unknown, texts)

@@ -739,16 +739,13 @@ def _inheritance(inherit: InheritTable, plan: RetunePlan, done: Mapping[str, Cal
 def _of_new(inherit: Mapping[str, InheritTable], stage: StagePlan, plan: RetunePlan) -> dict[str, InheritTable]:
     """Return what a stage inherits, without what stages found of parts of the old part that the new one does not have."""
     definitions, requests = dict(instances(plan.model)), plan.campaign.requests
-
-    def has_same_deck(name: str, path: str) -> bool:
-        """Return whether the new part has, at a path, the deck that a stage was fitted with."""
-        return name in requests and definitions.get(f"{plan.model.canonical(path)}.") == definition_of(requests[name].model)
-
     out = {}
     for part, i in inherit.items():
         path = part if stage.alone else stage.model.canonical(part)
         rest = path if stage.alone else path.removeprefix(f"{stage.part}.") if inside(path, stage.part) else ""
-        if rest in ("", stage.part) or (rest != "." and all(has_same_deck(n, rest) for n in i.stages)):
+        there = definitions.get(f"{plan.model.canonical(rest)}.") if rest not in ("", ".", stage.part) else None
+        # a part stays where the new one has, in its place, the deck that the stages were fitted with
+        if rest in ("", stage.part) or (rest != "." and all(n in requests and there == definition_of(requests[n].model) for n in i.stages)):
             out[part] = i
     return out
 

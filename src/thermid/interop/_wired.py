@@ -206,7 +206,9 @@ def wired(model: Model, scenario: Scenario, what: str | Writer) -> Wired:
             code="value.outside-range",
         )
     network = network_for(model, scenario)
-    refuse_controls(network.controls, writer.name, "Export the model without it, or one run for each share.")
+    if network.controls:
+        what = f"{writer.name} does not support controls, and '{network.controls[0]}' is in use"
+        raise DeckError(f"{what}. Export the model without it, or one run for each share.", code="model.element-not-supported")
     wiring = Wiring(network, scenario)
     numbers = wiring.flowing(with_formulas(network), {})
     laws = [row for row in numbers.conductors if writer.numbers and row.form in ("power", "table") and not row.signal]
@@ -681,14 +683,3 @@ def exported(w: Wired, lines: Iterable[str], path: str | os.PathLike[str] | None
     if path is not None:
         write_text(path, text, FileKinds.EXPORT, comment)
     return text
-
-
-def refuse_controls(named: Sequence[str], what: str, cure: str) -> None:
-    """Refuse any control of a deck for what does not support them; `what` names it and `cure` says what to do.
-
-    Raises
-    ------
-    DeckError
-    """
-    if named:
-        raise DeckError(f"{what} does not support controls, and '{named[0]}' is in use. {cure}", code="model.element-not-supported")

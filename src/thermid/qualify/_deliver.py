@@ -123,7 +123,7 @@ def _checks_content(model: Model, scenarios: Mapping[str, Scenario], small: Redu
     first = next(iter(runs.values()))
     watched = _reference_points(model, next(iter(scenarios.values())))
     taken = assumed(model)
-    return {
+    content: dict[str, Any] = {
         "schema": 1,
         "title": model.title,
         "watermark": f"demonstration, {len(taken)} assumed parameters" if taken else "",
@@ -137,8 +137,19 @@ def _checks_content(model: Model, scenarios: Mapping[str, Scenario], small: Redu
             "at": datetime.now(UTC).isoformat(timespec="seconds"),
         },
         "runs": {name: _expected_of_run(scenarios[name], run, watched) for name, run in runs.items()},
-        **({"reduced": _reduced_content(small, at or model.title)} if small is not None else {}),
     }
+    if small is not None:
+        keys = {"scenario": "scenario", "node": "node", "largest_K": "largest", "time_s": "time", "final_K": "final"}
+        content["reduced"] = {
+            "part": at or model.title,
+            "identity": small.model.identity(),
+            "masses": list(small.masses),
+            "nodes": list(small.nodes),
+            "deviations": [{key: getattr(d, name) for key, name in keys.items()} for d in small.deviations],
+            "largest_K": {n: d.largest for n, d in small.by_node().items()},
+            "remarks": list(small.remarks),
+        }
+    return content
 
 
 def _reference_points(model: Model, scenario: Scenario) -> list[str]:
@@ -159,21 +170,6 @@ def _expected_of_run(scenario: Scenario, run: Solution, watched: Sequence[str]) 
         "temperatures_C": {p: run[p].at(times).tolist() for p in watched},
         "highest_C": {p: run[p].highest for p in watched},
         "heat_balance": heat,
-    }
-
-
-def _reduced_content(small: Reduction, part: str) -> dict[str, Any]:
-    """Return masses, nodes and deviations of a reduced model, and which part it stands for."""
-    return {
-        "part": part,
-        "identity": small.model.identity(),
-        "masses": list(small.masses),
-        "nodes": list(small.nodes),
-        "deviations": [
-            {"scenario": d.scenario, "node": d.node, "largest_K": d.largest, "time_s": d.time, "final_K": d.final} for d in small.deviations
-        ],
-        "largest_K": {n: d.largest for n, d in small.by_node().items()},
-        "remarks": list(small.remarks),
     }
 
 

@@ -173,9 +173,9 @@ class Conditions:
     changes: tuple[str, ...] = ()
 
 
-def conditions_object(desk: Desk, run: int = 0) -> dict[str, Any]:
-    """Return what may be changed of a run, as it is: temperatures at its beginning [degC], loads, duration [h], finishes."""
-    model, scenario = desk.run_of(run, {})
+def conditions_object(desk: Desk) -> dict[str, Any]:
+    """Return what may be changed of the first run, as it is: temperatures at its beginning [degC], loads, duration [h], finishes."""
+    model, scenario = desk.run_of(0, {})
     network = compile_network(model)
     boundaries = {n: _at_start(scenario, n) for n in network.boundaries if n in scenario.boundaries}
     return {

@@ -67,13 +67,12 @@ def _constants(header: str, rows: list[Line]) -> Iterator[tuple[str, str, list[L
     """Yield a block; of constants those with a number apart, as registers K5."""
     numbered = [row for row in rows if header == "CONTROL DATA" and _CONSTANT.match(row.text)]
     if numbered:
-        yield "REGISTER DATA", "", [replace(row, text=_CONSTANT.sub(_register, row.text)) for row in numbered]
+        yield (
+            "REGISTER DATA",
+            "",
+            [replace(row, text=_CONSTANT.sub(lambda m: f"{m[1]}K{m[2]}".ljust(len(m[0]) - 1) + "=", row.text)) for row in numbered],
+        )
     if header == "CONTROL DATA":
         rows = [replace(row, text=re.sub(r"(?<![\w.])([A-Za-z]\w*\s*),", r"\1=", row.text)) for row in rows if row not in numbered]
     if header:
         yield header, SUBMODEL, rows
-
-
-def _register(match: re.Match[str]) -> str:
-    """Return the name of a numbered constant in as many letters as its number had, so that its value stays where it stands."""
-    return f"{match[1]}K{match[2]}".ljust(len(match[0]) - 1) + "="

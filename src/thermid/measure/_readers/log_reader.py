@@ -79,37 +79,49 @@ def read_record(
     _check_tables(path, channels=channels, noise=noise or {}, accuracy=accuracy or {}, units=units or {})
     cells = log_cells(Path(path), separator)
     clock_at = clock_column(cells, time)
-    time_unit, stated = clock_at.unit, dict(units or {})
+    stated = dict(units or {})
     asked_unit = next((stated.pop(key) for key in (clock_at.header, clock_at.name) if key in stated and key not in channels), None)
     wanted = bindings(channels, {"noise": noise or {}, "accuracy": accuracy or {}, "unit": stated}, cells.file)
     sign = decimal_sign(cells, decimal)
-    read_at = read_times(cells, clock_at, sign, clock, asked_unit or time_unit, asked_unit is not None)
+    read_at = read_times(cells, clock_at, sign, clock, asked_unit or clock_at.unit, asked_unit is not None)
+    parsed = [numbers(column, sign) if at not in clock_at.places else read_at.values for at, column in enumerate(cells.columns)]
+    texts = [c if isinstance(x, int) else () for c, x in zip(cells.columns, parsed, strict=True)]  # the others are long
+    cells = replace(cells, columns=texts, notes=cells.notes + (("read with decimal ','",) if sign == "," and decimal is None else ()))
+    clock_at = replace(clock_at, texts=() if isinstance(clock_at.texts, NumberColumn) else clock_at.texts)
+    return _record_of_columns(name or Path(Path(path).name.removesuffix(".gz")).stem, cells, clock_at, read_at, parsed, wanted)
+
+
+def _record_of_columns(
+    name: str, cells: Cells, clock_at: Clock, read_at: Times, parsed: list[FloatArray | int], wanted: Sequence[Binding]
+) -> Record:
+    """Return the record of a log whose columns are numbers, or the row of their first text.
+
+    Raises
+    ------
+    RecordError   When it has fewer than two times, or a channel cannot be read for certain.
+    """
     times = read_at.values
     if times[0] == times[-1]:
         samples_text = "one sample" if times.size == 1 else f"{times.size} samples with one time stamp"
         raise RecordError(f"the log has {samples_text}; a record needs at least two times.", cells.file, code="record.too-short")
-    parsed = [numbers(column, sign) if place not in clock_at.places else times for place, column in enumerate(cells.columns)]
-    cells = replace(cells, columns=[c if isinstance(x, int) else () for c, x in zip(cells.columns, parsed, strict=True)])  # text is long
-    clock_at = replace(clock_at, texts=() if isinstance(clock_at.texts, NumberColumn) else clock_at.texts)
-    read = [(_channel(cells, one, parsed, times), one) for one in wanted]
+    read = [(_channel(cells, binding, parsed, times), binding) for binding in wanted]
     sensors = [
-        with_sensor(series, one.part, one.certificate or cells.certificates.get(series.column), f"{cells.file}, channels.{one.name}")
-        for series, one in read
+        with_sensor(one, binding.part, binding.certificate or cells.certificates.get(one.column), f"{cells.file}, channels.{binding.name}")
+        for one, binding in read
     ]
     series = [one for one, _ in sensors]
-    questions = _questions(times, clock_at, read_at, series, _bare_numbers(cells, clock_at, parsed))
-    origin = replace(_origin(cells, clock_at, read_at, parsed), questions=questions)
-    notes = [*cells.notes, *read_at.notes, *(note for _, notes_of_sensor in sensors for note in notes_of_sensor)] + (
-        [f"read with decimal '{sign}'"] if sign == "," and decimal is None else []
+    origin = replace(
+        _origin(cells, clock_at, read_at, parsed),
+        questions=_questions(times, clock_at, read_at, series, _bare_numbers(cells, clock_at, parsed)),
     )
     times, series, repeated = _one_per_stamp(times, series)
-    notes += [repeated] if repeated else []
+    notes = [*cells.notes, *read_at.notes, *(note for _, remarks in sensors for note in remarks), *([repeated] if repeated else [])]
     for one in series:
         try:
             one.checked()
         except RecordError as error:
             raise RecordError(error.message, cells.where(None, one.column)) from None
-    return Record(name or Path(Path(path).name.removesuffix(".gz")).stem, times, {one.name: one for one in series}, origin, tuple(notes))
+    return Record(name, times, {one.name: one for one in series}, origin, tuple(notes))
 
 
 def _check_tables(path: str | Path, **tables: Mapping[str, object]) -> None:

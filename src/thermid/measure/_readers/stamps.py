@@ -115,7 +115,9 @@ def clock_column(cells: Cells, wanted: str | None) -> Clock:
         stamps = _stamp_columns(cells)
         # a counter of the board stands beside the stamps of whoever wrote the log, and may tell more where several of these are alike
         distinct = len(stamps) == 1 and is_time_name(names[at], COUNTED) and len({*cells.columns[stamps[0]]}) == len(cells.lines)
-        at = stamps[0] if distinct or (len(stamps) == 1 and _falls_back(cells, at)) else at
+        counted = numbers(cells.columns[at], ".") if len(stamps) == 1 and not distinct and _numeric(cells, at) else 0
+        restarted = isinstance(counted, np.ndarray) and begins_again(counted).any()  # the board that counts
+        at = stamps[0] if distinct or restarted else at
     if at in clocks and len(dates) == 1 and names[dates[0]] != names[at]:
         return _joined(cells, names, dates[0], at)
     if at in dates and len(clocks) == 1:
@@ -207,12 +209,6 @@ def _rises(cells: Cells, at: int) -> bool:
     """Whether a column has numbers, and its last is above its first."""
     column = cells.columns[at]
     return _numeric(cells, at) and float(column[0].replace(",", ".")) < float(column[-1].replace(",", "."))
-
-
-def _falls_back(cells: Cells, at: int) -> bool:
-    """Whether a column is a counter that begins again, as that of a board that restarts."""
-    counted = numbers(cells.columns[at], ".") if _numeric(cells, at) else 0
-    return isinstance(counted, np.ndarray) and bool(begins_again(counted).any())
 
 
 _PARTS_OF_A_SECOND: Final = {"ms": "milliseconds", "us": "microseconds", "ns": "nanoseconds"}

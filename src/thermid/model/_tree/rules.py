@@ -425,19 +425,15 @@ RISE: Final = 10.0
 """Difference at which a film with a power of it counts. [K]"""
 
 
-def _lumped(view: _View) -> Iterator[Finding]:
-    """Yield a note for each node whose inside is not at one temperature, by its Biot number."""
-    where = {n.path: n.where for n in view.flat.nodes}
-    yield from (Finding("note", where[node], message, code_of(message) or "") for node, message in _unlumped(view).items())
-
-
-def _unlumped(view: _View) -> dict[str, CodedText]:
-    """Return node -> message, of each node with a Biot number above `LUMPED`, and into how many it should be split.
+def _unlumped(view: _View) -> Iterator[Finding]:
+    """Yield a note for each node whose inside is not at one temperature, by its Biot number, and into how many it should be split.
 
     Of n pieces of a body each has 1/n^2 of its Biot number.
     """
-    return {
-        node: CodedText(
+    yield from (
+        Finding(
+            "note",
+            next(n.where for n in view.flat.nodes if n.path == node),
             f"the Biot number of '{node}' is {biot:.2g}, above {LUMPED:g}: films carry {biot:.2g} times as much heat per kelvin as the "
             "conduction inside it, so it is not at one temperature. Split it along that conduction into "
             f"{max(2, math.ceil(math.sqrt(biot / LUMPED)))} nodes or more.",
@@ -445,7 +441,7 @@ def _unlumped(view: _View) -> dict[str, CodedText]:
         )
         for node, biot in _lumping(view).items()
         if biot > LUMPED
-    }
+    )
 
 
 def unlumped(model: Tree, values: Mapping[str, float]) -> tuple[CodedText, ...]:
@@ -456,7 +452,7 @@ def unlumped(model: Tree, values: Mapping[str, float]) -> tuple[CodedText, ...]:
     model : Tree
     values : dict   Path -> value, of a fit for instance. [SI]
     """
-    return tuple(_unlumped(_view(model, values)).values())
+    return tuple(CodedText(f.message, f.code) for f in _unlumped(_view(model, values)))
 
 
 def _outliers(view: _View) -> Iterator[Finding]:
@@ -607,7 +603,7 @@ RULES: Final[tuple[Rule, ...]] = (
     _attached,
     _paths,
     _loads,
-    _lumped,
+    _unlumped,
     _outliers,
     _unused,
     _exponents,

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thermid.base.errors import ScenarioError, SolverError, extension, refuse_unknown
-from thermid.base.units import ICE_POINT, Array, Kelvin, Memo, amount, duration_text
+from thermid.base.units import ATMOSPHERE, ICE_POINT, Array, Kelvin, Memo, amount, duration_text
 from thermid.measure.records import StabilityRule, rule_of
 from thermid.model.tree import Constant, Model, Signal, TableSignal, multiplied
 from thermid.qualify._profile_runs.profile_run import Phase, ProfileRun, SettledWater
@@ -99,7 +99,7 @@ class Timeline:
         changes["boundaries"] = {name: chamber for name in bench.chamber}
         changes |= bench.switched(base, _piecewise_signal(self.times, [float(s.power) for s in self.states], stepped=True))
         if self.states[0].pressure is not None:
-            thin = _pressure_signal(self.times, [s.pressure or 0.0 for s in self.states], bench.ground)
+            thin = _pressure_signal(self.times, [s.pressure or 0.0 for s in self.states])
             changes["environment"] = {gas: replace(base.environment.get(gas, Environment()), pressure=thin) for gas in bench.gases}
         return replace(base.with_(**changes), title=title, duration=end)
 
@@ -122,10 +122,10 @@ def _piecewise_signal(times: tuple[float, ...], values: list[float], *, stepped:
     return TableSignal(t[change], v[change], hold=True)
 
 
-def _pressure_signal(times: tuple[float, ...], values: list[float], ground: float) -> Signal:
+def _pressure_signal(times: tuple[float, ...], values: list[float]) -> Signal:
     """Return a pressure through `values` at `times` that changes by equal factors: p(t) = p0 (p1 / p0)^((t - t0) / (t1 - t0)). [Pa]
 
-    A point at `ground` long after the end makes every leg's gas laws those of a pressure that changes.
+    A point at one atmosphere long after the end makes every leg's gas laws those of a pressure that changes.
     """
     t, p = [times[0]], [values[0]]
     for k in range(1, len(times)):
@@ -137,7 +137,7 @@ def _pressure_signal(times: tuple[float, ...], values: list[float], ground: floa
         t += (times[k - 1] + share * (times[k] - times[k - 1])).tolist()
         p += (values[k - 1] * (values[k] / values[k - 1]) ** share).tolist()
     return TableSignal(
-        np.array([*t, times[-1] + 2.0 * HELD_AFTER_END, times[-1] + 3.0 * HELD_AFTER_END]), np.array([*p, values[-1], ground])
+        np.array([*t, times[-1] + 2.0 * HELD_AFTER_END, times[-1] + 3.0 * HELD_AFTER_END]), np.array([*p, values[-1], ATMOSPHERE])
     )
 
 
@@ -152,7 +152,6 @@ class ChamberSetup:
     chamber : tuple of str      Boundaries that are the chamber: its gas, its shroud, its plate.
     equipment : tuple of str    Loads that are switched off and on.
     gases : tuple of str        Gas nodes whose pressure is the chamber's.
-    ground : float              Ambient pressure. [Pa]
     options : Options           Of the integrator.
     memory : str                Why stretches cannot be run one by one (a thermostat's state, a clock); empty where they can.
     memo : Memo                 Legs that were made.
@@ -163,7 +162,6 @@ class ChamberSetup:
     chamber: tuple[str, ...]
     equipment: tuple[str, ...]
     gases: tuple[str, ...]
-    ground: float
     options: Options
     memory: str
     memo: Memo = field(init=False, default_factory=Memo, compare=False, repr=False)
@@ -512,10 +510,10 @@ def chamber_setup(
     )
     gases = tuple(n for n in names if n in base.environment) or (("*",) if thin else ())
     memory = reason_for_one_run(model, scenario.with_(boundaries={name: Constant(ambient) for name in names}))
-    bench = ChamberSetup(model, scenario, names, switched, gases, profile.ground, options, memory)
+    bench = ChamberSetup(model, scenario, names, switched, gases, options, memory)
     humid = profile.value("humidity") if profile.has("humidity") else None
     first = next((s.power for s in steps if s.power is not None), True)
-    return bench, ChamberConditions(ambient, bool(first), profile.ground if thin else None, humid)
+    return bench, ChamberConditions(ambient, bool(first), ATMOSPHERE if thin else None, humid)
 
 
 def nodes_to_watch(bench: ChamberSetup, watch: Sequence[str]) -> tuple[str, ...]:

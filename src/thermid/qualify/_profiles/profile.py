@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
 from typing import Any, Final
@@ -264,7 +264,7 @@ def _cycle_steps(profile: ThermalProfile, count: int) -> Iterator[ProfileStep]:
         yield ProfileStep(f"{first}, closing half cycle", 0, dwell=value("dwell") if has("dwell") else 0.0)
     yield ProfileStep("return", 0, value("ambient"), None, ramp, power=powered)
     if has("pressure"):
-        yield ProfileStep("let in gas", 0, pressure=profile.ground, over=600.0)
+        yield ProfileStep("let in gas", 0, pressure=ATMOSPHERE, over=600.0)
 
 
 def _plateau_steps(profile: ThermalProfile, side: str, k: int, count: int, ramp: float, powered: bool) -> Iterator[ProfileStep]:
@@ -314,7 +314,6 @@ class ThermalProfile(Result):
     plan : tuple of dict            Steps as written; empty where they follow from the numbers.
     step_mark : str                 How the numbers in written steps are known.
     note : str                      What a reader must know.
-    ground : float                  Ambient pressure. [Pa]
     """
 
     title: str
@@ -328,7 +327,6 @@ class ThermalProfile(Result):
     plan: tuple[Mapping[str, Any], ...] = ()
     step_mark: str = "project"
     note: str = ""
-    ground: float = field(default=ATMOSPHERE, repr=False)
 
     def __getitem__(self, name: str) -> Number:
         """Return a number. Hot and cold follow from the predicted range where they are not given, middle is their mean.

@@ -18,7 +18,7 @@ import numpy as np
 
 from thermid.base.errors import CodedText, RecordError, ScenarioError
 from thermid.base.results import Result, Row
-from thermid.base.units import ICE_POINT, Array, Bools, Memo, amount, duration_text, positive_seconds, short
+from thermid.base.units import ICE_POINT, Bools, Memo, amount, duration_text, positive_seconds, short
 from thermid.measure.records import FloatArray, Record, StabilityRule, effective_samples, rule_of
 from thermid.model.tree import Model
 from thermid.simulation.runs import Scenario, simulate
@@ -255,15 +255,10 @@ def _medians(times: FloatArray, kelvin: FloatArray, begin: float) -> tuple[Float
     filled = [g for g in groups if g.any()]
     axis = np.array([t[g].mean() for g in filled])
     # a mean of the middle half resists spikes as a median does, and is not bound to the steps of a sensor
-    medians = np.array([_interquartile_mean(y[g]) for g in filled])
+    ordered = [np.sort(y[g]) for g in filled]
+    medians = np.array([o[o.size // 4 : o.size - o.size // 4].mean() for o in ordered])
     off = np.concatenate([y[g] - m for g, m in zip(filled, medians, strict=True)])
     return axis, medians, float(np.median(np.abs(off)) / 0.6745)
-
-
-def _interquartile_mean(values: FloatArray) -> float:
-    """Return the mean of the middle half of some values."""
-    cut = values.size // 4
-    return float(np.sort(values)[cut : values.size - cut].mean())
 
 
 def _reference(times: FloatArray, kelvin: FloatArray, axis: FloatArray) -> Reference:
@@ -557,14 +552,6 @@ def _half_width(within: str | float, record: str) -> float:
     return half
 
 
-def _reference_readings(record: Record, channel: str, inside: Bools) -> tuple[Array, Array] | None:
-    """Return times [s] and readings [K] of what a temperature follows, of the samples `inside` (samples,); None without a channel."""
-    if not channel:
-        return None
-    air = record.channel(channel)
-    return record.times[inside & air.valid], air.values[inside & air.valid]
-
-
 def forecast(
     record: Record,
     channel: str = "",
@@ -583,8 +570,7 @@ def forecast(
 
     Parameters
     ----------
-    record : Record
-    channel : str               The channel; may be left out where the record has one temperature.
+    record, channel : Record, str   The channel may be left out where the record has one temperature.
     since, until : str or float The stretch to use, from the last change of conditions on, as in `Record.trim`.
     rule : str                  Rule of stability that the test waits for.
     within : str or float       Largest half-width of the interval; a wider forecast is declined. [K]
@@ -601,7 +587,8 @@ def forecast(
     name, inside, times, kelvin = _readings(record, channel, since, until, level)
     span, step = float(times[-1] - times[0]), record.channel(name).step
     constants, half, wanted = _model_time_constants(model, scenario), _half_width(within, record.name), rule_of(rule)
-    room = _reference_readings(record, reference, inside)
+    air = record.channel(reference) if reference else None
+    room = None if air is None else (record.times[inside & air.valid], air.values[inside & air.valid])
     limit = _longest_time_constant(slowest, span, f"{record.name}, {name}, slowest")
     curve = approach(times, kelvin, limit, constants, room)
     guard = curve if constants or slowest is not None else approach(times, kelvin, limit, constants, room, GUARD)

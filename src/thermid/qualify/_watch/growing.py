@@ -337,12 +337,6 @@ def _averaged(channel: Channel, first: Places, count: Places) -> Channel:
     return replace(channel, values=values, valid=many > 0.0, masks={})
 
 
-def continued_by(record: Record, later: Record) -> Record:
-    """Return a record with the samples of `later` that come after its last one."""
-    begin = int(np.searchsorted(later.times, record.times[-1], side="right"))
-    return record if begin == later.times.size else _extended(record, later, begin, later.times.size)
-
-
 def _extended(record: Record, other: Record, begin: int, end: int) -> Record:
     """Return a record with the samples `begin` to before `end` of another record behind its own."""
     channels = {}
@@ -461,7 +455,9 @@ class GrowingLog:
             self.whole = True
             return False
         else:
-            self._kept = continued_by(self._kept, parsed)
+            begin = int(np.searchsorted(parsed.times, self._kept.times[-1], side="right"))
+            if begin < parsed.times.size:
+                self._kept = _extended(self._kept, parsed, begin, parsed.times.size)
         self._at += len(piece)
         return True
 

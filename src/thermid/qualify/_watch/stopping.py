@@ -278,6 +278,8 @@ class _Fit:
 
         The variance is s'Cs + (0.03 (end - now))^2 + step^2 / 12 with the sensitivities s of the steady state and the covariance C.
         """
+        from scipy.special import stdtrit
+
         x, scale = self._values(self.z)
         count = len(self.names)
         engine = self.bench.engine
@@ -295,7 +297,7 @@ class _Fit:
             slope[count + k] = 1.0
             now = float(courses[0, k]) + bias
             variance = float(slope @ self.inverse @ slope) + (CURVATURE_SHARE_OF_LAWS * (end - now)) ** 2 + self.steps[k] ** 2 / 12.0
-            half = _student_half_width(level, self.worth - count) * float(np.sqrt(variance))
+            half = float(stdtrit(max(self.worth - count, 3.0), 0.5 + 0.5 * level) * np.sqrt(variance))
             holds = _time_rule_holds(ahead, courses[:, k], rule)
             final, begin = IntervalEstimate(end, end - half, end + half), float(self.record.times[0])
             wide = (
@@ -357,13 +359,6 @@ def unknowns_with_priors(experiment: Experiment) -> tuple[tuple[str, ...], Array
         rows[f"initial.{name}"] = (float(first[name]), max(sd, MIN_NOISE), False)
     base, spread, relative = (np.array(column) for column in zip(*rows.values(), strict=True))
     return tuple(rows), base, spread, relative
-
-
-def _student_half_width(level: float, free: float) -> float:
-    """Return the half-width of an interval in standard errors, of Student's distribution with `free` degrees of freedom, at least 3."""
-    from scipy.special import stdtrit
-
-    return float(stdtrit(max(free, 3.0), 0.5 + 0.5 * level))
 
 
 def _time_rule_holds(times: Array, course: Array, rule: StabilityRule) -> float | None:

@@ -97,7 +97,6 @@ class Network:
     media : Media               What each gas does at the scenario's pressure.
     stores : dict               Node -> how it stores heat, where that changes with temperature.
     traced : frozenset          Conductors through gas that keep a trace of it, see `traced`.
-    steered : tuple of str      Controls that boundaries of the scenario follow.
     memo : Memo                 Rows at the model's own values, and what depends on which parameters.
     """
 
@@ -109,7 +108,6 @@ class Network:
     prescribed: tuple[str, ...] = ()
     stores: Mapping[str, HeatStore] = field(default_factory=dict)
     traced: frozenset[str] = frozenset()
-    steered: tuple[str, ...] = ()
     memo: Memo = field(init=False, default_factory=Memo, compare=False, repr=False)
 
     def find(self, name: str, where: str = "") -> str:
@@ -241,11 +239,11 @@ class Network:
         return thermostats or machines or any(store.melt is not None for store in self.stores.values())
 
     def _named_controls(self) -> tuple[str, ...]:
-        """Return the controls that an element or a boundary of the scenario names, in the order of the deck."""
+        """Return the controls that an element names, in the order of the deck."""
         if not self.flat.controls:
             return ()
         by = [*(c.controls for c in self.flat.conductors), *(load.controls for load in self.flat.loads)]
-        named = {name for names in by for name in control_names(names)} | set(self.steered)
+        named = {name for names in by for name in control_names(names)}
         return tuple(name for name in self.flat.controls if name in named)
 
     def _rows(self, c: FlatConductor, values: Mapping[str, Any]) -> tuple[ConductorRow, ...]:
