@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from thermid.base.errors import DeckError, NameNotFoundError, nearest, refuse_unknown
-from thermid.base.files import FileKinds, Places, by_grammar, read_toml, resolve_inside, write_text
+from thermid.base.files import FileKinds, Places, by_grammar, read_toml, resolve_inside
 from thermid.base.results import Shown
 from thermid.base.units import ICE_POINT, TEMPERATURE, Kelvin
 from thermid.campaign._file import read_campaign
@@ -226,7 +226,7 @@ class Study(Shown):
         """Write the study as a file and return its path; put it beside the campaign and decks that it names."""
         import tomlkit
 
-        return write_text(path, tomlkit.dumps(dict(self._data)), FileKinds.STUDY)
+        return FileKinds.STUDY.save_text(path, tomlkit.dumps(dict(self._data)))
 
 
 def _reference_points(model: Model, prefix: str = "") -> list[tuple[str, Any]]:

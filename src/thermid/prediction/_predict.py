@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thermid.base.errors import NameNotFoundError, SolverError, nearest, quoted
-from thermid.base.files import FileKinds, replacing
+from thermid.base.files import FileKinds
 from thermid.base.results import Named, PlottedTrace, Result, Row
 from thermid.base.units import ICE_POINT, Array, Bools, duration_text, seconds, short
 from thermid.fit.calibration import Calibration
@@ -342,7 +342,7 @@ class Prediction(Named[Band]):
             low, high = band.interval()
             header += [f"{name} [degC]", f"{name} low [degC]", f"{name} high [degC]"]
             columns += [band.celsius, low, high]
-        with replacing(path, FileKinds.TABLE) as half:
+        with FileKinds.TABLE.replacing(path) as half:
             np.savetxt(half, np.column_stack(columns), delimiter=",", header=",".join(header), comments="", fmt="%.9g")
 
     def __str__(self) -> str:

@@ -24,7 +24,6 @@ from thermid.base.files import (
     read_toml,
     refuse_another_kind,
     resolve_inside,
-    write_text,
 )
 from thermid.base.results import Result
 from thermid.base.units import TEMPERATURE, counted
@@ -415,7 +414,7 @@ def _read_lock(plan: Plan) -> dict[str, Any]:
 
 def _write_lock(plan: Plan, data: dict[str, Any]) -> None:
     """Write locks and looks into the plan's lock file."""
-    write_text(_lock_file(plan), json.dumps(data, indent=1, sort_keys=True), FileKinds.RESULTS_FILE)
+    FileKinds.RESULTS_FILE.save_text(_lock_file(plan), json.dumps(data, indent=1, sort_keys=True))
 
 
 def _today() -> str:

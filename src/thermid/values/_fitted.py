@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from thermid.base.errors import DeckError
-from thermid.base.files import FileKinds, Places, by_grammar, parse_toml, read_text, toml_key, toml_value, write_text
+from thermid.base.files import FileKinds, Places, by_grammar, parse_toml, read_text, toml_key, toml_value
 from thermid.base.linear_algebra import square_root
 from thermid.base.results import Named, Row
 from thermid.base.units import Array, counted, from_si, unit
@@ -311,7 +311,7 @@ def save_store(store: Store, path: str | os.PathLike[str], stage: str) -> None:
     for group in _groups(store):
         rows = {p: row for p, row in zip(store.states, store.root[:, group].tolist(), strict=True) if any(row)}
         lines += ["", "[[root]]", f"sources = {toml_value(group)}", *(f"{toml_key(p)} = {toml_value(row)}" for p, row in rows.items())]
-    write_text(path, "\n".join([*lines, ""]), FileKinds.VALUES.titled(stage))
+    FileKinds.VALUES.titled(stage).save_text(path, "\n".join([*lines, ""]))
 
 
 def _groups(store: Store) -> Iterable[list[int]]:

@@ -43,7 +43,7 @@ from thermid.app.cli.screen import Progress, show, working
 from thermid.app.cli.summary import campaign_progress, check_target, named_page, show_campaign, staged
 from thermid.app.objects import calibration_object, campaign_object, campaign_standing, retune_object
 from thermid.base.errors import ScenarioError, SolverError, ThermidError
-from thermid.base.files import FileKinds, kind_of_text, may_write, read_bytes
+from thermid.base.files import FileKinds, kind_of_text, read_bytes
 from thermid.campaign import stages as origins
 from thermid.campaign.stages import (
     Campaign,
@@ -82,7 +82,7 @@ def _run(
     """Run a campaign with progress, taking finished stages from the results folder."""
     folder = to if to is not None else path.parent / "results"
     for stage in read_campaign(path).content.stages if folder.is_dir() else ():
-        may_write(folder / f"{file_name(stage.name)}.values.toml", FileKinds.VALUES.titled(stage.name))
+        FileKinds.VALUES.titled(stage.name).may_write(folder / f"{file_name(stage.name)}.values.toml")
     campaign = staged(path, data, folder, accept, fresh=fresh, executor=executor)
     return campaign, campaign.save(folder)
 

@@ -16,7 +16,7 @@ import typer
 from thermid.app.cli.screen import show
 from thermid.app.texts import add_codes, mark_codes, pairs as pairs, with_unit as with_unit
 from thermid.base.errors import NameNotFoundError, ScenarioError, require
-from thermid.base.files import FileKinds, command, may_write
+from thermid.base.files import FileKinds, command
 from thermid.base.results import clean
 from thermid.model.tree import Model, Standing, literal, load_model
 from thermid.simulation.runs import KeptTasks, Scenario, Workers as Workers, load_scenario
@@ -143,7 +143,7 @@ def writable(*files: tuple[Path | None, Any]) -> None:
         if path is not None:
             if kind.name in NEEDS:
                 require(NEEDS[kind.name], f"writing '{path.name}'")
-            may_write(path, kind)
+            kind.may_write(path)
 
 
 def fitted_model(deck: Path, values: Path | None, keep: bool | None = False, param: Sequence[str] = ()) -> Model:

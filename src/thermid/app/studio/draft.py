@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from thermid.base.errors import DeckError, ThermidError
-from thermid.base.files import FileKinds, command, line_numbers, read_bytes, read_text, read_toml, write_bytes
+from thermid.base.files import FileKinds, command, line_numbers, read_bytes, read_text, read_toml
 from thermid.campaign.stages import CampaignSource, campaign_of
 from thermid.model.tree import DeckDocument, Edit, Model, model_beside
 
@@ -241,7 +241,7 @@ def keep(draft: Draft) -> None:
     steps = {"past": draft.past, "future": draft.future, "base": draft.base}
     text = json.dumps({"documents": documents, **steps, "typed": draft.typed, "waiting": bool(draft.to_save() or draft.typed)})
     with command(force=True):
-        write_bytes(journal_of(draft.deck.path), text.encode(), FileKinds.RESULTS_FILE)
+        FileKinds.RESULTS_FILE.save_bytes(journal_of(draft.deck.path), text.encode())
 
 
 def recalled(path: Path, stage: int = -1) -> tuple[Draft, str]:

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from thermid.base.errors import DeckError, ThermidError
-from thermid.base.files import FileKinds, command, parse_toml, read_bytes, write_bytes
+from thermid.base.files import FileKinds, command, parse_toml, read_bytes
 from thermid.model._deck.modelfile import model_beside, place_of, toml_item
 from thermid.model._parts.parameter import parameter
 from thermid.model._tree.flat import flatten
@@ -200,7 +200,7 @@ class DeckDocument:
         """
         if self.check_file() != self.text:
             with command(force=True):  # an input, but one that this document carries on
-                write_bytes(self.path, self.text.encode("utf-8"), FileKinds.RESULTS_FILE)
+                FileKinds.RESULTS_FILE.save_bytes(self.path, self.text.encode("utf-8"))
 
     def check_file(self) -> str | None:
         """Return the text of its file, which is a state of this document; None where there is none yet.

@@ -19,7 +19,6 @@ from thermid.base.files import (
     Places,
     by_grammar,
     grammar_of,
-    may_write,
     read_text,
     read_toml,
     refuse_another_kind,
@@ -27,7 +26,6 @@ from thermid.base.files import (
     toml_key,
     toml_value,
     unsealed,
-    write_text,
 )
 from thermid.base.units import RESERVED, parse
 from thermid.model._deck.rows import written_out
@@ -356,9 +354,9 @@ def save_model(model: Model, path: str | os.PathLike[str], like: str | os.PathLi
     changed = target if pattern is not None and target.exists() and pattern.samefile(target) else None
     kinds = {file: FileKinds.RESULTS_FILE if file == changed else FileKinds.DECK.titled(part.title) for file, part in files.items()}
     for file, kind in kinds.items():
-        may_write(file, kind)
+        kind.may_write(file)
     for file, text in texts.items():
-        write_text(file, text, kinds[file])
+        kinds[file].save_text(file, text)
 
 
 def _part_names(model: Model, target: Path) -> dict[str, str]:

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from thermid.base.errors import ScenarioError, ThermidError, cap, errors_at, look_up, nearest, raising, refuse_unknown
-from thermid.base.files import FileKinds, Places, by_grammar, grammar_of, read_toml, refuse_another_kind, toml_value, write_text
+from thermid.base.files import FileKinds, Places, by_grammar, grammar_of, read_toml, refuse_another_kind, toml_value
 from thermid.base.results import Result, check_mark, weakest
 from thermid.base.units import ATMOSPHERE, ICE_POINT, TEMPERATURE, Kelvin, Quantity, amount, si_value
 from thermid.measure.records import rule_of
@@ -529,7 +529,7 @@ class ThermalProfile(Result):
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write it as a profile file that `load_profile` reads, every number with its mark."""
-        write_text(path, as_toml(self), FileKinds.PROFILE)
+        FileKinds.PROFILE.save_text(path, as_toml(self))
 
     def __str__(self) -> str:
         """The profile as a table with clauses and marks."""
