@@ -110,39 +110,40 @@ class Expression:
         inside = self.quantities
         return _dimension(self.tree, lambda name: inside[name].unit.dimension if name in inside else lookup(name), self.text)
 
+    @staticmethod
+    @lru_cache(maxsize=4096)
+    def parse(text: str) -> Expression:
+        """Return the expression that a text holds.
 
-@lru_cache(maxsize=4096)
-def parse(text: str) -> Expression:
-    """Return the expression that a text holds.
+        Raises
+        ------
+        ExpressionError   When it is not arithmetic over names; the message shows the part that is not allowed.
+        UnitError         When its unit is not known.
 
-    Raises
-    ------
-    ExpressionError   When it is not arithmetic over names; the message shows the part that is not allowed.
-    UnitError         When its unit is not known.
-
-    Examples
-    --------
-    >>> parse("1*(15*0.015) [W]").literal.value
-    0.225
-    >>> parse("(1 - x)*skin.area").names
-    ('x', 'skin.area')
-    >>> parse("pi/4*diameter**2 - 2 [cm^2]").names
-    ('diameter',)
-    """
-    if len(text) > cap("expression"):
-        raise ExpressionError(
-            f"the expression has {len(text)} characters; the limit is {cap('expression'):.0f}.{raising('expression')}", code="cap.exceeded"
-        )
-    bracket = _BRACKET.match(text)
-    body = bracket["number"] if bracket else text
-    names: list[str] = []
-    if "[" not in body:
-        tree = _tree(body, text)
-        _check(tree, text, names)
-        if not names:
-            of = unit(bracket["unit"]) if bracket else unit("1")
-            return Expression(text, (), Literal(_number(tree, body.strip(), of, text), of), tree)
-    return _with_quantities(text) if "[" in text else Expression(text, tuple(dict.fromkeys(names)), None, tree)
+        Examples
+        --------
+        >>> parse("1*(15*0.015) [W]").literal.value
+        0.225
+        >>> parse("(1 - x)*skin.area").names
+        ('x', 'skin.area')
+        >>> parse("pi/4*diameter**2 - 2 [cm^2]").names
+        ('diameter',)
+        """
+        if len(text) > cap("expression"):
+            raise ExpressionError(
+                f"the expression has {len(text)} characters; the limit is {cap('expression'):.0f}.{raising('expression')}",
+                code="cap.exceeded",
+            )
+        bracket = _BRACKET.match(text)
+        body = bracket["number"] if bracket else text
+        names: list[str] = []
+        if "[" not in body:
+            tree = _tree(body, text)
+            _check(tree, text, names)
+            if not names:
+                of = unit(bracket["unit"]) if bracket else unit("1")
+                return Expression(text, (), Literal(_number(tree, body.strip(), of, text), of), tree)
+        return _with_quantities(text) if "[" in text else Expression(text, tuple(dict.fromkeys(names)), None, tree)
 
 
 def _tree(body: str, text: str) -> ast.expr:
@@ -631,7 +632,7 @@ def text_value(text: str, slot: str) -> float:
     UnitError           When it has another dimension.
     ExpressionError     When it is no number.
     """
-    literal = parse(text).literal
+    literal = Expression.parse(text).literal
     if literal is None:
         example = "24 [degC]" if slot == TEMPERATURE else f"5 [{slot}]"
         raise ExpressionError(

@@ -22,7 +22,6 @@ from thermid.base._expression import (
     end_of_range as end_of_range,
     instant as instant,
     kelvin as kelvin,
-    parse as parse,
     plain_numbers as plain_numbers,
     positive_seconds as positive_seconds,
     quantity as quantity,

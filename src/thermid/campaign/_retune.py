@@ -23,21 +23,19 @@ from thermid.model.tree import (
     Constant,
     Model,
     Names,
+    Parameter,
     ParameterSet,
     PlaceStart,
     Replacement,
     Standing,
     definition_of,
-    exact,
     inside,
-    instances,
     load_model,
-    parameter,
     short_text,
     touching,
 )
 from thermid.simulation.runs import Scenario, Workers, compile_network, steady
-from thermid.values.store import Normal, Source, State, Store, ValueOrigin, graft, view
+from thermid.values.store import FittedValues, Normal, Source, State, Store, ValueOrigin, graft
 
 if TYPE_CHECKING:
     from thermid.campaign._schema import InheritTable, StageTable
@@ -392,7 +390,7 @@ def _staged(campaign: Campaign, level: Level, places: tuple[str, ...], part: str
             return [alone], []
         name = f"{level.name} at {part}"
         return [unchanged, StagePlan(name, level.name, "run", why, free, records, (same, new.identity()), new, "", True)], []
-    within = {prefix for prefix, _ in instances(request.model)}  # a bench deck has some of the parts that stand at its place
+    within = {prefix for prefix, _ in request.model.instances()}  # a bench deck has some of the parts that stand at its place
     holds = [place for place in places if part.startswith(place) and f"{part.removeprefix(place)}." in within]
     if not holds:
         return [unchanged], []
@@ -446,7 +444,7 @@ def _touched_values(done: Calibration, level: Level, inner: str, new: Model) -> 
         change = spreads.get(path, CHANGE_WITHOUT_SPREAD)
         number = float(numbers[path]) * (1.0 + change if (1.0 + change) * float(numbers[path]) <= high else 1.0 / (1.0 + change))
         words = f"a change of {100 * change:.0f} %"
-        changed = after.with_values({path: exact(number, parameter.unit)}, words) if parameter.is_literal else after
+        changed = after.with_values({path: Parameter.exact(number, parameter.unit)}, words) if parameter.is_literal else after
         moved = _observed(_steady(changed, rest), done)
         kelvin = max(abs(t - still[o]) for o, t in moved.items())
         held = ""
@@ -619,7 +617,7 @@ def _carry_over(before: Calibration, request: Request, gone: Sequence[str]) -> C
     return replace(
         before,
         given_model=request.model,
-        values=view(store, new_paths, stage),
+        values=FittedValues.of_store(store, new_paths, stage),
         store=store,
         request=request,
         problem=None,
@@ -738,7 +736,7 @@ def _inheritance(inherit: InheritTable, plan: RetunePlan, done: Mapping[str, Cal
 
 def _of_new(inherit: Mapping[str, InheritTable], stage: StagePlan, plan: RetunePlan) -> dict[str, InheritTable]:
     """Return what a stage inherits, without what stages found of parts of the old part that the new one does not have."""
-    definitions, requests = dict(instances(plan.model)), plan.campaign.requests
+    definitions, requests = dict(plan.model.instances()), plan.campaign.requests
 
     def has_same_deck(name: str, path: str) -> bool:
         """Return whether the new part has, at a path, the deck that a stage was fitted with."""
@@ -758,7 +756,7 @@ def _local(request: Request, stage: StagePlan, before: Calibration, plan: Retune
     old = before.model
     what = old.replaced(stage.part, plan.model)[1]
     states = known_below(request.store, what).states
-    starts = {s.path: replace(parameter(s.text), standing=before.standing) for s in what.starts if s.path not in states}
+    starts = {s.path: replace(Parameter.read(s.text), standing=before.standing) for s in what.starts if s.path not in states}
     gone = [*(s.path for s in what.starts), stage.part]
     stood = {p: v for p, v in before.values.assignments.items() if not any(inside(p, place) for place in gone)}
     model = request.model.with_values(stood, f"stage '{stage.name}' before the swap").with_values(starts, START)

@@ -46,10 +46,10 @@ from thermid.fit.calibration import (
     shared_paths,
 )
 from thermid.fit.error_model import Keeping
-from thermid.fit.power import SHAPES, recovered
+from thermid.fit.power import SHAPES, PowerCourse
 from thermid.inference.criticism import Mistakes, find_mistakes
 from thermid.measure.records import Record, stray_readings
-from thermid.model.tree import Model, ParameterSet, Standing, definition_of, instances, literal, worst
+from thermid.model.tree import Model, ParameterSet, Standing, definition_of, literal
 from thermid.simulation.runs import STEADY, KeptTasks, Scenario, Workers, in_tasks
 from thermid.values.store import Store, graft, hand_values
 
@@ -205,7 +205,7 @@ def with_courses(request: Request, stage: StageTable, where: str) -> Request:
         shapes = tuple(SHAPES) if table.shape == "auto" else (table.shape,)
         power = literal(table.power, "W", f"{where}.courses.{name}.power")
         begin = literal(table.begin, "s", f"{where}.courses.{name}.begin")
-        course = recovered(request, name, table.into, shapes=shapes, power=power, begin=begin)
+        course = PowerCourse.recovered(request, name, table.into, shapes=shapes, power=power, begin=begin)
         request = course.within(request)
         error = f"+- {duration_text(float(short(course.error)))}" if np.isfinite(course.error) else "of unknown error"
         text = f"course '{name}' of a power at '{table.into}': {course.shape}, {duration_text(float(short(course.time, 3)))} {error}"
@@ -320,7 +320,7 @@ def not_inherited(
     for earlier in (e for e in stages[:k] if e.name in done and e.model != stages[k].model):
         deck = definition_of(source.model(earlier.model, earlier.name))
         fitted = [p for p, s in done[earlier.name].store.parameters.items() if s.origin.stage == earlier.name and not s.of_logs]
-        missing = {at: [at + p for p in fitted if at + p not in reached] for at, definition in instances(model) if definition == deck}
+        missing = {at: [at + p for p in fitted if at + p not in reached] for at, definition in model.instances() if definition == deck}
         places = [p for at, paths in missing.items() for p in ([at[:-1]] if at and 0 < len(fitted) == len(paths) else paths)]
         if places:
             yield f"{FIRST}what stage '{earlier.name}' fitted is not inherited at {quoted(places)}: the values of the deck stay there."
@@ -417,7 +417,7 @@ class Campaign(Named[Calibration]):
     @property
     def standing(self) -> Standing:
         """The worst standing of its stages and of the joint fit."""
-        return worst(c.standing for c in self.fits)
+        return Standing.worst(c.standing for c in self.fits)
 
     @property
     def exit_code(self) -> int:

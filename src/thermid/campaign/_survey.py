@@ -37,11 +37,10 @@ from thermid.fit.calibration import (
     build_problem,
     first_reading,
     fit,
-    inputs_of,
     strange_powers,
 )
 from thermid.inference.fleets import Fleet, fleet_of
-from thermid.inference.intervals import Identifiability, identifiability, identifiability_of
+from thermid.inference.intervals import Identifiability, identifiability
 from thermid.measure.records import Record, open_questions, stray_readings
 from thermid.model.tree import Finding, Model
 from thermid.prediction.bands import predict
@@ -196,7 +195,7 @@ def survey(
             with errors_at(source.where(f"stages.{k}"), ": "):
                 request, _ = keyed(request_of(source, table, k, done), table, keys)
                 if request.free:
-                    out[table.name] = identifiability_of(request)
+                    out[table.name] = Identifiability.of_problem(request)
     return out
 
 
@@ -292,7 +291,7 @@ def _bound(request: Request, where: str) -> tuple[list[Input], list[Finding], li
         try:
             problem = build_problem(replace(request, records=(record,)))
             problem.benches()
-            rows += inputs_of(request, problem.experiments, problem.unknowns).rows
+            rows += InputTable.of_request(request, problem.experiments, problem.unknowns).rows
             wrong += [
                 Finding("warning", where, words.removeprefix(FIRST), "record.power-far-from-deck") for words in strange_powers(problem)
             ]

@@ -19,7 +19,7 @@ from typing import NamedTuple, Protocol
 import numpy as np
 
 from thermid.base.errors import IdentificationError, SolverError, refuse_unknown
-from thermid.base.linear_algebra import NOTHING, covariance, finite
+from thermid.base.linear_algebra import NOTHING, covariance
 from thermid.base.units import Array, counted
 from thermid.fit._problem.residuals import Compressed, Sums, Unknown, refuse_not_finite, starting_point
 
@@ -421,3 +421,8 @@ def covariances(fit: Fit, level: float = 1.0, excess: Array | None = None) -> tu
     spread = data @ weight_covariance
     added = weight_covariance @ excess @ weight_covariance / level**2 if excess is not None else np.zeros_like(weight_covariance)
     return weights + added, np.where(np.isinf(weights), np.inf, spread.T @ spread + added), weights
+
+
+def finite(matrix: Array) -> Array:
+    """Return a covariance with zeros in place of what is not known at all."""
+    return np.where(np.isfinite(matrix), matrix, 0.0)

@@ -14,7 +14,7 @@ from thermid.base.errors import NameNotFoundError, ScenarioError, look_up, optio
 from thermid.base.files import NETCDF_SOURCE, FileKinds
 from thermid.base.results import PlottedTrace, Result, Row
 from thermid.base.units import ICE_POINT, Array, Memo, amount, kelvin, value_of
-from thermid.model.tree import Standing, degrees, literal, worst
+from thermid.model.tree import Standing, degrees, literal
 from thermid.physics.correlations import GapLaw, correlation
 from thermid.simulation._condensation import condensation
 from thermid.simulation._duty import DutyCycle, on_shares
@@ -674,7 +674,7 @@ class Solution(Result):
             lines.append("  highest of the stored samples; not known between them")
         lines += [f"  {name}: {duty}" for name, duty in self.duty_cycles.items()]
         lines += [f"  warning: {w}" for w in self.warnings]
-        return worst(self.doubts).over("\n".join(lines))
+        return Standing.worst(self.doubts).over("\n".join(lines))
 
     def _as_rows(self) -> list[Row]:
         """Return every node with its last, highest and lowest temperature."""

@@ -8,7 +8,6 @@ from thermid.values._fitted import (
     load_values as load_values,
     rooted as rooted,
     save_store as save_store,
-    view as view,
 )
 from thermid.values._ranges import (
     RANGE_OF as RANGE_OF,
@@ -47,4 +46,4 @@ from thermid.values._store import (
     structural_under as structural_under,
     uniforms as uniforms,
 )
-from thermid.values._value_files import Filed as Filed, filed as filed, hand_values as hand_values
+from thermid.values._value_files import Filed as Filed, hand_values as hand_values

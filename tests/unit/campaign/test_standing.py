@@ -19,7 +19,7 @@ from thermid.base.errors import DeckError
 from thermid.campaign._file import read_campaign
 from thermid.campaign._stages import Campaign, request_of, run_stages
 from thermid.fit._calibrate import rests_on
-from thermid.model.tree import CREDIBLE, UNJUDGED, Standing, State, load_model, worst
+from thermid.model.tree import CREDIBLE, UNJUDGED, Standing, State, load_model
 from thermid.values.store import FittedValue, FittedValues
 from unit.fit.planted import BOX_VALUES, CAMPAIGN, planted
 
@@ -221,7 +221,7 @@ def test_a_stage_to_accept_must_be_one(folder: Path) -> None:
 
 STANDINGS = st.recursive(
     st.builds(Standing, st.sampled_from(ORDER), st.sampled_from(["", "why"]), st.sampled_from(["a", "b", "c"]), st.booleans()),
-    lambda inner: st.lists(inner, min_size=1, max_size=3).map(worst),
+    lambda inner: st.lists(inner, min_size=1, max_size=3).map(Standing.worst),
     max_leaves=6,
 )
 
@@ -230,7 +230,7 @@ STANDINGS = st.recursive(
 @given(st.lists(STANDINGS, min_size=1, max_size=4), st.sets(st.sampled_from(["a", "b", "c"])))
 def test_what_rests_on_several_is_never_better_than_any(several: list[Standing], accepted: set[str]) -> None:
     """Invariants 14 and 16: no rank is lost on the way up, and exit code 0 leaves no cause that nobody accepted."""
-    whole = worst(several)
+    whole = Standing.worst(several)
     assert whole.rank == max(s.rank for s in several)
     assert {(c.state, c.stage) for s in several for c in s.causes} == {(c.state, c.stage) for c in whole.causes}
     taken = whole.accept(accepted)

@@ -12,7 +12,7 @@ import thermid as td
 from by_code import raises_code
 from thermid.base.errors import IdentificationError, NameNotFoundError, RecordError, ScenarioError
 from thermid.fit._calibrate import calibrate
-from thermid.fit._inputs import inputs_of
+from thermid.fit._inputs import InputTable
 from thermid.fit._problem.experiment import Inputs, bind, first_reading
 from thermid.fit._problem.gather import build_problem
 from thermid.fit._problem.request import Request
@@ -291,7 +291,7 @@ class TestASensorThatBeginsLater:
     def test_is_not_where_a_run_begins(self, model: Model, two: Record, fit_start: bool) -> None:
         request = Request(model, (two,), free=(HTC,), fit_start=fit_start)
         found = build_problem(request)
-        (start,) = (i for i in inputs_of(request, found.experiments).rows if i.kind == "start")
+        (start,) = (i for i in InputTable.of_request(request, found.experiments).rows if i.kind == "start")
         assert start.words == "first reading of T"
         assert start.mean == pytest.approx(first_reading(two, "T"))
 

@@ -14,7 +14,7 @@ from thermid.fit._error_model.courses import OperatingPoint
 from thermid.fit._error_model.elements import SHARE_OF, SurfaceLaw, ways_of
 from thermid.fit._error_model.sizes import FINISH
 from thermid.fit.calibration import Calibration, Request, fit
-from thermid.model._parts.parameter import parameter
+from thermid.model._parts.parameter import Parameter
 from thermid.model._tree.identity import written
 from thermid.model.tree import ParameterSet
 from thermid.prediction._budget import STATED_RANGES, budget_of
@@ -155,7 +155,7 @@ def test_a_fit_names_set_points_that_it_held_as_exact() -> None:
 
 def test_a_deck_keeps_a_spread_as_it_was_stated() -> None:
     for stated in (OWN_FILM | {"spread": "range"}, {"value": "20 [degC]", "spread": "0.5 [K]"}, {"value": "30 [cm^2]", "spread": "5 [%]"}):
-        assert parameter(written(parameter(stated))) == parameter(stated)
+        assert Parameter.read(written(Parameter.read(stated))) == Parameter.read(stated)
 
 
 @pytest.mark.parametrize(
@@ -171,7 +171,7 @@ def test_a_deck_keeps_a_spread_as_it_was_stated() -> None:
 )
 def test_a_spread_that_is_none_is_refused(table: dict[str, Any], code: str) -> None:
     with raises_code(code, match="spread"):
-        parameter(table)
+        Parameter.read(table)
 
 
 def test_more_ranges_than_forty_are_answered() -> None:

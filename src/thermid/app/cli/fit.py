@@ -63,7 +63,7 @@ from thermid.campaign.stages import (
 from thermid.fit.calibration import Calibration
 from thermid.fit.error_model import SIZES
 from thermid.fit.estimation import estimated
-from thermid.model.tree import UNJUDGED, literal, load_model, save_model, worst
+from thermid.model.tree import UNJUDGED, Standing, literal, load_model, save_model
 from thermid.prediction import bands as prediction
 from thermid.prediction.bands import Knowledge, predict_record
 from thermid.prediction.members import load_hold
@@ -453,7 +453,7 @@ def _predict_named(campaign: Campaign, as_json: bool, verbose: bool, executor: W
     if not predictions:
         raise next(iter(failed.values()))
     heads = ["\n".join(_heads(predictions if len(predictions) > 1 else (), failed))] if failed or len(predictions) > 1 else []
-    standing = worst(p.prediction.standing for p in predictions)  # told once, above all of them
+    standing = Standing.worst(p.prediction.standing for p in predictions)  # told once, above all of them
     bare = [replace(p, prediction=replace(p.prediction, causes={}, standing=UNJUDGED)) for p in predictions]
     causes: dict[str, str] = {}  # each told once; of its widest band also what would narrow it
     for cause, words in (item for p in predictions for item in p.prediction.causes.items()):

@@ -34,7 +34,7 @@ from thermid.base.results import clean
 from thermid.base.units import TEMPERATURE, amount, duration_text
 from thermid.campaign.stages import RunningTest, running_test
 from thermid.measure.readers import read_record, temperature_columns
-from thermid.measure.records import Record, rule_of
+from thermid.measure.records import Record, StabilityRule
 from thermid.model.tree import UNJUDGED, Standing, literal, load_model
 from thermid.qualify.steadiness import Forecast, forecast, stability
 from thermid.qualify.watch import BoundColumns, GrowingLog, TemperatureLimit, Watcher, WatchLook, WatchRequest, replayed
@@ -163,7 +163,7 @@ def _request(
     decided = tuple(TemperatureLimit(n, False, kelvin) for n, kelvin in limits.items())
     longest = None if slowest is None else with_unit(slowest, "s")
     conditions = None if test is None else test.conditions
-    return WatchRequest(columns, rule_of(rule), width, decided, longest, begin, stated, conditions)
+    return WatchRequest(columns, StabilityRule.named(rule), width, decided, longest, begin, stated, conditions)
 
 
 def _growing(log: GrowingLog, step: float, since: str) -> Iterator[Record]:
@@ -210,7 +210,7 @@ def settle(
     begin = with_unit(since, "s")
     deck = None if model is None else load_model(model)
     conditions = None if scenario is None else load_scenario(scenario)
-    run = simulate(deck, conditions) if deck is not None and conditions is not None and rule_of(rule).stored else None
+    run = simulate(deck, conditions) if deck is not None and conditions is not None and StabilityRule.named(rule).stored else None
     stable = stability(record, rule, names, since=begin, run=run)
     ends: dict[str, Forecast | str] = {}
     for name in names:

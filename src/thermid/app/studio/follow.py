@@ -19,7 +19,7 @@ from thermid.base.units import ICE_POINT, TEMPERATURE, Array, Bools, unit
 from thermid.campaign.stages import Campaign, running_test
 from thermid.measure.looks import look
 from thermid.measure.readers import log_cells, name_and_unit, read_record
-from thermid.measure.records import RULES, Channel, ChannelStability, Record, StabilityRule, channel_stability, rule_of, since_when
+from thermid.measure.records import RULES, Channel, ChannelStability, Record, StabilityRule
 from thermid.model.tree import UNJUDGED, Model, literal
 from thermid.qualify.steadiness import Forecast, Stability, forecast
 from thermid.qualify.watch import BoundColumns, TemperatureLimit, Watcher, WatchRequest, read_whole_lines, roles_of_paths
@@ -313,7 +313,7 @@ class Follower:
         ------
         ThermidError    When the file is none of the project's, or rule, channel or time make no sense.
         """
-        path, rule = self._path(str(query.get("file") or "")), rule_of(str(query.get("rule") or "3 C/h"))
+        path, rule = self._path(str(query.get("file") or "")), StabilityRule.named(str(query.get("rule") or "3 C/h"))
         try:
             stat = path.stat()
         except OSError:
@@ -364,10 +364,10 @@ class Follower:
         first = float(record.times[0]) if since is None else since
         for n in names:
             try:
-                stabilities[n] = channel_stability(record, n, rule, since=first)
+                stabilities[n] = rule.of_channel(record, n, since=first)
             except RecordError as error:
                 why[n] = error.message
-        when = {n: since_when(record, n, rule, first) if c.verdict == "stable" else None for n, c in stabilities.items()}
+        when = {n: rule.since_when(record, n, first) if c.verdict == "stable" else None for n, c in stabilities.items()}
         whole = Stability(record.name, rule, float(record.times[-1]), stabilities, {}, when, None) if stabilities else None
         focus = str(query.get("channel") or "") or (whole.slowest if whole else names[0])
         cached = self._forecasts(record, sorted(names, key=lambda n: n != focus), rule, query)

@@ -19,7 +19,7 @@ from thermid.campaign._start.proposal import Proposal
 from thermid.campaign._start.switching import instants_text, with_instants
 from thermid.fit.calibration import LocalSpec, Request
 from thermid.measure.records import Record, thinned_step
-from thermid.model.tree import model_text, parameter
+from thermid.model.tree import Parameter, model_text
 
 SCHEMA: Final = FileKind("JSON Schema", endings=(".json",))
 FOLDER: Final = "schema"
@@ -411,7 +411,7 @@ def _ambient(proposal: Proposal, record: Record) -> float:
         channel = record[roles.surroundings]
         return float(np.median(channel.values[channel.valid])) - 273.15
     if roles.surroundings:
-        return float(parameter(roles.surroundings).expression.literal.value) - 273.15  # type: ignore[union-attr]
+        return float(Parameter.read(roles.surroundings).expression.literal.value) - 273.15  # type: ignore[union-attr]
     return min(float(record[c].values[record[c].valid][0]) for c in roles.parts if c in record.channels) - 273.15
 
 

@@ -31,7 +31,7 @@ from thermid.inference.criticism import (
     search_structure,
 )
 from thermid.measure.records import Record
-from thermid.model.tree import Model, ParameterSet, literal, model_from_dict, parameter
+from thermid.model.tree import Model, Parameter, ParameterSet, literal, model_from_dict
 from thermid.physics.materials import materials as all_materials
 from thermid.simulation.runs import Scenario
 
@@ -859,7 +859,7 @@ def first_fit_of(one: FittedStructure, boundary: str = SURROUNDINGS) -> FirstFit
     slight = _slight(one, one.errors(), boundary)
     model = replace(one.request.model, conductors={n: c for n, c in one.request.model.conductors.items() if n not in slight})
     units = {u.name: u.unit for u in one.problem.unknowns}
-    texts = {n: parameter(f"{v:.4g} [{units[n]}]", n) for n, v in one.values.items() if n.partition(".")[0] not in slight}
+    texts = {n: Parameter.read(f"{v:.4g} [{units[n]}]", n) for n, v in one.values.items() if n.partition(".")[0] not in slight}
     model = model.with_values(texts, "thermid init")
     free = [n for n in one.request.free if n.partition(".")[0] not in slight]
     fixed: list[str] = []

@@ -13,7 +13,7 @@ from typing import Any, Final
 import numpy as np
 
 from thermid.base.errors import IdentificationError
-from thermid.base.linear_algebra import covariance, finite, pseudo_inverse
+from thermid.base.linear_algebra import covariance, pseudo_inverse
 from thermid.base.results import Result
 from thermid.base.units import Array, counted, from_si, short, unit, value_of
 from thermid.fit._calibration import Calibration
@@ -27,7 +27,7 @@ from thermid.fit._error_model.courses import (
     point_of,
 )
 from thermid.fit._error_model.own_values import OWN_VALUES, own_values_of
-from thermid.fit._minimisation import Fit, covariances, ended
+from thermid.fit._minimisation import Fit, covariances, ended, finite
 from thermid.fit._problem.request import Request, known_before
 from thermid.fit._problem.residuals import Bench, Influence, Problem, Unknown
 from thermid.fit._uncertainty.information import Opened, opened_jacobian

@@ -805,6 +805,11 @@ class Experiment:
         lags = {o.lag: f"{fitted_values[o.lag]!r} [s]" for o in self.observations if o.lag in fitted_values}
         return attached(model, self.record)[0].with_values(lags, "found by the fit"), scenario
 
+    def wired(self, raw: str) -> str:
+        """Return the name in the wiring of a boundary or of ``initial.<node>``."""
+        head, _, node = raw.partition(".")
+        return f"initial.{self.network.find(node)}" if head == "initial" and node else self.network.find(raw)
+
 
 def role_and_target(record: Record, channel: Channel, network: Network) -> tuple[str, str]:
     """Return role and canonical target of a channel."""

@@ -155,7 +155,7 @@ def _locals(request: Request, experiments: Sequence[Experiment]) -> list[Unknown
     for i, experiment in enumerate(experiments):
         named = set()
         for raw, spec in request.locals_of(experiment.record).items():
-            name = wired(experiment, raw)
+            name = experiment.wired(raw)
             if isinstance(experiment.scenario.boundaries.get(name), TableSignal):
                 raise IdentificationError(
                     f"'{raw}' follows a channel of {experiment.record.name}, so it has no local value. "
@@ -220,12 +220,6 @@ def _tips(experiment: Experiment, name: str) -> list[str]:
     return [f"initial.{tip}" for tip, seat in experiment.tips.items() if name == f"initial.{seat}"]
 
 
-def wired(experiment: Experiment, raw: str) -> str:
-    """Return the name in the wiring of a boundary or of ``initial.<node>``."""
-    head, _, node = raw.partition(".")
-    return f"initial.{experiment.network.find(node)}" if head == "initial" and node else experiment.network.find(raw)
-
-
 def _nuisances(request: Request, experiments: Sequence[Experiment]) -> list[Unknown]:
     """Return the constant errors of sensors, and those of logged boundaries and powers, one per instrument: reading minus truth.
 
@@ -268,10 +262,10 @@ def _starts(request: Request, experiment: Experiment) -> dict[str, _Start]:
     readings: dict[str, tuple[tuple[str, ...], str]] = {f"initial.{node}": ((sensor,), "") for node, sensor in experiment.readings.items()}
     if not request.fit_start:
         readings |= {f"initial.{node}": (sensors, "") for node, sensors in experiment.loose.items()}
-    readings |= {wired(experiment, raw): ((r.channel,), r.offset) for raw, r in request.readings.items()}
+    readings |= {experiment.wired(raw): ((r.channel,), r.offset) for raw, r in request.readings.items()}
     readings |= {tip: readings[name] for name in tuple(readings) for tip in _tips(experiment, name)}
     for raw in request.locals_of(experiment.record):
-        for name in (wired(experiment, raw), *_tips(experiment, wired(experiment, raw))):
+        for name in (experiment.wired(raw), *_tips(experiment, experiment.wired(raw))):
             readings.pop(name, None)
     out = {}
     parameters = experiment.network.flat.parameters

@@ -13,9 +13,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from thermid.base.linear_algebra import finite, square_root
+from thermid.base.linear_algebra import square_root
 from thermid.base.units import Array, Indices
-from thermid.fit._minimisation import Fit, covariances
+from thermid.fit._minimisation import Fit, covariances, finite
 from thermid.fit._problem.experiment import SCALE, Experiment, InputNoise, Observation
 from thermid.fit._problem.residuals import Bench, Problem, SensorTrace, loss_of
 from thermid.measure.records import blur_of, shared_rounding, unrounded

@@ -57,7 +57,7 @@ from thermid.inference._explain.thresholds import (
     SizedValue,
 )
 from thermid.inference._explain.weighing import CauseScore, noise_of, seen_in_stretches, weighed_at, weighed_in_noise
-from thermid.model.tree import Constant, TableSignal, exact
+from thermid.model.tree import Constant, Parameter, TableSignal
 from thermid.simulation.runs import Scenario, Workers, in_tasks, simulate
 
 
@@ -222,7 +222,7 @@ class FittedStructure:
         (`Request.structural_errors`): readings that asked for one change seldom rule out all others.
         """
         units = {u.name: u.unit for u in self.problem.unknowns}
-        texts = {n: exact(v, units[n]) for n, v in self.values.items()}
+        texts = {n: Parameter.exact(v, units[n]) for n, v in self.values.items()}
         model = self.request.model.with_values(texts, "structure search")
         wide: dict[str, tuple[str, str]] = {}  # means and standard deviations whose 95 % are the bounds
         for u in _undetermined(self) if self.changes else ():

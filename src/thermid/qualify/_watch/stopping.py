@@ -26,7 +26,7 @@ from thermid.base.linear_algebra import covariance
 from thermid.base.units import ICE_POINT, Array, duration_text, short
 from thermid.fit.calibration import Bench, Compressed, Experiment, Prior, Unknown, bind, minimise
 from thermid.inference.criticism import WATCHED
-from thermid.measure.records import MIN_INDEPENDENT_SHARE, Record, StabilityRule, channel_stability, effective_samples
+from thermid.measure.records import MIN_INDEPENDENT_SHARE, Record, StabilityRule, effective_samples
 from thermid.model.tree import Model
 from thermid.qualify._steadiness.forecast import MIN_FORECAST_READINGS, EndForecast, Forecast, IntervalEstimate, forecast
 from thermid.qualify._watch.growing import MIN_NOISE
@@ -511,7 +511,7 @@ class Stopping:
     def _rule_is_met(self, record: Record, names: tuple[str, ...]) -> bool:
         """Whether the readings of every channel meet the plan's rule beyond two standard errors."""
         try:
-            return all(channel_stability(record, n, self.rule, since=self.changed).verdict == "stable" for n in names)
+            return all(self.rule.of_channel(record, n, since=self.changed).verdict == "stable" for n in names)
         except RecordError:
             return False
 
