@@ -18,7 +18,7 @@ import numpy as np
 import thermid as td
 from thermid.bench.bench_files import load_programme, load_sensors
 from thermid.campaign._judge.verdict import _read as read_looks, look
-from thermid.campaign.stages import load_limits, read_campaign, recall
+from thermid.campaign.stages import CampaignSource, load_limits, recall
 from thermid.interop.initfcn import read_initfcn
 from thermid.measure.readers import read_plain
 from thermid.values.store import FittedValue, FittedValues
@@ -373,7 +373,7 @@ KINDS: Final[dict[str, Kind]] = {
         "day.toml", _run_scenario, (("simulate", "unit.toml", "--scenario", "{}"), ("steady", "unit.toml", "--scenario", "{}"))
     ),
     "surroundings": Kind("pad.toml", _run_scenario, (("simulate", "unit.toml", "--scenario", "{}"),)),
-    "campaign": Kind("campaign.toml", read_campaign, (("check", "{}"), ("check", "{}", "--json"))),
+    "campaign": Kind("campaign.toml", CampaignSource.read, (("check", "{}"), ("check", "{}", "--json"))),
     "study": Kind("study.toml", _study),
     "plan": Kind("qualify/plan.toml", _plan, (("plan", "{}"),)),
     "lock": Kind("qualify/plan.lock.json", _lock, (("plan", "qualify/plan.toml"),)),

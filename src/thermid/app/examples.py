@@ -22,7 +22,7 @@ import numpy as np
 
 from thermid.base.errors import MissingDataError, NameNotFoundError, OutputError, RecordError, nearest
 from thermid.base.files import FileKinds, folder_replacing
-from thermid.campaign.stages import read_campaign
+from thermid.campaign.stages import CampaignSource
 from thermid.campaign.start import head_copies
 
 ADDRESS = "https://raw.githubusercontent.com/{repository}/{commit}/{path}"
@@ -332,7 +332,7 @@ def _checked(example: ShippedExample, folder: Path) -> int:
     """
     if not example.campaign:
         return sum(bool(f.sha256) for f in data.files) if (data := example.data) else 0
-    source = read_campaign(folder / example.campaign, folder)
+    source = CampaignSource.read(folder / example.campaign, folder)
     for name in source.content.checksums:
         source.record(name)
     return len(source.content.checksums)

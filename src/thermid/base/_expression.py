@@ -479,6 +479,25 @@ class Stamp(NamedTuple):
         """It as `instant` reads it."""
         return (datetime(1970, 1, 1, tzinfo=UTC if self.zoned else None) + timedelta(seconds=self.seconds)).isoformat(" ")
 
+    @staticmethod
+    def read(written: Any, where: str = "") -> Stamp:
+        """Return a stamp: a text such as ``"2026-02-01 08:00"``, or what datetime, NumPy or pandas make of one.
+
+        Raises
+        ------
+        UnitError   When it is none.
+        """
+        if isinstance(written, Stamp):
+            return written
+        with errors_at(where):
+            try:
+                stamp = clocked([datetime.fromisoformat(written) if isinstance(written, str) else written])[1]
+            except ValueError:
+                stamp = None
+            if stamp is None or not math.isfinite(stamp.seconds):
+                raise UnitError(f"{_shown(written)} is no stamp. Write '2026-02-01 08:00'.", code="record.time-not-read")
+        return stamp
+
 
 @dataclass(frozen=True, eq=False)
 class Quantity:
@@ -749,25 +768,6 @@ def clocked(times: Any) -> tuple[Array, Stamp | None]:
             code="record.time-not-read",
         )
     return np.asarray(values, dtype=float), stamp
-
-
-def instant(written: Any, where: str = "") -> Stamp:
-    """Return a stamp: a text such as ``"2026-02-01 08:00"``, or what datetime, NumPy or pandas make of one.
-
-    Raises
-    ------
-    UnitError   When it is none.
-    """
-    if isinstance(written, Stamp):
-        return written
-    with errors_at(where):
-        try:
-            stamp = clocked([datetime.fromisoformat(written) if isinstance(written, str) else written])[1]
-        except ValueError:
-            stamp = None
-        if stamp is None or not math.isfinite(stamp.seconds):
-            raise UnitError(f"{_shown(written)} is no stamp. Write '2026-02-01 08:00'.", code="record.time-not-read")
-    return stamp
 
 
 def _stamps(values: NDArray[Any]) -> NDArray[Any]:

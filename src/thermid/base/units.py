@@ -20,7 +20,6 @@ from thermid.base._expression import (
     clocked as clocked,
     counts_rows as counts_rows,
     end_of_range as end_of_range,
-    instant as instant,
     kelvin as kelvin,
     plain_numbers as plain_numbers,
     positive_seconds as positive_seconds,

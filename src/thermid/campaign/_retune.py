@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from thermid.base.errors import DeckError, IdentificationError, MissingDataError, SolverError, errors_at
 from thermid.base.results import Result
 from thermid.base.units import ICE_POINT, counted, value_of
-from thermid.campaign._file import CampaignSource, read_campaign
+from thermid.campaign._file import CampaignSource
 from thermid.campaign._joint import Level, places_of
 from thermid.campaign._stages import Campaign, Notice, progress_of, request_of
 from thermid.fit.calibration import MOVED, Calibration, Request, as_found, fit, moved_instruments
@@ -329,7 +329,7 @@ def check_replacement(
     ------
     ThermidError   As `plan_retune`, such as for areas that the view factors of an enclosure do not allow, or for logs that are missing.
     """
-    source, model = read_campaign(campaign), load_model(new)
+    source, model = CampaignSource.read(campaign), load_model(new)
     *below, top = source.content.stages
     above = source.model(top.model, source.where(f"stages.{len(below)}.model"))
     path = above.canonical(part)
@@ -516,7 +516,7 @@ def retuned(
     assert before.source is not None
     if plan.unplaced:
         raise DeckError(" ".join(f"'{sensor}': {why}." for sensor, why in plan.unplaced.items()), plan.part, code="campaign.refused")
-    source = data if isinstance(data, CampaignSource) else read_campaign(before.source.path, data)
+    source = data if isinstance(data, CampaignSource) else CampaignSource.read(before.source.path, data)
     due = tuple(r for s in plan.stages if s.alone for r in s.records) if part_only else plan.tests
     idle = () if everything or part_only else _idle(source, plan)
     source, absent = _source(source, plan, due, everything)
@@ -632,7 +632,7 @@ def new_logs(campaign: str | os.PathLike[str], data: str | os.PathLike[str]) -> 
     ------
     MissingDataError   When the folder has no log under any name of the campaign's logs.
     """
-    source = read_campaign(campaign, data)
+    source = CampaignSource.read(campaign, data)
     assert source.data is not None
     if not any(map(source.in_data, source.content.records)):
         raise MissingDataError(_missing(source, source.content.records), source.path.name)

@@ -27,7 +27,7 @@ from thermid.base.files import resolve_inside
 from thermid.base.results import Named, Row
 from thermid.base.units import counted, duration_text, short
 from thermid.campaign._cache import changed_since, errors_kept, file_name, forget, recall, remember
-from thermid.campaign._file import CampaignSource, accepting, local_of, read_campaign, scenario_of
+from thermid.campaign._file import CampaignSource, accepting, local_of, scenario_of
 from thermid.campaign._joint import JointFit, fit_jointly, joint_key
 from thermid.campaign._judge.verdict import Criteria, Verdict, look, not_judged, validate
 from thermid.fit.calibration import (
@@ -495,6 +495,30 @@ class Campaign(Named[Calibration]):
             out.append({"stage": name, "state": c.standing.state, **worst_row, "values": len(c.values.parameters)})
         return out
 
+    def judged(self, folder: Path | None = None, notice: Notice | None = None) -> Campaign:
+        """Return a campaign of a file with the verdicts on its hold-out records, and what they make of its stages.
+
+        Verdicts on stages that are not there yet, or by a joint fit that is not, are left out.
+
+        Parameters
+        ----------
+        campaign : Campaign  Its stages as they were fitted, before any verdict; the joint fit where there is one.
+        folder : path       A results folder, which knows of earlier looks at hold-out records; this look is noted there.
+        notice : callable   Called with the name of each record that is judged, before it is.
+
+        Raises
+        ------
+        ThermidError   From reading or judging; the message says at which verdict.
+        """
+        source = self.source
+        assert source is not None
+        used = {sha: user for c in self.stages.values() for sha, user in c.used_records.items()}
+        tables = [
+            (k, t) for k, t in enumerate(source.content.verdicts) if t.model in self and (t.values != "joint" or self.joint is not None)
+        ]
+        verdicts = tuple(v for k, table in tables for v in _judge(source, table, k, self, used, notice))
+        return _with_verdict_standing(replace(self, verdicts=tuple(_looked(folder, v, self) for v in verdicts)))
+
 
 def run_stages(
     campaign: str | os.PathLike[str] | CampaignSource,
@@ -525,7 +549,7 @@ def run_stages(
     ------
     ThermidError   From reading, fitting or judging; the message says at which stage.
     """
-    source = campaign if isinstance(campaign, CampaignSource) else read_campaign(campaign, data)
+    source = campaign if isinstance(campaign, CampaignSource) else CampaignSource.read(campaign, data)
     folder = Path(cache) if cache is not None else None
     source = accepting(replace(source, results=folder or source.results), accept)
     forget(folder if fresh else None, (*(s.name for s in source.content.stages), "joint"))
@@ -555,7 +579,7 @@ def run_stages(
     done = {s.name: done[s.name] for s in source.content.stages if s.name in done}
     result = Campaign(source.content.title, done, (), keys, source.content.note, None, source, requests, changed)
     result = replace(result, joint=_joint(result, notice, folder)) if source.content.joint is not None else result
-    return judge(result, folder, notice)
+    return result.judged(folder, notice)
 
 
 def _fitted(
@@ -578,31 +602,6 @@ def _fitted(
             return fit(request, progress, recalled, stoppable=True, executor=executor, keeping=keeping), recalled is None
         except ThermidError as error:
             raise refused(error, request, request.name, file) from None
-
-
-def judge(campaign: Campaign, folder: Path | None = None, notice: Notice | None = None) -> Campaign:
-    """Return a campaign of a file with the verdicts on its hold-out records, and what they make of its stages.
-
-    Verdicts on stages that are not there yet, or by a joint fit that is not, are left out.
-
-    Parameters
-    ----------
-    campaign : Campaign  Its stages as they were fitted, before any verdict; the joint fit where there is one.
-    folder : path       A results folder, which knows of earlier looks at hold-out records; this look is noted there.
-    notice : callable   Called with the name of each record that is judged, before it is.
-
-    Raises
-    ------
-    ThermidError   From reading or judging; the message says at which verdict.
-    """
-    source = campaign.source
-    assert source is not None
-    used = {sha: user for c in campaign.stages.values() for sha, user in c.used_records.items()}
-    tables = [
-        (k, t) for k, t in enumerate(source.content.verdicts) if t.model in campaign and (t.values != "joint" or campaign.joint is not None)
-    ]
-    verdicts = tuple(v for k, table in tables for v in _judge(source, table, k, campaign, used, notice))
-    return _with_verdict_standing(replace(campaign, verdicts=tuple(_looked(folder, v, campaign) for v in verdicts)))
 
 
 def joint(

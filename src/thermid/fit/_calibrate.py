@@ -32,7 +32,7 @@ from thermid.fit._error_model.discrepancy import assumed_moves, with_discrepancy
 from thermid.fit._error_model.kept import ERRORS_KEY, ErrorsOfFit, Keeping, with_structural_errors
 from thermid.fit._error_model.sizes import OUTSIDE
 from thermid.fit._inputs import InputTable
-from thermid.fit._minimisation import Fit, KeptFit, covariances, ended, minimise
+from thermid.fit._minimisation import Fit, KeptFit, covariances, minimise
 from thermid.fit._problem.experiment import CHANCE_DEVIATIONS, LEAST_NOISE, STEPPED, UNSAID_NOISE, role_and_target, signal_of
 from thermid.fit._problem.gather import build_problem
 from thermid.fit._problem.request import LocalSpec, Request, counted_twice, freed, mean_of, priors_of
@@ -899,7 +899,7 @@ def _fitted(
     """Return the calibration of a problem and the autocorrelation of its residuals: searched, or evaluated at the end that was kept."""
     stated = all(o.noise is not None for o in problem.observations())
     if recalled is not None and list(recalled.fitted) == [u.name for u in problem.unknowns]:
-        minimum = ended(problem, np.array(list(recalled.fitted.values())), request.loss, request.loss_scale, recalled.evaluations)
+        minimum = Fit.ended(problem, np.array(list(recalled.fitted.values())), request.loss, request.loss_scale, recalled.evaluations)
         minimum = replace(minimum, search=recalled.search, remarks=recalled.remarks)
     else:
         try:
@@ -920,7 +920,7 @@ def _fitted(
     if not stated:
         # from the end alone, so that a fit taken from before says the same
         problem = replace(problem, noise=_measured_noise(problem, minimum, request.loss))
-        again = ended(problem, minimum.fitted, request.loss, request.loss_scale)
+        again = Fit.ended(problem, minimum.fitted, request.loss, request.loss_scale)
         same = {k: getattr(minimum, k) for k in ("evaluations", "message", "converged", "search", "remarks", "stopped")}
         minimum = replace(again, **same)
     spread = autocorrelation(problem, minimum, request.loss, request.loss_scale)

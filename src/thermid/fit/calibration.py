@@ -22,7 +22,6 @@ from thermid.fit._minimisation import (
     KeptFit as KeptFit,
     covariances as covariances,
     descend as descend,
-    ended as ended,
     minimise as minimise,
 )
 from thermid.fit._problem.experiment import (
@@ -32,7 +31,6 @@ from thermid.fit._problem.experiment import (
     Observation as Observation,
     as_found as as_found,
     attached as attached,
-    bind as bind,
     first_reading as first_reading,
     role_and_target as role_and_target,
 )
@@ -80,7 +78,6 @@ from thermid.fit._uncertainty.noise import (
     TraceNoise as TraceNoise,
     answers_to_inputs as answers_to_inputs,
     autocorrelation as autocorrelation,
-    binned as binned,
     evidences as evidences,
     score_excess as score_excess,
     wander_times as wander_times,

@@ -35,7 +35,7 @@ from thermid.fit.calibration import (
     priors_of,
     starting_point,
 )
-from thermid.inference.planned_records import planned_record, sensors_of
+from thermid.inference.planned_records import Sensor, planned_record
 from thermid.measure.records import Record
 from thermid.model.tree import HeatLoad, Model, Parameter, TableSignal
 from thermid.simulation.runs import Scenario, Workers, compile_network, in_tasks
@@ -366,7 +366,7 @@ def identifiability(
             raise IdentificationError(
                 "give the logs of a test, or a scenario and sensors of a planned test.", model.title, code="value.incomplete"
             )
-        many = (planned_record(model, scenario, sensors_of(model, scenario, sensors), every, scenario.title),)
+        many = (planned_record(model, scenario, Sensor.of_model(model, scenario, sensors), every, scenario.title),)
     scenarios = dict(scenario) if isinstance(scenario, Mapping) else {"*": scenario} if scenario else {}
     specs = {k: LocalSpec.read(v, f"local.{k}") for k, v in (local or {}).items()}
     request = Request(model, many, tuple(free), scenarios, specs, priors=priors_of(model, priors or {}, model.title))

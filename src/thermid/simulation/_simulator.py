@@ -14,7 +14,7 @@ from thermid.base.errors import CodedText, NameNotFoundError, ScenarioError, cap
 from thermid.base.results import Shown
 from thermid.base.units import TEMPERATURE, Array, amount, quantity, seconds, si_values, unit, value_of
 from thermid.model.tree import Constant, Model, Standing, streams_of
-from thermid.simulation._ensemble import Ensemble, run_members
+from thermid.simulation._ensemble import Ensemble
 from thermid.simulation._many.tasks import Workers
 from thermid.simulation._network.medium import gas_remarks
 from thermid.simulation._network.network import Network, compile_network, unreached, without_gas
@@ -240,7 +240,7 @@ class Simulator(Shown):
             )
         names = (*self.wiring.network.nodes, *self.wiring.network.boundaries)
         nodes = nodes if nodes is not None or not self.without_gas else [n for n in names if n not in self.without_gas]
-        runs = run_members(self.engine, values, self.times, self.options, nodes, quantiles, threads, simd, self._remarks, executor)
+        runs = Ensemble.of_members(self.engine, values, self.times, self.options, nodes, quantiles, threads, simd, self._remarks, executor)
         standings = [self.wiring.network.flat.names.model.standing, *([draws.standing] if isinstance(draws, Draws) else [])]
         return replace(runs, standing=Standing.worst(standings))
 

@@ -15,7 +15,6 @@ from thermid.values._ranges import (
     bracketed as bracketed,
     narrowed as narrowed,
     range_shares as range_shares,
-    ranged_values as ranged_values,
     without_spread as without_spread,
 )
 from thermid.values._spreads import cut as cut, deviation as deviation, read_spread as read_spread

@@ -48,6 +48,7 @@ from thermid.campaign import stages as origins
 from thermid.campaign.stages import (
     Campaign,
     CampaignPrediction,
+    CampaignSource,
     campaign_predictions,
     check_replacement,
     file_name,
@@ -56,7 +57,6 @@ from thermid.campaign.stages import (
     new_logs,
     plain_readings,
     plan_retune,
-    read_campaign,
     scenario_of,
     survey,
 )
@@ -81,7 +81,7 @@ def _run(
 ) -> tuple[Campaign, list[Path]]:
     """Run a campaign with progress, taking finished stages from the results folder."""
     folder = to if to is not None else path.parent / "results"
-    for stage in read_campaign(path).content.stages if folder.is_dir() else ():
+    for stage in CampaignSource.read(path).content.stages if folder.is_dir() else ():
         FileKinds.VALUES.titled(stage.name).may_write(folder / f"{file_name(stage.name)}.values.toml")
     campaign = staged(path, data, folder, accept, fresh=fresh, executor=executor)
     return campaign, campaign.save(folder)
@@ -440,7 +440,7 @@ def _refuse_options_of_scenario(campaign: Path, of_records: bool, options: Mappi
         cure = "Give --scenario FILE instead of --record." if of_records else "Give --scenario FILE or --record NAME too."
         words = f"{', '.join(given)} {'is' if len(given) == 1 else 'are'} not for {what}. {cure}"
         raise ScenarioError(words, "command line", code="command.not-understood")
-    content = read_campaign(campaign).content
+    content = CampaignSource.read(campaign).content
     if not (of_records or content.predictions):
         words = 'nothing to predict: give --scenario FILE or --record NAME, or write [predictions.hot] with scenario = "hot.toml".'
         raise ScenarioError(words, content.title, code="command.not-understood")
@@ -490,7 +490,7 @@ def _predict_without_scenario(
     if not patterns:
         _predict_named(stages, as_json, verbose, executor)
         return
-    source, fit = read_campaign(campaign, data), stages[name]
+    source, fit = CampaignSource.read(campaign, data), stages[name]
     stage = next(s for s in source.content.stages if s.name == name)
     scores = []
     for run in source.pick(patterns, "--record"):

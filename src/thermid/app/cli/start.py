@@ -35,7 +35,7 @@ from thermid.fit.calibration import Calibration
 from thermid.inference.criticism import EVALUATIONS, criticise as criticised, plausibility as ranges_of
 from thermid.model.tree import STANDARD, Standing, load_model, standard_parts
 from thermid.physics.finishes import FINISHES
-from thermid.physics.materials import NOT_CHECKED, materials
+from thermid.physics.materials import NOT_CHECKED, Material
 
 Stage = Annotated[str, typer.Option("--stage", help="One stage; all that were fitted to logs without it.")]
 
@@ -236,7 +236,7 @@ def _parts_listed() -> tuple[dict[str, object], str]:
 
 def _materials_listed() -> tuple[dict[str, object], str]:
     """Return materials and finishes, each with its figures and its source."""
-    library = materials()
+    library = Material.table()
     rows = [{k: getattr(m, k) for k in ("name", "density", "specific_heat", "conductivity", "source", "read")} for m in library.values()]
     finishes = [{"name": f.name, "emissivity": f.typical, "low": f.low, "high": f.high, "basis": f.basis} for f in FINISHES.values()]
     unread = sum(not m.read for m in library.values())

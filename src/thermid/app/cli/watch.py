@@ -32,7 +32,7 @@ from thermid.app.texts import add_codes
 from thermid.base.errors import RecordError, refuse_unknown
 from thermid.base.results import clean
 from thermid.base.units import TEMPERATURE, amount, duration_text
-from thermid.campaign.stages import RunningTest, running_test
+from thermid.campaign.stages import RunningTest
 from thermid.measure.readers import read_record, temperature_columns
 from thermid.measure.records import Record, StabilityRule
 from thermid.model.tree import UNJUDGED, Standing, literal, load_model
@@ -98,7 +98,9 @@ def watch(
     stated = scenario_of(scenario, boundary, [], None, None) if boundary or scenario is not None else None
     read = pairs(reading, "--read")
     refuse_unknown(read, READ_KEYS, "--read")
-    test = None if campaign is None else running_test(staged(campaign, data, results, records=[record] if record else []), record)
+    test = (
+        None if campaign is None else RunningTest.of_campaign(staged(campaign, data, results, records=[record] if record else []), record)
+    )
     if test is None:
         columns = BoundColumns(*_column_bindings(channel), None if model is None else fitted_model(model, values, None), read)
     else:

@@ -16,7 +16,7 @@ from thermid.base.errors import DeckError, MissingDataError, RecordError, Thermi
 from thermid.base.files import project_root, resolve_inside
 from thermid.base.results import clean
 from thermid.base.units import ICE_POINT, TEMPERATURE, Array, Bools, unit
-from thermid.campaign.stages import Campaign, running_test
+from thermid.campaign.stages import Campaign, RunningTest
 from thermid.measure.looks import look
 from thermid.measure.readers import log_cells, name_and_unit, read_record
 from thermid.measure.records import RULES, Channel, ChannelStability, Record, StabilityRule
@@ -209,7 +209,7 @@ def _like_a_record(path: Path, campaign: Campaign, stated: Scenario | None, bare
         return _without_model(bare, "the log has not the columns of one of the campaign's records. Bind the columns")
     last = next(s.records for s in campaign.source.content.stages if s.name == list(campaign)[-1]) if campaign.source is not None else ()
     like = max(alike, key=lambda name: (name in last, len(records[name].channels)))  # whose columns are those of the model
-    test = running_test(campaign, like)
+    test = RunningTest.of_campaign(campaign, like)
     # what was bound on the page stands in place of the record's own; noise and the like stay
     written_tables = {n: t for n in told if isinstance(t := test.table.channels.get(n), dict)}
     tables: dict[str, Any] = {

@@ -13,7 +13,7 @@ from tomlkit.items import AoT
 from thermid.base.errors import DeckError, IdentificationError, ThermidError, refuse_unknown
 from thermid.base.files import read_text, unsealed
 from thermid.base.units import short
-from thermid.campaign._file import CampaignSource, read_campaign
+from thermid.campaign._file import CampaignSource
 from thermid.campaign._stages import run_stages
 from thermid.campaign._start.project import TEMPLATE
 from thermid.fit.calibration import Calibration, Request, fit
@@ -189,7 +189,7 @@ def _stage_to_improve(
     DeckError     When there is no such stage, or it fits nothing.
     OutputError   When a file is there that thermid did not write.
     """
-    source = read_campaign(path, data)
+    source = CampaignSource.read(path, data)
     names = [s.name for s in source.content.stages]
     name = stage or names[-1]
     refuse_unknown([name], names, path.name, "no stage '{}'.", DeckError)

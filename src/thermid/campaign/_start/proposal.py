@@ -32,7 +32,7 @@ from thermid.inference.criticism import (
 )
 from thermid.measure.records import Record
 from thermid.model.tree import Model, Parameter, ParameterSet, literal, model_from_dict
-from thermid.physics.materials import materials as all_materials
+from thermid.physics.materials import Material
 from thermid.simulation.runs import Scenario
 
 LEAST_HEAT = 0.5e6
@@ -102,9 +102,9 @@ def known_masses(masses: Mapping[str, str], materials: Mapping[str, str]) -> dic
     for part, text in masses.items():
         weight = amount(text, "kg", f"--mass {part}")
         named = materials.get(part, "")
-        heats = [m.specific_heat for name, m in all_materials().items() if named and name.lower().startswith(named.lower())]
+        heats = [m.specific_heat for name, m in Material.table().items() if named and name.lower().startswith(named.lower())]
         if named and not heats:
-            families = ", ".join(dict.fromkeys(name.partition(",")[0] for name in all_materials()))
+            families = ", ".join(dict.fromkeys(name.partition(",")[0] for name in Material.table()))
             raise ThermidError(f"no material '{named}'. Known: {families}. Or leave it out.", f"--material {part}", code="name.unknown")
         low, high = (min(heats), max(heats)) if heats else SPECIFIC_HEAT
         out[part] = KnownMass(weight, low, high, MATERIAL_SD if heats else ANY_SD)

@@ -21,7 +21,6 @@ from thermid.fit._problem.experiment import (
     SWITCH,
     UNKNOWN_START_SD,
     Experiment,
-    bind,
     first_reading,
     gain_of,
     lag_of,
@@ -56,7 +55,8 @@ def build_problem(request: Request) -> Problem:
             f"a scenario is given for '{name}', which is not a record of this fit.{nearest(name, names)}", where, code="name.unknown"
         )
     experiments = tuple(
-        bind(request.model, r, request.scenario(r), request.window, request.weights, request.held_errors) for r in request.records
+        Experiment.bind(request.model, r, request.scenario(r), request.window, request.weights, request.held_errors)
+        for r in request.records
     )
     sensors = {o.sensor for e in experiments for o in e.observations}
     for sensor, weight in request.weights.items():

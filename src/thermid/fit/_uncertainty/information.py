@@ -11,7 +11,7 @@ import numpy as np
 from thermid.base.errors import SolverError
 from thermid.base.linear_algebra import RANK_TOLERANCE, covariance, scaled
 from thermid.base.units import Array, Bools
-from thermid.fit._minimisation import Fit, ended, finite
+from thermid.fit._minimisation import Fit, finite
 from thermid.fit._problem.gather import build_problem, problem_of
 from thermid.fit._problem.request import Request, form, known_before
 from thermid.fit._problem.residuals import Problem, Unknown
@@ -215,7 +215,7 @@ def opened_jacobian(at: Opened, loss: str = "linear", loss_scale: float = 1.0) -
     Both have the same rows, in as few as hold the same information (`Fit.jacobian`); the weights of a robust loss are in them. With A and B
     the two, an error dq of the opened values moves the fit by ``-C A'B dq``, C the covariance that its weights stand for.
     """
-    jacobian = ended(at.problem, at.fitted, loss, loss_scale).jacobian
+    jacobian = Fit.ended(at.problem, at.fitted, loss, loss_scale).jacobian
     return jacobian[:, : at.own], jacobian[:, at.own :]
 
 

@@ -32,7 +32,6 @@ from thermid.fit.calibration import (
     Request,
     Unknown,
     build_problem,
-    ended,
     minimise,
     starting_point,
     white_rows,
@@ -763,7 +762,7 @@ def _ended(
     loss = request.loss, request.loss_scale
     if noise is not None or not rounds:
         score, at = weighed_in_noise(problem, at, sizes, noise, *loss) if noise is not None else (weighed_at(problem, at, sizes, *loss), at)
-        return ended(problem, at, *loss), score.less(chosen)
+        return Fit.ended(problem, at, *loss), score.less(chosen)
     end = minimise(problem, *loss, at, budget.watch(request.name), SEARCH_DONE_STEP, rounds)
     budget.pace = min(budget.pace, (time.process_time() - begun) / max(end.evaluations, 1))
     if not np.isfinite(end.cost):

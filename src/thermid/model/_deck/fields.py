@@ -19,7 +19,7 @@ from thermid.model._parts.ranges import RANGES, outside
 from thermid.model._tree.arrays import Use
 from thermid.model._tree.flat import allows
 from thermid.model._tree.model import Model
-from thermid.physics.materials import Material, material
+from thermid.physics.materials import Material
 
 NO_CONVECTION = "0 [W/(m^2 K)]"
 PROPERTIES: Final = {"specific_heat": "J/(kg K)", "conductivity": "W/(m K)"}
@@ -153,7 +153,7 @@ class ElementTable(StrictTable):
         if field in self.model_fields_set:
             return self.model_copy(update={"material": ""})
         try:
-            return self.model_copy(update={"material": "", field: property_of(material(name), field)})
+            return self.model_copy(update={"material": "", field: property_of(Material.named(name), field)})
         except NameNotFoundError as error:
             raise DeckError(error.message, where, code=error.code) from None
 

@@ -10,7 +10,7 @@ from typing import Any, Final, Literal as OneOf, get_args
 from thermid.base.errors import DeckError, UnitError, errors_at, refuse_unknown
 from thermid.base.units import HALF_WIDTH_95, Dimension, Expression, Literal, describe, from_si, unit
 from thermid.model._laws.options import Source
-from thermid.physics.materials import materials
+from thermid.physics.materials import Material
 
 State = OneOf["credible", "unjudged", "not adequate", "incomplete", "not credible", "failed"]
 ORDER: tuple[State, ...] = get_args(State)
@@ -259,7 +259,7 @@ class Parameter:
         if self.basis.startswith(FINISH):
             name, alike = self.basis.removeprefix(FINISH).partition("'")[0], FINISH_CORRELATION
         else:
-            name, alike = (f"{material}, {self.text}", 1.0) if material in materials() else ("", 0.0)
+            name, alike = (f"{material}, {self.text}", 1.0) if material in Material.table() else ("", 0.0)
         return StatedRange(self.minimum, self.maximum, name, alike)
 
     @property

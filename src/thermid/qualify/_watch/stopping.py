@@ -24,7 +24,7 @@ import numpy as np
 from thermid.base.errors import RecordError, SolverError
 from thermid.base.linear_algebra import covariance
 from thermid.base.units import ICE_POINT, Array, duration_text, short
-from thermid.fit.calibration import Bench, Compressed, Experiment, Prior, Unknown, bind, minimise
+from thermid.fit.calibration import Bench, Compressed, Experiment, Prior, Unknown, minimise
 from thermid.inference.criticism import WATCHED
 from thermid.measure.records import MIN_INDEPENDENT_SHARE, Record, StabilityRule, effective_samples
 from thermid.model.tree import Model
@@ -146,7 +146,7 @@ class LiveFit:
         SolverError, RecordError   When the model cannot be run under the inputs of the record.
         """
         enough = all(np.count_nonzero(record.channel(n).valid) >= MIN_READINGS_TO_FIT for n in channels)
-        new_fit = _Fit(bind(self.model, record, self._until(record), errors={}), record, self.values) if enough else None
+        new_fit = _Fit(Experiment.bind(self.model, record, self._until(record), errors={}), record, self.values) if enough else None
         if new_fit is not None:
             new_fit.run()
             self.values = new_fit.deviations()
