@@ -476,7 +476,7 @@ class Stamp(NamedTuple):
 
     @property
     def text(self) -> str:
-        """It as `instant` reads it."""
+        """It as `Stamp.read` reads it."""
         return (datetime(1970, 1, 1, tzinfo=UTC if self.zoned else None) + timedelta(seconds=self.seconds)).isoformat(" ")
 
     @staticmethod

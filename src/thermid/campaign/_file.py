@@ -295,7 +295,7 @@ class CampaignSource:
     def of_content(
         target: Path, content: Mapping[str, Any], lines: Mapping[str, int] | None = None, data: str | os.PathLike[str] | None = None
     ) -> CampaignSource:
-        """Return a campaign of its content, as it would be read from a file; see `read_campaign`."""
+        """Return a campaign of its content, as it would be read from a file; see `read`."""
         lines = lines or {}
         checked: CampaignFile = by_grammar("thermid.campaign._schema.CampaignFile", content, Places(target.name, lines))
         logs = data if data is not None else os.environ.get(DATA)

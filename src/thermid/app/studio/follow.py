@@ -194,7 +194,7 @@ def _by_names(path: Path, model: Model, stated: Scenario | None, bare: WatchRequ
 
 
 def _like_a_record(path: Path, campaign: Campaign, stated: Scenario | None, bare: WatchRequest, told: Tables) -> _Bound:
-    """Return what a log is watched by where it has the columns of a record of a campaign: as `running_test` says."""
+    """Return what a log is watched by where it has the columns of a record of a campaign: as `RunningTest.of_campaign` says."""
     written = log_cells(path).header
     header = {*written, *(name_and_unit(cell)[0] for cell in written)}
     records = campaign.source.content.records if campaign.source is not None else {}
