@@ -64,7 +64,7 @@ def weighed_at(
 
 
 def seen_in_stretches(problem: Problem, fitted: Array, loss: str, loss_scale: float) -> Sequence[Binned]:
-    """Return the traces of a problem at some values in stretches of time; see `Binned.of_problem`. `SolverError` when a record cannot be run."""
+    """Return the traces of a problem at some values in stretches of time. `SolverError` when a record cannot be run."""
     return [*Binned.of_problem(problem, fitted, loss, loss_scale, MAX_SEEN_STRETCHES).values()]
 
 
