@@ -20,7 +20,7 @@ import numpy as np
 
 import thermid as td
 from thermid.campaign._joint import fit_jointly
-from thermid.campaign.stages import CampaignSource, read_campaign, request_of, scenario_of
+from thermid.campaign.stages import CampaignSource, request_of, scenario_of
 from thermid.fit.calibration import Request, fit
 
 ROOT = Path(__file__).parents[1]
@@ -53,7 +53,7 @@ def laboratory(folder: Path) -> None:
 
 def opened(campaign: Path, data: Path, stages: Mapping[str, Mapping[str, Any]] | None = None) -> CampaignSource:
     """Return a campaign with some stages, changed, and no verdicts; every other stage is left out."""
-    source = read_campaign(campaign, data)
+    source = CampaignSource.read(campaign, data)
     of = {s.name: s for s in source.content.stages}
     kept = [of[n].model_copy(update=dict(changes)) for n, changes in (stages or {key: {} for key in of}).items()]
     return replace(source, content=source.content.model_copy(update={"stages": kept, "verdicts": [], "checksums": {}}))

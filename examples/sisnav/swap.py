@@ -14,7 +14,7 @@ import laboratory
 import numpy as np
 
 import thermid as td
-from thermid.campaign.stages import read_campaign
+from thermid.campaign.stages import CampaignSource
 
 HERE = Path(__file__).parent
 SWAPS = {"EleGFO": ("m_PrE.ele", "pre.ele", "EleGFO_v2"), "a gyro": ("m_IMU.fog_y", "imu.fog_y", "FOG_l_v2")}
@@ -58,14 +58,14 @@ def swapped(name: str, folder: Path, before: td.Campaign) -> Swap:
     seconds = []
     made = []
     for everything in (False, True):
-        known = read_campaign(HERE / "campaign.toml", folder / deck)
+        known = CampaignSource.read(HERE / "campaign.toml", folder / deck)
         for test in plan.tests if not everything else (*plan.tests, *plan.kept_tests):
             known.record(test)  # reading logs is not what is compared
         begun = time.process_time()
         made.append(plan.run(known, everything=everything))
         seconds.append(time.process_time() - begun)
     local, full = (m["m_Sd"] for m in made)
-    held_out = read_campaign(HERE / "campaign.toml", folder / deck).record("sd_held_out")
+    held_out = CampaignSource.read(HERE / "campaign.toml", folder / deck).record("sd_held_out")
     (one, near), (other, best) = (predicted(c.model, c.bias, held_out) for c in (local, full))
     old = before["m_Sd"]
     model, what = old.model.replaced(part, plan.model)

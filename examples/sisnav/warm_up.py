@@ -15,7 +15,7 @@ from pathlib import Path
 import laboratory
 
 import thermid as td
-from thermid.campaign.stages import read_campaign
+from thermid.campaign.stages import CampaignSource
 
 HERE = Path(__file__).parent
 CHANNEL = "P_PROC"
@@ -44,7 +44,7 @@ def logs(folder: Path, pause: bool, world: laboratory.World) -> None:
 def meter(folder: Path, pause: bool, world: laboratory.World) -> Meter:
     """Return what the pair's fit says of the processor's power meter."""
     logs(folder, pause, world)
-    source = read_campaign(HERE / "campaign.toml", folder)
+    source = CampaignSource.read(HERE / "campaign.toml", folder)
     stages = [s for s in source.content.stages if s.name in STAGES]
     records = {name: table for name, table in source.content.records.items() if name in RECORDS}
     narrowed = source.content.model_copy(update={"stages": stages, "records": records, "verdicts": []})

@@ -17,7 +17,7 @@ from candidates import candidates
 from structures import HERE, LOOSE, SENSORS, TRAINING, UNSEEN, bound, request
 
 import thermid as td
-from thermid.campaign.stages import CampaignSource, read_campaign
+from thermid.campaign.stages import CampaignSource
 from thermid.fit.calibration import LocalSpec, fit
 from thermid.inference.criticism import FittedStructure, StructureSearch, search_structure
 
@@ -76,7 +76,7 @@ def main() -> None:
     parser.add_argument("--data", default=os.environ.get("THERMID_DATA"), help="folder of the logs; THERMID_DATA does the same")
     parser.add_argument("--evaluations", type=int, default=8000, help="budget of the search")
     given = parser.parse_args()
-    source = read_campaign(HERE / "campaign.toml", given.data)
+    source = CampaignSource.read(HERE / "campaign.toml", given.data)
     begun, cpu = time.perf_counter(), time.process_time()
     found = searched(source, given.evaluations)
     print(f"{found}\nsearch: {time.perf_counter() - begun:.0f} s, {time.process_time() - cpu:.0f} s of processor time")

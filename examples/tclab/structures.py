@@ -22,7 +22,7 @@ from candidates import Candidate, candidates
 
 import thermid as td
 from thermid.base.errors import IdentificationError, ThermidError
-from thermid.campaign.stages import CampaignSource, read_campaign
+from thermid.campaign.stages import CampaignSource
 from thermid.fit.calibration import LocalSpec, Reading, Request, fit
 
 HERE = Path(__file__).parent
@@ -313,7 +313,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         from_parts()
     begun = time.perf_counter()
     try:
-        source = read_campaign(HERE / "campaign.toml", given.data)
+        source = CampaignSource.read(HERE / "campaign.toml", given.data)
         chosen = {n: c for n, c in candidates().items() if not given.only or n in given.only}
         rows = []
         for name, which in chosen.items():

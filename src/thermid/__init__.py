@@ -160,7 +160,6 @@ _NAMESPACES = {
         "Correlation": "campaign.stages",
         "load_plan": "qualify.plans",
         "Plan": "qualify.plans",
-        "lock_plan": "qualify.plans",
         "run_plan": "qualify.plans",
         "Qualification": "qualify.plans",
         "macro_model": "prediction.reduction",

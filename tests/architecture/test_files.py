@@ -34,6 +34,8 @@ PLACES = {
 }
 INSIDE_REPLACING = {"savetxt", "savez", "to_netcdf", "savefig"}
 """What a library writes to a path that `replacing` gave, or into memory."""
+OURS = {"replacing", "save_bytes"}
+"""Methods of `FileKind` that give a place to write to, or take what was written into memory."""
 READS = {"read_text", "read_bytes"}
 NO_INPUT = {
     "thermid.base.files": "reading is its work; locks and verdicts are carried on",
@@ -65,22 +67,21 @@ def opens_to_write(node: ast.Call) -> bool:
     return system or any(set(text) <= set("rwaxbt+") and set(text) & set("wax+") for text in texts)
 
 
-def own_names(module: Module) -> set[str]:
-    """Names that the module takes from `thermid.base.files`."""
-    return {name for i in module.imports() if i.target == "thermid.base.files" for name in i.names}
+def own_writers(module: Module) -> set[str]:
+    """Methods of a kind of file by which the module writes."""
+    return {node.func.attr for node in module.nodes if isinstance(node, ast.Call) and isinstance(node.func, ast.Attribute)} & OURS
 
 
 def writes(module: Module) -> Iterator[str]:
     """Places that write a file past the writer."""
-    ours = own_names(module)
+    ours = own_writers(module)
     for node in module.nodes:
         if not isinstance(node, ast.Call):
             continue
         name = called(node)
-        method = isinstance(node.func, ast.Attribute)
         if name == "to_netcdf" and module.room == "app":
             continue  # the method of a solution, which goes through the writer
-        if name in WRITES and (method or name not in ours) and not (name in INSIDE_REPLACING and ours & {"replacing", "write_bytes"}):
+        if name in WRITES and not (name in INSIDE_REPLACING and ours):
             yield f"{module.name}:{node.lineno} {name}"
         elif opens_to_write(node) and not ("replacing" in ours and ast.unparse(node).startswith("half.")):
             yield f"{module.name}:{node.lineno} {ast.unparse(node)}"
@@ -111,7 +112,7 @@ def test_what_is_read_is_known_as_an_input(modules: dict[str, Module]) -> None:
     [
         "path.write_text('x')",
         "Path(p).write_bytes(b'x')",
-        "from thermid.base.files import write_text\npath.write_text('x')",
+        "from thermid.base.files import FileKinds\nFileKinds.DECK.save_text(p, 'x')\npath.write_text('x')",
         "open(p, 'w')",
         "path.open('wb')",
         "path.open(mode='a')",
@@ -130,9 +131,9 @@ def test_a_writer_of_its_own_is_seen(text: str) -> None:
 @pytest.mark.parametrize(
     "text",
     [
-        "from thermid.base.files import TABLE, replacing\nwith replacing(p, TABLE) as half:\n    np.savetxt(half, a)",
-        "from thermid.base.files import TABLE, replacing\nwith replacing(p, TABLE) as half, half.open('w') as file:\n    file.write('x')",
-        "from thermid.base.files import DECK, write_text\nwrite_text(p, 'x', DECK)",
+        "from thermid.base.files import FileKinds\nwith FileKinds.TABLE.replacing(p) as half:\n    np.savetxt(half, a)",
+        "from thermid.base.files import FileKinds\nwith FileKinds.TABLE.replacing(p) as half, half.open('w') as file:\n    file.write('x')",
+        "from thermid.base.files import FileKinds\nFileKinds.DECK.save_text(p, 'x')",
         "open(p)",
         "path.open('rb')",
         "webbrowser.open(address)",

@@ -27,7 +27,7 @@ from thermid.app.cli import screen
 from thermid.app.cli.app import main
 from thermid.base.files import command
 from thermid.bench.bench_files import load_programme, load_sensors
-from thermid.campaign.stages import read_campaign
+from thermid.campaign.stages import CampaignSource
 
 from .formulas import disagreement
 from .pages import NUMBER, ROOT, Block, blocks, differences, near
@@ -42,7 +42,7 @@ def _load_deck(path: Path) -> None:
 
 
 def _load_campaign(path: Path) -> None:
-    source = read_campaign(path)
+    source = CampaignSource.read(path)
     for stage in source.content.stages:
         source.model(stage.model, stage.name)
 

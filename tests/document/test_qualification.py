@@ -88,7 +88,7 @@ def test_A12_a_plan_lists_its_tests_and_turns_into_verdicts_as_logs_come_back(tm
         ("experiment on board", "on-board", None),
     ]
     assert all(t.within for t in ahead.trials)
-    td.qualify.lock_plan(td.qualify.load_plan(file))
+    td.qualify.load_plan(file).lock()
     measured(tmp_path)
     (tmp_path / "plan.toml").write_text(with_log(PLAN, state='"run"'), encoding="utf-8")
     good = td.qualify.run_plan(file)

@@ -15,7 +15,7 @@ import pytest
 
 from by_code import raises_code
 from thermid.base.errors import DeckError, NameNotFoundError
-from thermid.model.tree import Model, flatten, ledger, load_model, model_from_dict, save_model
+from thermid.model.tree import Flat, Model, ledger, load_model, model_from_dict, save_model
 from thermid.simulation.runs import compile_network, modes, state_space
 
 pytestmark = pytest.mark.document
@@ -309,7 +309,7 @@ def test_over_allocation_is_refused_at_any_depth() -> None:
 
 def test_component_parameters_stay_but_for_the_convective_area() -> None:
     """A3: what a submodel changes of a part is the area that convects, and what its deck sets."""
-    alone, inside = flatten(component("ProcSISNAV")).parameters.evaluate({}), flatten(m_pre()).parameters.evaluate({})
+    alone, inside = Flat.of_model(component("ProcSISNAV")).parameters.evaluate({}), Flat.of_model(m_pre()).parameters.evaluate({})
     assert {p: inside[f"proc.{p}"] for p in alone} == alone
 
 
@@ -409,13 +409,13 @@ def test_B12_table_2_as_printed() -> None:  # noqa: N802
 )
 def test_B12_table_2_per_level(build: Any, level: str, paths: dict[str, str]) -> None:  # noqa: N802
     """The value that holds at each level is the table's, whoever set it: the outermost deck wins."""
-    values = flatten(build()).parameters.evaluate({})
+    values = Flat.of_model(build()).parameters.evaluate({})
     assert {p: values[f"{p}.skin.effective_htc"] for p in paths} == {p: given(n, level) for p, n in paths.items()}
 
 
 def test_levels_are_a_shadow_list() -> None:
     """At the full model, every coefficient shows which lower levels it hides."""
-    table = flatten(sd()).parameters.table
+    table = Flat.of_model(sd()).parameters.table
     assert table["pre.ele.skin.effective_htc"].shadowed == (("EleGFO", "2.2 [W/(m^2 K)]"), ("[set] of m_PrE", "2.1 [W/(m^2 K)]"))
     assert table["pre.ele.skin.effective_htc"].origin == "[set] of m_Sd"
     assert table["imu.acc.support.skin.effective_htc"].shadowed == (("AccS", "6.0 [W/(m^2 K)]"), ("[set] of m_IMU", "6 [W/(m^2 K)]"))
@@ -444,11 +444,11 @@ def test_B12_a_dash_is_asked_for(name: str, level: str) -> None:  # noqa: N802
     ],
 )
 def test_names_of_the_document(written: str, canonical: str) -> None:
-    assert flatten(sd()).names.find(written) == canonical
+    assert Flat.of_model(sd()).names.find(written) == canonical
 
 
 def test_names_of_the_example() -> None:
-    names = flatten(load_model(EXAMPLES / "02_stack/m_PrE.toml")).names
+    names = Flat.of_model(load_model(EXAMPLES / "02_stack/m_PrE.toml")).names
     assert names.find("m_PrE_PrS") == names.find("PrS.case") == "proc.case"
     assert names.find("m_PrE_EleG") == names.find("EleG.case") == "ele.case"
     with raises_code("name.unknown", NameNotFoundError, match="m_PrE.*'m_PrE_PrX'"):

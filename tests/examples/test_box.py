@@ -13,7 +13,7 @@ import pytest
 
 import thermid as td
 from thermid.app.cli.app import main
-from thermid.model.tree import flatten
+from thermid.model.tree import Flat
 
 BOX = Path(__file__).parents[2] / "examples" / "box"
 HOT = td.Scenario("hot", boundaries={"room": "35 [degC]", "mount": "40 [degC]"}, start="35 [degC]", duration="3 [h]")
@@ -30,7 +30,7 @@ def said(*words: str) -> tuple[str, int]:
 
 
 def test_the_box_is_as_large_as_it_says_in_110_lines_and_a_table() -> None:
-    flat = flatten(td.load_model(BOX / "box.toml"))
+    flat = Flat.of_model(td.load_model(BOX / "box.toml"))
     assert (len(flat.nodes), len(flat.conductors)) == (50, 150)
     assert sum(len(p.read_text(encoding="utf-8").splitlines()) for p in BOX.glob("*.toml")) <= 110
     assert len(list(BOX.glob("*.csv"))) == 1

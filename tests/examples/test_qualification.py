@@ -22,10 +22,10 @@ KINDS = {"thermal cycling", "thermal vacuum", "humidity", "hold", "ascent", "on-
 
 def test_the_plan_stands_as_it_was_locked_and_says_that_logs_came_first() -> None:
     """Its decks, values, limits and scenarios among it; the logs are synthetic and were run while the plan was written."""
-    from thermid.qualify.plans import lock_status
+    pass
 
     plan = td.qualify.load_plan(EXAMPLES / "sisnav" / "qualification" / "plan.toml")
-    status = lock_status(plan)
+    status = plan.lock_status()
     assert (status.state, status.changed) == ("late", ())
     assert "locked, so the lock does not prove that the criteria were set in advance" in str(status)
     assert {t.kind for t in plan.tests} == KINDS

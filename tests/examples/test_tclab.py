@@ -20,7 +20,7 @@ from typing import Any
 import pytest
 
 import thermid as td
-from thermid.campaign.stages import read_campaign
+from thermid.campaign.stages import CampaignSource
 
 ROOT = Path(__file__).parents[2]
 EXAMPLE = ROOT / "examples" / "tclab"
@@ -174,7 +174,7 @@ class TestTheWholeCampaign:
 @sao_paulo
 class TestSamples:
     def test_every_run_is_known_by_its_samples(self) -> None:
-        source = read_campaign(EXAMPLE / "campaign.toml", SAO_PAULO)
+        source = CampaignSource.read(EXAMPLE / "campaign.toml", SAO_PAULO)
         assert set(source.content.checksums) == set(source.names())
         assert all(len(sum_) >= 16 for sum_ in source.content.checksums.values())
 

@@ -10,7 +10,7 @@ import pytest
 from by_code import raises_code
 from thermid.base.units import celsius
 from thermid.campaign.stages import Criteria, validate
-from thermid.fit._minimisation import ended
+from thermid.fit._minimisation import Fit
 from thermid.fit.calibration import Calibration, attached, calibrate, covariances
 from thermid.measure._record.channel import with_sensor
 from thermid.measure.records import Channel, Record, SensorCertificate, SensorPart
@@ -131,7 +131,7 @@ def test_noise_that_is_correlated_is_covered_and_would_mislead() -> None:
             other = fit(clean + noise, None)
             assert other.problem is not None
             assert other.autocorrelation is not None
-            end = ended(other.problem, np.array(list(other.fitted.values())))
+            end = Fit.ended(other.problem, np.array(list(other.fitted.values())))
             _, _, weights = covariances(end, other.autocorrelation.variance_factor)
             blind.append(float(np.log(other["skin.conductance"].value / 0.05) / np.sqrt(weights[0, 0])))
     assert covered(known)

@@ -18,13 +18,13 @@ import thermid as td
 from thermid.base.errors import ThermidError
 from thermid.measure._readers.columns import name_and_unit
 from thermid.measure.readers import log_cells, read_record, temperature_columns
-from thermid.measure.records import Channel, Record, channel_stability, rule_of
+from thermid.measure.records import Channel, Record, StabilityRule
 from thermid.model.tree import model_from_dict
 from thermid.qualify._watch.stopping import STOP
 from thermid.qualify.watch import GrowingLog, Stopping, Watcher, WatchLook, replayed as played
 from unit.fit.estimation.rig import AIR, NOISE, Array, deck_of, logged, rig, run, scenario
 
-RULE, WITHIN = rule_of("3 C/h"), 1.0
+RULE, WITHIN = StabilityRule.named("3 C/h"), 1.0
 LATE, EVERY = 300.0, 10.0
 KINDS = (
     "as the truth",
@@ -156,7 +156,7 @@ def stop_of(case: Case, hours: float = 5.0) -> Stop:
     rule = 0.0
     for piece in played(record, 60.0):
         if not rule and piece.duration >= 300.0:
-            met = all(channel_stability(piece, n, RULE).verdict == "stable" for n in case.sensors)
+            met = all(RULE.of_channel(piece, n).verdict == "stable" for n in case.sensors)
             rule = float(piece.times[-1]) if met else 0.0
         look = twin.look(piece)
         if look.advice.word == STOP:

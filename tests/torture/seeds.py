@@ -18,10 +18,9 @@ import numpy as np
 import thermid as td
 from thermid.bench.bench_files import load_programme, load_sensors
 from thermid.campaign._judge.verdict import _read as read_looks, look
-from thermid.campaign.stages import load_limits, read_campaign, recall
+from thermid.campaign.stages import CampaignSource, load_limits, recall
 from thermid.interop.initfcn import read_initfcn
 from thermid.measure.readers import read_plain
-from thermid.qualify.plans import lock_plan, lock_status
 from thermid.values.store import FittedValue, FittedValues
 from torture.elements import network
 from torture.mutants import _toml
@@ -287,7 +286,7 @@ def make(folder: Path) -> None:
     (folder / "unit.fit.json").write_text(json.dumps(kept), encoding="utf-8")
     (folder / "qualify").mkdir(exist_ok=True)
     plan = project(folder / "qualify", PLAN)
-    lock_plan(td.qualify.load_plan(plan))
+    td.qualify.load_plan(plan).lock()
 
 
 def _run_deck(file: Path) -> None:
@@ -321,11 +320,11 @@ def _profile(file: Path) -> None:
 
 
 def _plan(file: Path) -> None:
-    lock_status(td.qualify.load_plan(file))
+    td.qualify.load_plan(file).lock_status()
 
 
 def _lock(file: Path) -> None:
-    lock_status(td.qualify.load_plan(file.with_name("plan.toml")))
+    td.qualify.load_plan(file.with_name("plan.toml")).lock_status()
 
 
 def _record(file: Path) -> None:
@@ -374,7 +373,7 @@ KINDS: Final[dict[str, Kind]] = {
         "day.toml", _run_scenario, (("simulate", "unit.toml", "--scenario", "{}"), ("steady", "unit.toml", "--scenario", "{}"))
     ),
     "surroundings": Kind("pad.toml", _run_scenario, (("simulate", "unit.toml", "--scenario", "{}"),)),
-    "campaign": Kind("campaign.toml", read_campaign, (("check", "{}"), ("check", "{}", "--json"))),
+    "campaign": Kind("campaign.toml", CampaignSource.read, (("check", "{}"), ("check", "{}", "--json"))),
     "study": Kind("study.toml", _study),
     "plan": Kind("qualify/plan.toml", _plan, (("plan", "{}"),)),
     "lock": Kind("qualify/plan.lock.json", _lock, (("plan", "qualify/plan.toml"),)),

@@ -23,10 +23,10 @@ import numpy as np
 import thermid as td
 from thermid.app.texts import pairs
 from thermid.base.errors import ThermidError
-from thermid.base.units import parse
+from thermid.base.units import Expression
 from thermid.model._tree.flat import allows
 from thermid.model._tree.rules import findings
-from thermid.model.tree import flatten
+from thermid.model.tree import Flat
 from torture.files import _limit, _over, judged
 from torture.physical import forbidden
 
@@ -172,7 +172,7 @@ def leaves(deck: Any, place: Place = ()) -> Iterator[Place]:
 
 def _number(text: str) -> bool:
     try:
-        return parse(text).literal is not None
+        return Expression.parse(text).literal is not None
     except ThermidError:
         return False
 
@@ -223,7 +223,7 @@ def read(given: Any) -> float | None:
     """Return what stands in a deck as a number in SI, if it is one."""
     if isinstance(given, int | float):
         return float(given)
-    literal = parse(given).literal if isinstance(given, str) else None
+    literal = Expression.parse(given).literal if isinstance(given, str) else None
     return literal.value if literal else None
 
 
@@ -274,7 +274,7 @@ def faults(case: Case) -> list[str]:
     except ThermidError:
         ends = {}
     run = td.simulate(case.model, case.scenario, every="1 [min]")
-    flat = flatten(case.model)
+    flat = Flat.of_model(case.model)
     values = flat.parameters.evaluate({}) | case.course
     out = [f"{path} = {values[path]:g} is accepted" for path, (given, _) in flat.ranges.items() if not allows(given, values[path])]
     out += ["check finds an error, and it runs"] if errors else []

@@ -17,7 +17,7 @@ import thermid as td
 from by_code import raises_code
 from thermid.base import files
 from thermid.base.errors import CAPS, CAPS_VARIABLE, RecordError, ScenarioError, ThermidError, cap
-from thermid.base.units import parse, unit
+from thermid.base.units import Expression, unit
 from thermid.interop.decks import read_sinda
 from thermid.interop.initfcn import read_initfcn
 from thermid.measure.readers import read_plain
@@ -180,8 +180,8 @@ ASKED: dict[str, tuple[str, Callable[[Path], Any]]] = {
     "cells": ("5", lambda f: cells()),
     "exponent": ("2", lambda f: unit("m^5")),
     "unit": ("5", lambda f: unit("W/(m^2 K)")),
-    "expression": ("10", lambda f: parse("1 + 1 + 1 + 1 [W]")),
-    "power": ("3", lambda f: parse("2**5 [W]")),
+    "expression": ("10", lambda f: Expression.parse("1 + 1 + 1 + 1 [W]")),
+    "power": ("3", lambda f: Expression.parse("2**5 [W]")),
     "key": ("2", lambda f: files.parse_toml("a.b.c = 1\n")),
     "nesting": ("2", lambda f: td.load_model(written(f, "a.toml", DECK))),
     "decks": ("2", lambda f: td.load_model(uses(f))),
@@ -193,7 +193,7 @@ ASKED: dict[str, tuple[str, Callable[[Path], Any]]] = {
 def test_a_refusal_names_the_cap_and_what_raises_it(what: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     name = what.partition(" ")[0]
     low, asks = ASKED[what]
-    parse.cache_clear()
+    Expression.parse.cache_clear()
     unit.cache_clear()
     monkeypatch.setenv(CAPS_VARIABLE, f"{name}={low}")
     with pytest.raises((ThermidError, ValueError), match=f"'{name}' is .* {CAPS_VARIABLE}={name}=NUMBER"):

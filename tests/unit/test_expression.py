@@ -18,7 +18,7 @@ from hypothesis import given, strategies as st
 import thermid as td
 from by_code import raises_code
 from thermid.base.errors import ExpressionError, UnitError
-from thermid.base.units import Dual, gradient_of, parse, unit, value_of
+from thermid.base.units import Dual, Expression, gradient_of, unit, value_of
 from thermid.model.tree import ParameterSet
 
 NUMBERS = st.one_of(
@@ -64,9 +64,9 @@ def test_pure_numbers_are_exact(text: str) -> None:
         wanted = float(exact(ast.parse(text, mode="eval").body, text))
     except ZeroDivisionError:
         with raises_code("expression.no-finite-value", ExpressionError):
-            parse(text)
+            Expression.parse(text)
         return
-    literal = parse(text).literal
+    literal = Expression.parse(text).literal
     assert literal is not None
     assert literal.value == wanted
 
@@ -79,27 +79,27 @@ def test_names_against_pythons_own_arithmetic(text: str, x: float, y: float) -> 
         wanted = eval(spelled, {"__builtins__": {}}, {"x": x, "y": y})  # the reference; the library itself never evaluates text
     except (ZeroDivisionError, OverflowError) as error:
         with pytest.raises((type(error), ExpressionError)):  # of numbers alone, it is refused when it is read
-            parse(text).evaluate(values.__getitem__)
+            Expression.parse(text).evaluate(values.__getitem__)
         return
-    expression = parse(text)
+    expression = Expression.parse(text)
     if expression.literal is None:
         assert expression.evaluate(values.__getitem__) == wanted
 
 
 def test_values_of_the_document() -> None:
-    assert parse("1*(15*0.015) [W]").literal.value == 0.225  # type: ignore[union-attr]
-    assert parse("0.001406 + 1.08*0.002592 [m^2]").literal.value == 0.00420536  # type: ignore[union-attr]
-    assert parse("  2.5 [W] ").literal.value == 2.5  # type: ignore[union-attr]
-    assert parse("0x1F").literal.value == 31.0  # type: ignore[union-attr]
-    assert parse("inf [K/W]").literal.value == float("inf")  # type: ignore[union-attr]
+    assert Expression.parse("1*(15*0.015) [W]").literal.value == 0.225  # type: ignore[union-attr]
+    assert Expression.parse("0.001406 + 1.08*0.002592 [m^2]").literal.value == 0.00420536  # type: ignore[union-attr]
+    assert Expression.parse("  2.5 [W] ").literal.value == 2.5  # type: ignore[union-attr]
+    assert Expression.parse("0x1F").literal.value == 31.0  # type: ignore[union-attr]
+    assert Expression.parse("inf [K/W]").literal.value == float("inf")  # type: ignore[union-attr]
 
 
 def test_names_in_order_once() -> None:
-    assert parse("(1 - x)*skin.area + x*b").names == ("x", "skin.area", "b")
+    assert Expression.parse("(1 - x)*skin.area + x*b").names == ("x", "skin.area", "b")
 
 
 def test_arrays_and_duals_go_through() -> None:
-    expression = parse("area*htc**2/2")
+    expression = Expression.parse("area*htc**2/2")
     found = expression.evaluate({"area": Dual(3.0, np.array([1.0])), "htc": 2.0}.__getitem__)
     assert (found.value, found.gradient[0]) == (6.0, 2.0)
     assert expression.evaluate({"area": np.array([1.0, 2.0]), "htc": 2.0}.__getitem__).tolist() == [2.0, 4.0]
@@ -116,7 +116,7 @@ def test_arrays_and_duals_go_through() -> None:
     ],
 )
 def test_dimension_by_algebra(text: str, of: dict[str, str], result: str) -> None:
-    assert parse(text).dimension(lambda name: unit(of[name]).dimension) == unit(result).dimension
+    assert Expression.parse(text).dimension(lambda name: unit(of[name]).dimension) == unit(result).dimension
 
 
 @pytest.mark.parametrize(
@@ -131,7 +131,7 @@ def test_dimension_by_algebra(text: str, of: dict[str, str], result: str) -> Non
 def test_dimensions_that_do_not_fit(text: str, code: str, message: str) -> None:
     of = {"a": unit("m").dimension, "b": unit("W").dimension, "n": unit("1").dimension}
     with raises_code(code, ExpressionError, match=message):
-        parse(text).dimension(of.__getitem__)
+        Expression.parse(text).dimension(of.__getitem__)
 
 
 @pytest.mark.parametrize(
@@ -164,7 +164,7 @@ def test_dimensions_that_do_not_fit(text: str, code: str, message: str) -> None:
 )
 def test_runs_no_code(text: str) -> None:
     with raises_code("expression.not-arithmetic", ExpressionError):
-        parse(text)
+        Expression.parse(text)
 
 
 @pytest.mark.parametrize(
@@ -172,13 +172,13 @@ def test_runs_no_code(text: str) -> None:
 )
 def test_unreadable(text: str) -> None:
     with raises_code("expression.not-arithmetic", ExpressionError):
-        parse(text)
+        Expression.parse(text)
 
 
 @pytest.mark.parametrize(("text", "meant"), [("3h", "3 [h]"), ("0.05 m^2", "0.05 [m^2]"), ("5 W/(m^2 K)", "2.5 [W]"), ("2 +", "2.5 [W]")])
 def test_a_unit_without_brackets_is_shown_with_them(text: str, meant: str) -> None:
     with pytest.raises(ExpressionError, match=re.escape(f"its unit, '{meant}', or")):
-        parse(text)
+        Expression.parse(text)
 
 
 @pytest.mark.parametrize(
@@ -187,12 +187,12 @@ def test_a_unit_without_brackets_is_shown_with_them(text: str, meant: str) -> No
 def test_no_finite_value(text: str) -> None:
     """Refused at once: nothing here may take long or fill the memory."""
     with raises_code("expression.no-finite-value", ExpressionError):
-        parse(text)
+        Expression.parse(text)
 
 
 def test_roots_of_pure_numbers() -> None:
-    assert parse("4**0.5").literal.value == 2.0  # type: ignore[union-attr]
-    assert parse("2**(1/3) [m]").literal.value == pytest.approx(2 ** (1 / 3), rel=1e-15)  # type: ignore[union-attr]
+    assert Expression.parse("4**0.5").literal.value == 2.0  # type: ignore[union-attr]
+    assert Expression.parse("2**(1/3) [m]").literal.value == pytest.approx(2 ** (1 / 3), rel=1e-15)  # type: ignore[union-attr]
 
 
 @pytest.mark.parametrize(
@@ -215,37 +215,37 @@ def test_roots_of_pure_numbers() -> None:
 )
 def test_other_refusals(text: str, code: str, message: str) -> None:
     with raises_code(code, ExpressionError, match=message):
-        parse(text)
+        Expression.parse(text)
 
 
 def test_messages_stay_short() -> None:
     with pytest.raises(ExpressionError) as caught:
-        parse("f(" + "x" * 1500 + ")")
+        Expression.parse("f(" + "x" * 1500 + ")")
     assert len(str(caught.value)) < 400
 
 
 def test_unknown_unit_of_a_number() -> None:
     with raises_code("unit.unknown", UnitError, match=r"'\[Wat\]'"):
-        parse("2 [Wat]")
+        Expression.parse("2 [Wat]")
 
 
 def test_root_of_a_negative_value() -> None:
     with pytest.raises(ArithmeticError):
-        parse("x**0.5").evaluate({"x": -2.0}.__getitem__)
+        Expression.parse("x**0.5").evaluate({"x": -2.0}.__getitem__)
 
 
 def test_nothing_is_evaluated_by_reading() -> None:
     """No attack leaves a module loaded."""
     sys.modules.pop("antigravity", None)
     with pytest.raises(ExpressionError):
-        parse("__import__('antigravity')")
+        Expression.parse("__import__('antigravity')")
     assert "antigravity" not in sys.modules
 
 
 @pytest.mark.parametrize("text", ["0,4 [kg]", "0,4", "1 + 0,25 [m]"])
 def test_a_decimal_comma_is_shown_with_a_point(text: str) -> None:
     with pytest.raises(ExpressionError, match=rf"write numbers with a decimal point: '{re.escape(text.replace(',', '.'))}'"):
-        parse(text)
+        Expression.parse(text)
 
 
 @pytest.mark.parametrize(
@@ -260,7 +260,7 @@ def test_a_decimal_comma_is_shown_with_a_point(text: str) -> None:
     ],
 )
 def test_functions_of_pure_numbers(text: str, value: float) -> None:
-    literal = parse(text).literal
+    literal = Expression.parse(text).literal
     assert literal is not None
     assert literal.value == pytest.approx(value, rel=1e-15)
 
@@ -280,7 +280,7 @@ FORMULAS = [
 @pytest.mark.parametrize(("x", "y"), [(0.7, 0.2), (0.2, 0.7), (5.0, 4.0)])
 def test_functions_and_their_derivatives(text: str, formula: Callable[..., Any], x: float, y: float) -> None:
     """Against complex steps of the formula; in arrays as in single numbers."""
-    read = parse(text)
+    read = Expression.parse(text)
     assert read.names == tuple(n for n in ("x", "y") if n in text.replace("max", "").replace("exp", ""))
     values = {"x": Dual(x, np.array([1.0, 0.0])), "y": Dual(y, np.array([0.0, 1.0]))}
     found = read.evaluate(values.__getitem__)
@@ -303,19 +303,19 @@ def test_functions_and_their_derivatives(text: str, formula: Callable[..., Any],
 def test_dimensions_of_functions(text: str, message: str) -> None:
     of = {"x": unit("m").dimension, "p": unit("W").dimension}
     with raises_code("expression.mixed-dimensions", ExpressionError, match=message):
-        parse(text).dimension(of.__getitem__)
-    assert parse("sqrt(x*x)").dimension(of.__getitem__) == of["x"]
+        Expression.parse(text).dimension(of.__getitem__)
+    assert Expression.parse("sqrt(x*x)").dimension(of.__getitem__) == of["x"]
 
 
 def test_a_constant_power_of_a_product_beside_a_number_with_a_unit() -> None:
     """The exponent was read at its place in another text: it was refused, and a message named a number `__quantity0`."""
     of = {"U": unit("V").dimension, "I": unit("A").dimension}
     for text in ("0.00095 [1/W]*(U*I)**2", "2.5 [W] + 0.1 [1/W]*(U*I)**2", "(U*I)**(1/2 + 1.5)/1 [W]", "(U*I)**-1*(3 [W])**2"):
-        assert parse(text).dimension(of.__getitem__) == unit("W").dimension
+        assert Expression.parse(text).dimension(of.__getitem__) == unit("W").dimension
     with raises_code("expression.mixed-dimensions", ExpressionError, match=r"'3 \[K\] \+ U \* I'"):
-        parse("3 [K] + U*I").dimension(of.__getitem__)
+        Expression.parse("3 [K] + U*I").dimension(of.__getitem__)
     with raises_code("expression.mixed-dimensions", ExpressionError, match=r"'max\(U \* I, 3 \[K\]\)'"):
-        parse("max(U*I, 3 [K])").dimension(of.__getitem__)
+        Expression.parse("max(U*I, 3 [K])").dimension(of.__getitem__)
 
 
 @pytest.mark.parametrize(
@@ -334,7 +334,7 @@ def test_a_constant_power_of_a_product_beside_a_number_with_a_unit() -> None:
 )
 def test_functions_refused(text: str, code: str, message: str) -> None:
     with raises_code(code, ExpressionError, match=message):
-        parse(text)
+        Expression.parse(text)
 
 
 def test_nodes_may_be_called_as_words_of_the_language() -> None:
@@ -360,4 +360,4 @@ def test_nodes_may_be_called_as_words_of_the_language() -> None:
 
 def test_a_gap_in_a_proposed_line_asks_to_be_filled() -> None:
     with raises_code("expression.not-arithmetic"):
-        parse("... [s]")
+        Expression.parse("... [s]")

@@ -18,22 +18,7 @@ import thermid as td
 from by_code import raises_code
 from thermid.base import files
 from thermid.base.errors import OutputError
-from thermid.base.files import (
-    FileKind,
-    FileKinds,
-    command,
-    folder_replacing,
-    may_write,
-    parse_toml,
-    read_bytes,
-    read_text,
-    replacing,
-    scratch,
-    sweep,
-    unsealed,
-    write_bytes,
-    write_text,
-)
+from thermid.base.files import FileKind, FileKinds, command, folder_replacing, parse_toml, read_bytes, read_text, scratch, sweep, unsealed
 
 PNG = (
     b"\x89PNG\r\n\x1a\n\0\0\0\rIHDR\0\0\0\x01\0\0\0\x01\x08\0\0\0\0:~\x9bU\0\0\0\nIDATx\x9cc`\0\0\0\x02\0\x01H\xaf\xa4q"
@@ -55,13 +40,13 @@ def names(folder: Path) -> list[str]:
 
 
 def cut_short(path: Path) -> None:
-    with replacing(path, FileKinds.RESULTS_FILE) as half:
+    with FileKinds.RESULTS_FILE.replacing(path) as half:
         half.write_text("one line of ma")
         raise KeyboardInterrupt
 
 
 def full_disk(path: Path) -> None:
-    with replacing(path, FileKinds.RESULTS_FILE):
+    with FileKinds.RESULTS_FILE.replacing(path):
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))  # as `write` has it: without a name
 
 
@@ -78,7 +63,7 @@ def test_a_file_that_is_interrupted_leaves_what_was_there(tmp_path: Path) -> Non
         assert names(tmp_path) == (["run.csv"] if before else [])
         assert not before or path.read_text() == before
     path.chmod(0o640)
-    with replacing(path, FileKinds.RESULTS_FILE) as half:
+    with FileKinds.RESULTS_FILE.replacing(path) as half:
         assert half.name.endswith("run.csv")
         half.write_text("new")
     assert path.read_text() == "new"
@@ -88,7 +73,7 @@ def test_a_file_that_is_interrupted_leaves_what_was_there(tmp_path: Path) -> Non
 
 def test_an_error_names_the_file_that_was_requested(tmp_path: Path) -> None:
     for path in (tmp_path / "no folder" / "run.csv", tmp_path):
-        with pytest.raises(OSError, match=path.name) as caught, replacing(path, FileKinds.RESULTS_FILE):
+        with pytest.raises(OSError, match=path.name) as caught, FileKinds.RESULTS_FILE.replacing(path):
             pass
         assert caught.value.filename == str(path)
 
@@ -96,11 +81,11 @@ def test_an_error_names_the_file_that_was_requested(tmp_path: Path) -> None:
 @pytest.mark.skipif(os.name != "posix", reason="links and devices as POSIX has them")
 def test_links_are_followed_and_devices_written_to(tmp_path: Path) -> None:
     (tmp_path / "link").symlink_to(tmp_path / "real.csv")
-    with replacing(tmp_path / "link", FileKinds.RESULTS_FILE) as half:
+    with FileKinds.RESULTS_FILE.replacing(tmp_path / "link") as half:
         half.write_text("x")
     assert (tmp_path / "link").is_symlink()
     assert (tmp_path / "real.csv").read_text() == "x"
-    with replacing(os.devnull, FileKinds.TABLE) as place:
+    with FileKinds.TABLE.replacing(os.devnull) as place:
         assert place == Path(os.devnull)
 
 
@@ -108,19 +93,19 @@ def test_links_are_followed_and_devices_written_to(tmp_path: Path) -> None:
 def test_a_sealed_text_is_replaced_until_somebody_changes_it(tmp_path: Path, kind: FileKind, text: str, comment: str) -> None:
     path = tmp_path / f"file{kind.endings[0]}"
     for again in (text, text):
-        write_text(path, again, kind, comment)
+        kind.save_text(path, again, comment)
     whole = path.read_bytes()
     assert text.strip().removesuffix("}").strip() in whole.decode()
     path.write_bytes(whole.replace(b"\n", b"\r\n"))  # as a version control may write it
-    write_text(path, text, kind, comment)
+    kind.save_text(path, text, comment)
     for changed in (b" " + whole, whole + b"x = 1\n", whole.replace(b"t", b"T", 1), text.encode(), b"somebody's"):
         path.write_bytes(changed)
         with raises_code("output.over-another-file", OutputError):
-            write_text(path, text, kind, comment)
+            kind.save_text(path, text, comment)
         assert path.read_bytes() == changed
     path.write_bytes(whole)
     with raises_code("output.over-another-file", OutputError):
-        write_text(path, text, FileKind("profile"))
+        FileKind("profile").save_text(path, text)
     assert names(tmp_path) == [path.name]
 
 
@@ -128,13 +113,13 @@ def test_pictures_and_printed_pages_carry_their_seal_where_readers_allow_it(tmp_
     for data, kind in ((PNG, FileKinds.PICTURE), (b"%PDF-1.4\n%%EOF\n", FileKinds.PAPER)):
         path = tmp_path / f"{kind.name}{kind.endings[0]}"
         for _ in range(2):
-            write_bytes(path, data, kind)
+            kind.save_bytes(path, data)
         assert path.read_bytes()[:8] == data[:8]
         path.write_bytes(path.read_bytes().replace(b"\0" if data is PNG else b"1", b"2", 1))
         with pytest.raises(OutputError):
-            may_write(path, kind)
+            kind.may_write(path)
     image = pytest.importorskip("matplotlib.image")
-    write_bytes(tmp_path / "x.png", PNG, FileKinds.PICTURE)
+    FileKinds.PICTURE.save_bytes(tmp_path / "x.png", PNG)
     assert image.imread(tmp_path / "x.png").shape[:2] == (1, 1)
 
 
@@ -161,7 +146,7 @@ def test_tables_are_known_by_their_header_and_read_as_before(tmp_path: Path) -> 
         path.write_text(f"{line}\n0,20\n")
         for kind in (FileKinds.TABLE, FileKinds.LOG):
             with pytest.raises(OutputError):
-                may_write(path, kind)
+                kind.may_write(path)
 
 
 KINDS = {name: kind for name, kind in vars(files).items() if isinstance(kind, FileKind)}
@@ -171,16 +156,16 @@ KINDS = {name: kind for name, kind in vars(files).items() if isinstance(kind, Fi
 def test_no_file_has_the_ending_of_another_format(tmp_path: Path, name: str) -> None:
     kind = KINDS[name]
     for ending in kind.endings:
-        assert may_write(tmp_path / f"x{ending.upper()}", kind) == tmp_path / f"x{ending.upper()}"
+        assert kind.may_write(tmp_path / f"x{ending.upper()}") == tmp_path / f"x{ending.upper()}"
     for ending in set(files.FORMATS) - set(kind.endings) if kind.endings else ():
         with pytest.raises(OutputError, match=rf"the ending '{re.escape(ending)}' promises .*, but the {kind.name} is written as"):
-            may_write(tmp_path / f"x{ending}", kind)
+            kind.may_write(tmp_path / f"x{ending}")
     for ending in ("", ".out"):
         if kind.named:
             with raises_code("output.wrong-ending", OutputError):
-                may_write(tmp_path / f"x{ending}", kind)
+                kind.may_write(tmp_path / f"x{ending}")
         else:
-            may_write(tmp_path / f"x{ending}", kind)
+            kind.may_write(tmp_path / f"x{ending}")
     assert kind.own is not None or kind.titled("two words").endings == kind.endings
 
 
@@ -218,27 +203,27 @@ def test_netcdf_is_known_by_its_source(tmp_path: Path) -> None:
 
 def test_what_a_command_read_is_not_written_over(tmp_path: Path) -> None:
     path, link, twin = (tmp_path / name for name in ("deck.toml", "link.toml", "twin.toml"))
-    write_text(path, "a = 1\n", FileKinds.DECK)
+    FileKinds.DECK.save_text(path, "a = 1\n")
     link.symlink_to(path)
     os.link(path, twin)
     for read in (read_text, read_bytes):
         for one in (path, link, twin):
             with command():
                 for target in (path, link, twin):
-                    may_write(target, FileKinds.DECK)
+                    FileKinds.DECK.may_write(target)
                 read(one)
                 for target in (path, link, twin):
                     with raises_code("output.over-input", OutputError):
-                        write_text(target, "b = 2\n", FileKinds.DECK)
+                        FileKinds.DECK.save_text(target, "b = 2\n")
     with command(force=True):
         read_text(path)
-        write_text(path, "b = 2\n", FileKinds.DECK)
+        FileKinds.DECK.save_text(path, "b = 2\n")
     read_text(path)
-    write_text(path, "c = 3\n", FileKinds.DECK)  # outside of a command nothing is remembered
+    FileKinds.DECK.save_text(path, "c = 3\n")  # outside of a command nothing is remembered
     assert unsealed(path.read_text()) == "c = 3\n"
     assert "a = 1" in twin.read_text()
     with pytest.raises(OutputError):
-        write_bytes(path, b"x", FileKinds.COPY)
+        FileKinds.COPY.save_bytes(path, b"x")
 
 
 @pytest.mark.parametrize(
@@ -261,16 +246,16 @@ def test_a_toml_text_without_measure_is_refused_at_once(text: str) -> None:
 
 
 def test_a_read_only_file_stays(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    path = write_text(tmp_path / "deck.toml", "a = 1\n", FileKinds.DECK)
+    path = FileKinds.DECK.save_text(tmp_path / "deck.toml", "a = 1\n")
     monkeypatch.setattr(os, "access", lambda *_: False)  # who runs the tests as root may write anything
     with pytest.raises(PermissionError, match=r"deck\.toml"), command(force=True):
-        write_text(path, "b = 2\n", FileKinds.DECK)
+        FileKinds.DECK.save_text(path, "b = 2\n")
 
 
 def test_leftovers_of_dead_processes_are_swept_and_no_others(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     code = (
         "import os, sys, thermid.base.files as f\n"
-        "with f.replacing(sys.argv[1], f.FileKinds.RESULTS_FILE) as h:\n    h.write_text('x')\n    os._exit(9)"
+        "with f.FileKinds.RESULTS_FILE.replacing(sys.argv[1]) as h:\n    h.write_text('x')\n    os._exit(9)"
     )
     subprocess.run([sys.executable, "-c", code, str(tmp_path / "a.csv")], check=False)
     (left,) = names(tmp_path)
@@ -279,7 +264,7 @@ def test_leftovers_of_dead_processes_are_swept_and_no_others(tmp_path: Path, mon
     strange = [f".{'0' * 6}-{pid}-00000000.half.b", left.replace(pid, str(os.getpid())), left.replace(pid, "1"), ".half.c"]
     for name in strange:
         (tmp_path / name).write_text("x")
-    write_text(tmp_path / "b.toml", "x = 1\n", FileKinds.DECK)
+    FileKinds.DECK.save_text(tmp_path / "b.toml", "x = 1\n")
     assert names(tmp_path) == sorted([*strange, "b.toml"])
     old = time.time() - 2 * 86400.0
     for name in strange:

@@ -14,21 +14,20 @@ from by_code import raises_code
 from thermid.base.errors import ThermidError
 from thermid.base.files import file_kinds
 from thermid.bench.bench_files import load_programme, load_sensors
-from thermid.campaign.stages import load_limits, read_campaign
+from thermid.campaign.stages import CampaignSource, load_limits
 from thermid.interop.decks import read_sinda
 from thermid.interop.initfcn import read_initfcn
 from thermid.measure.readers import read_plain
-from thermid.qualify.plans import lock_status
 from thermid.values.store import hand_values
 from torture.seeds import KINDS, LOGS, make
 
 READERS: dict[str, tuple[Callable[[Path], Any], tuple[str, ...]]] = {
     "check, simulate, steady": (td.load_model, ("deck", "deck of elements", "surfaces in orbit")),
     "--scenario": (td.load_scenario, ("scenario", "orbit", "surroundings")),
-    "calibrate, check": (read_campaign, ("campaign",)),
+    "calibrate, check": (CampaignSource.read, ("campaign",)),
     "load_study": (td.design.load_study, ("study",)),
     "plan, qualify": (td.qualify.load_plan, ("plan",)),
-    "a plan's lock": (lambda f: lock_status(td.qualify.load_plan(f.with_name("plan.toml"))), ("lock",)),
+    "a plan's lock": (lambda f: td.qualify.load_plan(f.with_name("plan.toml")).lock_status(), ("lock",)),
     "--limits": (load_limits, ("limits",)),
     "hold": (td.qualify.load_hold, ("hold",)),
     "profile": (td.qualify.load_profile, ("profile",)),

@@ -10,7 +10,6 @@ from thermid.base.linear_algebra import (
     NOTHING,
     RANK_TOLERANCE,
     covariance,
-    finite,
     inverse_square_root,
     null_space,
     pseudo_inverse,
@@ -19,6 +18,7 @@ from thermid.base.linear_algebra import (
     variance,
 )
 from thermid.fit._error_model.gaussian import back_substitution, forward_substitution
+from thermid.fit._minimisation import finite
 from thermid.fit._uncertainty.information import rank
 
 ROWS = np.random.default_rng(1).standard_normal((40, 4)) * np.array([1.0, 1e-6, 1e5, 3.0])

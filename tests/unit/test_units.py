@@ -13,7 +13,7 @@ from hypothesis import given, strategies as st
 from by_code import raises_code
 from thermid.base._units_table import TABLE
 from thermid.base.errors import UnitError
-from thermid.base.units import NAMES, TEMPERATURE, describe, format_value, parse, quantity, require, to_si, unit
+from thermid.base.units import NAMES, TEMPERATURE, Expression, describe, format_value, quantity, require, to_si, unit
 
 SCRIPT = Path(__file__).parents[2] / "scripts/generate_units.py"
 
@@ -61,13 +61,13 @@ def test_scales_against_pint(text: str, zero: str, hundred: str) -> None:
     ],
 )
 def test_same_number_bit_for_bit(one: str, other: str) -> None:
-    assert parse(one).literal.value == parse(other).literal.value  # type: ignore[union-attr]
+    assert Expression.parse(one).literal.value == Expression.parse(other).literal.value  # type: ignore[union-attr]
 
 
 @given(st.decimals(min_value="-1e6", max_value="1e6", places=6, allow_nan=False, allow_infinity=False))
 def test_millimetres_are_metres_rounded_once(number: object) -> None:
     """Property 7: the float nearest to the exact value, whatever the unit."""
-    written = parse(f"{number} [mm]").literal
+    written = Expression.parse(f"{number} [mm]").literal
     assert written is not None
     assert written.value == float(Fraction(str(number)) / 1000)
 
@@ -81,7 +81,7 @@ def test_conversion_is_exact(text: str, number: Fraction) -> None:
 @given(st.sampled_from(sorted(TABLE)), st.integers(min_value=-99999, max_value=99999))
 def test_format_and_parse_are_inverse(text: str, number: int) -> None:
     value = to_si(Fraction(number), unit(text))
-    literal = parse(format_value(value, text, digits=12)).literal
+    literal = Expression.parse(format_value(value, text, digits=12)).literal
     assert literal is not None
     # twelve digits are printed; an offset of 273 K in the float costs the number at most 273/1e-12 of its last digit
     assert literal.value == pytest.approx(value, rel=1e-11, abs=abs(float(unit(text).offset)) * 1e-15)
@@ -183,7 +183,7 @@ def test_a_unit_is_not_computed(text: str) -> None:
 
 def test_the_largest_exponent_is_named() -> None:
     with raises_code("unit.unknown", UnitError, match=r"'\[cm\^2e9\]'.*2e9.*20"):
-        parse("1 [cm^2e9]")
+        Expression.parse("1 [cm^2e9]")
     assert unit("cm^20").factor == Fraction(1, 10**40)
     assert unit("m^0.5").dimension[0] == Fraction(1, 2)
 

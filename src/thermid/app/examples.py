@@ -21,8 +21,8 @@ from urllib.request import urlopen
 import numpy as np
 
 from thermid.base.errors import MissingDataError, NameNotFoundError, OutputError, RecordError, nearest
-from thermid.base.files import FileKinds, folder_replacing, write_bytes
-from thermid.campaign.stages import read_campaign
+from thermid.base.files import FileKinds, folder_replacing
+from thermid.campaign.stages import CampaignSource
 from thermid.campaign.start import head_copies
 
 ADDRESS = "https://raw.githubusercontent.com/{repository}/{commit}/{path}"
@@ -287,21 +287,21 @@ def copy_example(
         )
     data = example.data
     with folder_replacing(folder) as half:
-        write_bytes(half / ROOT_FILE, (source / ROOT_FILE).read_bytes(), FileKinds.COPY)
+        FileKinds.COPY.save_bytes(half / ROOT_FILE, (source / ROOT_FILE).read_bytes())
         for source_name in (example.name, *example.needs):
             for file, path in _files(source / source_name):
                 target = half / source_name / path if example.needs else half / path
                 target.parent.mkdir(parents=True, exist_ok=True)
-                write_bytes(target, file.read_bytes(), FileKinds.COPY)
+                FileKinds.COPY.save_bytes(target, file.read_bytes())
         for k, original in enumerate(data.files if data else ()):
             assert data is not None
             target = half / original.to
             target.parent.mkdir(parents=True, exist_ok=True)
-            write_bytes(target, converted(data, original, originals), FileKinds.COPY)
+            FileKinds.COPY.save_bytes(target, converted(data, original, originals))
             if progress is not None:
                 progress(k + 1, len(data.files))
         if data is not None:
-            write_bytes(half / "LICENSE.data", LICENCE.format(data).encode(), FileKinds.COPY)
+            FileKinds.COPY.save_bytes(half / "LICENSE.data", LICENCE.format(data).encode())
         if example.makes and logs:
             done = subprocess.run([sys.executable, "-B", example.makes, "."], cwd=half, capture_output=True, text=True, check=False)
             if done.returncode:
@@ -332,7 +332,7 @@ def _checked(example: ShippedExample, folder: Path) -> int:
     """
     if not example.campaign:
         return sum(bool(f.sha256) for f in data.files) if (data := example.data) else 0
-    source = read_campaign(folder / example.campaign, folder)
+    source = CampaignSource.read(folder / example.campaign, folder)
     for name in source.content.checksums:
         source.record(name)
     return len(source.content.checksums)

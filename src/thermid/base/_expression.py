@@ -110,39 +110,40 @@ class Expression:
         inside = self.quantities
         return _dimension(self.tree, lambda name: inside[name].unit.dimension if name in inside else lookup(name), self.text)
 
+    @staticmethod
+    @lru_cache(maxsize=4096)
+    def parse(text: str) -> Expression:
+        """Return the expression that a text holds.
 
-@lru_cache(maxsize=4096)
-def parse(text: str) -> Expression:
-    """Return the expression that a text holds.
+        Raises
+        ------
+        ExpressionError   When it is not arithmetic over names; the message shows the part that is not allowed.
+        UnitError         When its unit is not known.
 
-    Raises
-    ------
-    ExpressionError   When it is not arithmetic over names; the message shows the part that is not allowed.
-    UnitError         When its unit is not known.
-
-    Examples
-    --------
-    >>> parse("1*(15*0.015) [W]").literal.value
-    0.225
-    >>> parse("(1 - x)*skin.area").names
-    ('x', 'skin.area')
-    >>> parse("pi/4*diameter**2 - 2 [cm^2]").names
-    ('diameter',)
-    """
-    if len(text) > cap("expression"):
-        raise ExpressionError(
-            f"the expression has {len(text)} characters; the limit is {cap('expression'):.0f}.{raising('expression')}", code="cap.exceeded"
-        )
-    bracket = _BRACKET.match(text)
-    body = bracket["number"] if bracket else text
-    names: list[str] = []
-    if "[" not in body:
-        tree = _tree(body, text)
-        _check(tree, text, names)
-        if not names:
-            of = unit(bracket["unit"]) if bracket else unit("1")
-            return Expression(text, (), Literal(_number(tree, body.strip(), of, text), of), tree)
-    return _with_quantities(text) if "[" in text else Expression(text, tuple(dict.fromkeys(names)), None, tree)
+        Examples
+        --------
+        >>> parse("1*(15*0.015) [W]").literal.value
+        0.225
+        >>> parse("(1 - x)*skin.area").names
+        ('x', 'skin.area')
+        >>> parse("pi/4*diameter**2 - 2 [cm^2]").names
+        ('diameter',)
+        """
+        if len(text) > cap("expression"):
+            raise ExpressionError(
+                f"the expression has {len(text)} characters; the limit is {cap('expression'):.0f}.{raising('expression')}",
+                code="cap.exceeded",
+            )
+        bracket = _BRACKET.match(text)
+        body = bracket["number"] if bracket else text
+        names: list[str] = []
+        if "[" not in body:
+            tree = _tree(body, text)
+            _check(tree, text, names)
+            if not names:
+                of = unit(bracket["unit"]) if bracket else unit("1")
+                return Expression(text, (), Literal(_number(tree, body.strip(), of, text), of), tree)
+        return _with_quantities(text) if "[" in text else Expression(text, tuple(dict.fromkeys(names)), None, tree)
 
 
 def _tree(body: str, text: str) -> ast.expr:
@@ -475,8 +476,27 @@ class Stamp(NamedTuple):
 
     @property
     def text(self) -> str:
-        """It as `instant` reads it."""
+        """It as `Stamp.read` reads it."""
         return (datetime(1970, 1, 1, tzinfo=UTC if self.zoned else None) + timedelta(seconds=self.seconds)).isoformat(" ")
+
+    @staticmethod
+    def read(written: Any, where: str = "") -> Stamp:
+        """Return a stamp: a text such as ``"2026-02-01 08:00"``, or what datetime, NumPy or pandas make of one.
+
+        Raises
+        ------
+        UnitError   When it is none.
+        """
+        if isinstance(written, Stamp):
+            return written
+        with errors_at(where):
+            try:
+                stamp = clocked([datetime.fromisoformat(written) if isinstance(written, str) else written])[1]
+            except ValueError:
+                stamp = None
+            if stamp is None or not math.isfinite(stamp.seconds):
+                raise UnitError(f"{_shown(written)} is no stamp. Write '2026-02-01 08:00'.", code="record.time-not-read")
+        return stamp
 
 
 @dataclass(frozen=True, eq=False)
@@ -631,7 +651,7 @@ def text_value(text: str, slot: str) -> float:
     UnitError           When it has another dimension.
     ExpressionError     When it is no number.
     """
-    literal = parse(text).literal
+    literal = Expression.parse(text).literal
     if literal is None:
         example = "24 [degC]" if slot == TEMPERATURE else f"5 [{slot}]"
         raise ExpressionError(
@@ -748,25 +768,6 @@ def clocked(times: Any) -> tuple[Array, Stamp | None]:
             code="record.time-not-read",
         )
     return np.asarray(values, dtype=float), stamp
-
-
-def instant(written: Any, where: str = "") -> Stamp:
-    """Return a stamp: a text such as ``"2026-02-01 08:00"``, or what datetime, NumPy or pandas make of one.
-
-    Raises
-    ------
-    UnitError   When it is none.
-    """
-    if isinstance(written, Stamp):
-        return written
-    with errors_at(where):
-        try:
-            stamp = clocked([datetime.fromisoformat(written) if isinstance(written, str) else written])[1]
-        except ValueError:
-            stamp = None
-        if stamp is None or not math.isfinite(stamp.seconds):
-            raise UnitError(f"{_shown(written)} is no stamp. Write '2026-02-01 08:00'.", code="record.time-not-read")
-    return stamp
 
 
 def _stamps(values: NDArray[Any]) -> NDArray[Any]:

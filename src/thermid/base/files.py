@@ -68,6 +68,112 @@ class FileKind:
         """Whether thermid wrote a file as this kind, and nobody changed it since."""
         return sealed(path, self.name) if self.own is None else self.own(path)
 
+    def save_text(self, path: str | os.PathLike[str], text: str, comment: str = "#") -> Path:
+        """Write a text as UTF-8 with its seal and return its path; the rest as `save_bytes`."""
+        return self.save_bytes(path, text.encode(), comment)
+
+    def save_bytes(self, path: str | os.PathLike[str], data: bytes, comment: str = "#") -> Path:
+        """Write a file with its seal and return its path.
+
+        Parameters
+        ----------
+        comment : str   How a line begins that is a comment; without effect in JSON, HTML, SVG, PNG and PDF.
+
+        Raises
+        ------
+        OutputError, OSError   As `replacing`.
+        """
+        whole = data if self.own is not None else seal(data, self.name, comment.encode())
+        with self.replacing(path) as half, half.open("wb") as file:
+            file.write(whole)
+        return Path(path)
+
+    @contextmanager
+    def replacing(self, path: str | os.PathLike[str]) -> Iterator[Path]:
+        """Yield where to write; what is there at the end takes the place of `path` in one step.
+
+        After any error the old file is still there. The file of the kind must carry its mark; `save_text` and `save_bytes` put it in.
+
+        Raises
+        ------
+        OutputError   As `may_write`.
+        OSError       When nothing can be written there; it names `path`.
+        """
+        target = self.may_write(path)
+        if target.exists() and not target.is_file():  # a pipe or a device
+            yield target
+            return
+        sweep(target.parent)
+        half = target.with_name(_half_name(target.name))
+        try:
+            os.close(os.open(half, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o666))
+            yield half
+            _settle(half, target)
+        except OSError as error:
+            if error.filename not in (None, str(half)):
+                raise
+            raise OSError(error.errno or errno.EIO, error.strerror or str(error), str(path)) from error
+        finally:
+            half.unlink(missing_ok=True)
+
+    def may_write(self, path: str | os.PathLike[str]) -> Path:
+        """Return the file that a path leads to, links followed, when it may be written; ask before long work.
+
+        Raises
+        ------
+        OutputError   When it is an input of this command or a file that thermid did not write as this kind, or has an ending of
+                      another format.
+        OSError       When it is a folder or read-only, or its folder is missing; it names `path`.
+        """
+        target = Path(os.path.realpath(self.check_ending(path)))
+        if target.is_dir():
+            raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR), str(path))
+        if not target.parent.is_dir():
+            raise FileNotFoundError(errno.ENOENT, os.strerror(errno.ENOENT), str(path))
+        if not target.is_file():  # new, or a pipe or a device
+            return target
+        if not os.access(target, os.W_OK):
+            raise PermissionError(errno.EACCES, os.strerror(errno.EACCES), str(path))
+        running = _COMMAND.get() or _Command()
+        if running.force:
+            return target
+        about = target.stat()
+        if (about.st_dev, about.st_ino) in running.inputs:
+            raise OutputError(
+                f"this file is an input of the command; writing the {self.name} would overwrite it. Give another name.",
+                str(path),
+                code="output.over-input",
+            )
+        if not self.wrote(target):
+            raise OutputError(
+                f"this file exists already. It was not written by thermid as {self.name}, or was changed since. Give another name or move "
+                "it away; on the command line --force replaces it.",
+                str(path),
+                code="output.over-another-file",
+            )
+        return target
+
+    def check_ending(self, path: str | os.PathLike[str]) -> Path:
+        """Return a path whose ending does not promise another format than the one that is written; the one place that decides so.
+
+        Parameters
+        ----------
+        path : path   File to write.
+
+        Raises
+        ------
+        OutputError   When the ending is that of another format, as `.pdf` for a table, or none at all where the kind needs one.
+        """
+        target = Path(path)
+        ending = target.suffix.lower()
+        if not self.endings or ending in self.endings or (ending not in FORMATS and not self.named):
+            return target
+        endings = " or ".join(self.endings)
+        promise = f"the ending '{ending}' promises {FORMATS[ending]}, but" if ending in FORMATS else "the name does not say a format, and"
+        raise OutputError(
+            f"{promise} the {self.name} is written as {endings}. Give a name that ends so.", str(path), code="output.wrong-ending"
+        )
+
 
 def first_quoted(line: bytes, of: bytes) -> bool:
     """Whether a header has its first name in quotes and no other, as no other program writes it: `"time_s",case [degC]`."""
@@ -264,95 +370,6 @@ def parse_toml(text: str) -> dict[str, Any]:
         raise tomllib.TOMLDecodeError(f"a number has too many digits ({error})") from None
 
 
-def check_ending(path: str | os.PathLike[str], kind: FileKind) -> Path:
-    """Return a path whose ending does not promise another format than the one that is written; the one place that decides so.
-
-    Parameters
-    ----------
-    path : path         File to write.
-    kind : FileKind     What is written into it.
-
-    Raises
-    ------
-    OutputError   When the ending is that of another format, as `.pdf` for a table, or none at all where the kind needs one.
-    """
-    target = Path(path)
-    ending = target.suffix.lower()
-    if not kind.endings or ending in kind.endings or (ending not in FORMATS and not kind.named):
-        return target
-    endings = " or ".join(kind.endings)
-    promise = f"the ending '{ending}' promises {FORMATS[ending]}, but" if ending in FORMATS else "the name does not say a format, and"
-    raise OutputError(
-        f"{promise} the {kind.name} is written as {endings}. Give a name that ends so.", str(path), code="output.wrong-ending"
-    )
-
-
-def may_write(path: str | os.PathLike[str], kind: FileKind) -> Path:
-    """Return the file that a path leads to, links followed, when it may be written; ask before long work.
-
-    Raises
-    ------
-    OutputError   When it is an input of this command, a file that thermid did not write as this kind, or has an ending of another format.
-    OSError       When it is a folder or read-only, or its folder is missing; it names `path`.
-    """
-    target = Path(os.path.realpath(check_ending(path, kind)))
-    if target.is_dir():
-        raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR), str(path))
-    if not target.parent.is_dir():
-        raise FileNotFoundError(errno.ENOENT, os.strerror(errno.ENOENT), str(path))
-    if not target.is_file():  # new, or a pipe or a device
-        return target
-    if not os.access(target, os.W_OK):
-        raise PermissionError(errno.EACCES, os.strerror(errno.EACCES), str(path))
-    running = _COMMAND.get() or _Command()
-    if running.force:
-        return target
-    about = target.stat()
-    if (about.st_dev, about.st_ino) in running.inputs:
-        raise OutputError(
-            f"this file is an input of the command; writing the {kind.name} would overwrite it. Give another name.",
-            str(path),
-            code="output.over-input",
-        )
-    if not kind.wrote(target):
-        raise OutputError(
-            f"this file exists already. It was not written by thermid as {kind.name}, or was changed since. Give another name or move "
-            "it away; on the command line --force replaces it.",
-            str(path),
-            code="output.over-another-file",
-        )
-    return target
-
-
-@contextmanager
-def replacing(path: str | os.PathLike[str], kind: FileKind) -> Iterator[Path]:
-    """Yield where to write; what is there at the end takes the place of `path` in one step. After any error the old file is still there.
-
-    The file of the kind must carry its mark; `write_text` and `write_bytes` put it in.
-
-    Raises
-    ------
-    OutputError   As `may_write`.
-    OSError       When nothing can be written there; it names `path`.
-    """
-    target = may_write(path, kind)
-    if target.exists() and not target.is_file():  # a pipe or a device
-        yield target
-        return
-    sweep(target.parent)
-    half = target.with_name(_half_name(target.name))
-    try:
-        os.close(os.open(half, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o666))
-        yield half
-        _settle(half, target)
-    except OSError as error:
-        if error.filename not in (None, str(half)):
-            raise
-        raise OSError(error.errno or errno.EIO, error.strerror or str(error), str(path)) from error
-    finally:
-        half.unlink(missing_ok=True)
-
-
 def _settle(half: Path, target: Path) -> None:
     """Force what was written onto the disk, and give it the name and the permissions of the file that it replaces."""
     file = os.open(half, os.O_RDWR)
@@ -363,28 +380,6 @@ def _settle(half: Path, target: Path) -> None:
     if target.exists():
         half.chmod(stat.S_IMODE(target.stat().st_mode))
     os.replace(half, target)
-
-
-def write_bytes(path: str | os.PathLike[str], data: bytes, kind: FileKind, comment: str = "#") -> Path:
-    """Write a file with its seal and return its path.
-
-    Parameters
-    ----------
-    comment : str   How a line begins that is a comment; without effect in JSON, HTML, SVG, PNG and PDF.
-
-    Raises
-    ------
-    OutputError, OSError   As `replacing`.
-    """
-    whole = data if kind.own is not None else seal(data, kind.name, comment.encode())
-    with replacing(path, kind) as half, half.open("wb") as file:
-        file.write(whole)
-    return Path(path)
-
-
-def write_text(path: str | os.PathLike[str], text: str, kind: FileKind, comment: str = "#") -> Path:
-    """Write a text as UTF-8 with its seal and return its path; the rest as `write_bytes`."""
-    return write_bytes(path, text.encode(), kind, comment)
 
 
 @contextmanager

@@ -184,14 +184,6 @@ class ColumnTable(StrictTable):
     samples: Literal["instant", "average", ""] = ""
 
 
-SignalField: TypeAlias = Annotated[
-    Any, in_form(Amount, (ColumnTable, ("file", "column")), (SineTable, ("mean", "amplitude")), (TimesTable, ()))
-]
-"""What may change with time in a scenario file: as `CourseField`, or a column of a log."""
-CourseField: TypeAlias = Annotated[Any, in_form(Amount, (SineTable, ("mean", "amplitude")), (TimesTable, ()))]
-"""What may change with time, as `thermid.model._laws.signal.signal` reads it."""
-
-
 def endless(data: Any, path: str = "", deepest: int | None = None) -> tuple[str, CodedText] | None:
     """Return the first place of what no reader may get, and why: tables and lists nested too deeply, whole numbers beyond any float."""
     deepest = int(cap("nesting")) if deepest is None else deepest

@@ -73,11 +73,6 @@ def covariance(rows: Array, tolerance: float = RANK_TOLERANCE) -> Array:
     return out
 
 
-def finite(matrix: Array) -> Array:
-    """Return a covariance with zeros in place of what is not known at all."""
-    return np.where(np.isfinite(matrix), matrix, 0.0)
-
-
 def null_space(rows: Array) -> Array:
     """Return the directions (directions, unknowns) that no row sees; unknowns that no row depends on are left out."""
     _, _, nonzero = scaled(rows)

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from thermid.base.errors import MissingDataError, RecordError
-from thermid.base.files import FileKinds, Places, by_grammar, command, read_toml, write_text
+from thermid.base.files import FileKinds, Places, by_grammar, command, read_toml
 from thermid.base.units import amount
 from thermid.bench._wire import rom_is_good
 from thermid.measure.records import ICE, SensorCertificate
@@ -123,7 +123,7 @@ def save_sensor(path: str | Path, sensor: MappedSensor) -> None:
     for name in [name for name, sensor_table in tables.items() if sensor_table.get("rom") == sensor.rom and name != sensor.name]:
         del tables[name]  # the sensor has a new name
     tables[sensor.name] = table
-    write_text(place, tomlkit.dumps(content), FileKinds.RESULTS_FILE)
+    FileKinds.RESULTS_FILE.save_text(place, tomlkit.dumps(content))
 
 
 @dataclass(frozen=True)

@@ -21,7 +21,7 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 
 from thermid.base.errors import CodedText, OutputError, RecordError
-from thermid.base.files import FileKinds, write_bytes
+from thermid.base.files import FileKinds
 from thermid.base.units import Kelvin
 from thermid.bench._wire import COUNTER_RANGE, MAGIC, BoardLine, parse_line, sealed, unsealed
 from thermid.measure.readers import UNFINISHED, Cells, is_bench_log
@@ -185,7 +185,7 @@ class LogFile:
         for folder in (Path(tempfile.gettempdir()), Path.home()) if self._waiting else ():
             place = folder / f"{self.path.name}.{os.getpid()}.rest"
             try:
-                write_bytes(place, bytes(self._waiting), FileKinds.COPY)
+                FileKinds.COPY.save_bytes(place, bytes(self._waiting))
             except (OSError, OutputError):
                 continue
             self.rest = place

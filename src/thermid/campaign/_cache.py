@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from thermid.base.errors import ThermidError
-from thermid.base.files import FileKinds, read_bytes, replacing, write_text
+from thermid.base.files import FileKinds, read_bytes
 from thermid.base.units import Kelvin
 from thermid.fit.calibration import KeptFit
 from thermid.fit.error_model import Keeping
@@ -85,7 +85,7 @@ def remember(folder: Path | None, stage: str, key: str, end: KeptFit | None, ing
         return
     folder.mkdir(parents=True, exist_ok=True)
     content = {"key": key, "code": code_digest(), "ingredients": dict(ingredients or {}), **asdict(end)}
-    write_text(folder / f"{file_name(stage)}.fit.json", json.dumps(content, indent=1), FileKinds.RESULTS_FILE)
+    FileKinds.RESULTS_FILE.save_text(folder / f"{file_name(stage)}.fit.json", json.dumps(content, indent=1))
 
 
 def forget(folder: Path | None, stages: Iterable[str]) -> None:
@@ -112,7 +112,7 @@ def _errors_kept(path: Path, key: str, make: Callable[[], dict[str, Any]]) -> di
     content = {"key": key, "code": code_digest(), "sha256": _digest(errors), "errors": errors}
     with suppress(OSError, ThermidError):  # what cannot be kept is made again
         path.parent.mkdir(parents=True, exist_ok=True)
-        write_text(path, json.dumps(content), FileKinds.RESULTS_FILE)
+        FileKinds.RESULTS_FILE.save_text(path, json.dumps(content))
     return errors
 
 
@@ -170,7 +170,7 @@ def _write(path: Path, key: str, record: Record) -> None:
     about = {"key": key, "name": record.name, "origin": origin, "steps": list(record.steps), "channels": channels}
     path.parent.parent.mkdir(parents=True, exist_ok=True)  # by itself, so that an error names the folder that was asked for
     path.parent.mkdir(exist_ok=True)
-    with replacing(path, FileKinds.RESULTS_FILE) as half:
+    with FileKinds.RESULTS_FILE.replacing(path) as half:
         np.savez(half, **{_ABOUT: np.array(json.dumps(about)), **arrays})
 
 

@@ -9,7 +9,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-from thermid.base.files import FileKinds, write_text
+from thermid.base.files import FileKinds
 from thermid.base.results import Named
 from thermid.base.units import counted, from_si, short, si_unit, unit
 from thermid.campaign._stages import Campaign
@@ -96,7 +96,7 @@ class CredibilityRecord(Named[ValueRecord], Mapping[str, ValueRecord]):
 
     def save(self, path: str | os.PathLike[str]) -> Path:
         """Write it as JSON, and return the path."""
-        return write_text(Path(path), json.dumps(self.to_dict(), indent=1), FileKinds.CREDIBILITY)
+        return FileKinds.CREDIBILITY.save_text(Path(path), json.dumps(self.to_dict(), indent=1))
 
     def __str__(self) -> str:
         """Return it as text, a line a value."""

@@ -282,6 +282,37 @@ class CampaignSource:
         with errors_at(where):
             return load_model(target)
 
+    @staticmethod
+    def read(path: str | os.PathLike[str], data: str | os.PathLike[str] | None = None) -> CampaignSource:
+        """Return a campaign file, checked against the grammar.
+
+        Parameters
+        ----------
+        path : path     The TOML file.
+        data : path     A folder of logs; the environment variable THERMID_DATA by default, if it is set.
+
+        Raises
+        ------
+        DeckError       When it does not follow the grammar, or names a stage that is not there or comes later.
+        """
+        target = Path(path)
+        return CampaignSource.of_content(target, *read_toml(target), data)
+
+    @staticmethod
+    def of_content(
+        target: Path, content: Mapping[str, Any], lines: Mapping[str, int] | None = None, data: str | os.PathLike[str] | None = None
+    ) -> CampaignSource:
+        """Return a campaign of its content, as it would be read from a file; see `read`."""
+        lines = lines or {}
+        checked: CampaignFile = by_grammar("thermid.campaign._schema.CampaignFile", content, Places(target.name, lines))
+        logs = data if data is not None else os.environ.get(DATA)
+        folder = Path(logs).resolve() if logs else None
+        if folder is not None and not folder.is_dir():
+            raise MissingDataError(f"the data folder '{folder.name}' does not exist. Give another one with --data or {DATA}.", target.name)
+        source = CampaignSource(target, checked, lines, folder)
+        _check_order(source, checked.stages, checked.verdicts)
+        return source
+
 
 def bound_by(record: Record, stage: StageTable) -> Record:
     """Return a record with the bindings of a stage in place of its own."""
@@ -319,37 +350,6 @@ def local_of(tables: Mapping[str, Any]) -> dict[str, dict[str, str]]:
 def _patterns(table: RecordTable) -> list[str]:
     """Return the file of a record, or its patterns of files."""
     return [table.file] if table.file is not None else [table.files] if isinstance(table.files, str) else table.files or []
-
-
-def read_campaign(path: str | os.PathLike[str], data: str | os.PathLike[str] | None = None) -> CampaignSource:
-    """Return a campaign file, checked against the grammar.
-
-    Parameters
-    ----------
-    path : path     The TOML file.
-    data : path     A folder of logs; the environment variable THERMID_DATA by default, if it is set.
-
-    Raises
-    ------
-    DeckError       When it does not follow the grammar, or names a stage that is not there or comes later.
-    """
-    target = Path(path)
-    return campaign_of(target, *read_toml(target), data)
-
-
-def campaign_of(
-    target: Path, content: Mapping[str, Any], lines: Mapping[str, int] | None = None, data: str | os.PathLike[str] | None = None
-) -> CampaignSource:
-    """Return a campaign of its content, as it would be read from a file; see `read_campaign`."""
-    lines = lines or {}
-    checked: CampaignFile = by_grammar("thermid.campaign._schema.CampaignFile", content, Places(target.name, lines))
-    logs = data if data is not None else os.environ.get(DATA)
-    folder = Path(logs).resolve() if logs else None
-    if folder is not None and not folder.is_dir():
-        raise MissingDataError(f"the data folder '{folder.name}' does not exist. Give another one with --data or {DATA}.", target.name)
-    source = CampaignSource(target, checked, lines, folder)
-    _check_order(source, checked.stages, checked.verdicts)
-    return source
 
 
 def accepting(source: CampaignSource, stages: Sequence[str]) -> CampaignSource:

@@ -31,7 +31,7 @@ from thermid.fit.calibration import (
     part_of,
     prior_of,
 )
-from thermid.model.tree import Model, ParameterSet, definition_of, instances, local_identities, without_layers
+from thermid.model.tree import Model, ParameterSet, definition_of, local_identities
 from thermid.values.store import FittedValue, FittedValues, LeftOut, Store, graft
 
 if TYPE_CHECKING:
@@ -195,7 +195,7 @@ def _by_deck(levels: Sequence[Level]) -> Iterable[list[Key]]:
     """Return the keys of each value that a deck writes, in all levels together; without levels that untie all instances."""
     out: dict[tuple[str, str], list[Key]] = {}
     for level in (one for one in levels if not one.request.untie):
-        model = without_layers(level.request.model)
+        model = level.request.model.without_layers()
         for path, one in local_identities(model, definition_of(model)).items():
             out.setdefault((one.owner, one.local), []).extend(level.keys(path))
     return out.values()
@@ -225,7 +225,7 @@ def places_of(source: CampaignSource, levels: Sequence[Level], top: str) -> dict
         if level.name not in out:
             deck = tables[level.name].model
             own_definition = definition_of(source.model(deck, deck))
-            same = [prefix for prefix, definition in instances(models[top]) if definition == own_definition]
+            same = [prefix for prefix, definition in models[top].instances() if definition == own_definition]
             out[level.name] = same or [f"{level.name}: "]
     return {level.name: tuple(out[level.name]) for level in levels}
 

@@ -10,10 +10,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from thermid.base.errors import DeckError, NameNotFoundError, nearest, refuse_unknown
-from thermid.base.files import FileKinds, Places, by_grammar, read_toml, resolve_inside, write_text
+from thermid.base.files import FileKinds, Places, by_grammar, read_toml, resolve_inside
 from thermid.base.results import Shown
 from thermid.base.units import ICE_POINT, TEMPERATURE, Kelvin
-from thermid.campaign._file import read_campaign
+from thermid.campaign._file import CampaignSource
 from thermid.campaign._judge.verdict import Residuals, metric
 from thermid.campaign._stages import Campaign
 from thermid.fit.calibration import SensorTrace
@@ -226,7 +226,7 @@ class Study(Shown):
         """Write the study as a file and return its path; put it beside the campaign and decks that it names."""
         import tomlkit
 
-        return write_text(path, tomlkit.dumps(dict(self._data)), FileKinds.STUDY)
+        return FileKinds.STUDY.save_text(path, tomlkit.dumps(dict(self._data)))
 
 
 def _reference_points(model: Model, prefix: str = "") -> list[tuple[str, Any]]:
@@ -353,7 +353,7 @@ def _sensor(table: SensorTable, where: str) -> SensorSpec:
 
 def _campaign_fits(campaign: Path, content: StudyFile, where: Any) -> None:
     """Refuse an action that names no stage, and a temperature channel without a sensor behind it."""
-    content_of_campaign = read_campaign(campaign).content
+    content_of_campaign = CampaignSource.read(campaign).content
     stages = [s.name for s in content_of_campaign.stages]
     for k, action in enumerate(content.actions):
         refuse_unknown(

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from thermid.base.errors import DeckError, IdentificationError, MissingDataError, SolverError, errors_at
 from thermid.base.results import Result
 from thermid.base.units import ICE_POINT, counted, value_of
-from thermid.campaign._file import CampaignSource, read_campaign
+from thermid.campaign._file import CampaignSource
 from thermid.campaign._joint import Level, places_of
 from thermid.campaign._stages import Campaign, Notice, progress_of, request_of
 from thermid.fit.calibration import MOVED, Calibration, Request, as_found, fit, moved_instruments
@@ -23,21 +23,19 @@ from thermid.model.tree import (
     Constant,
     Model,
     Names,
+    Parameter,
     ParameterSet,
     PlaceStart,
     Replacement,
     Standing,
     definition_of,
-    exact,
     inside,
-    instances,
     load_model,
-    parameter,
     short_text,
     touching,
 )
 from thermid.simulation.runs import Scenario, Workers, compile_network, steady
-from thermid.values.store import Normal, Source, State, Store, ValueOrigin, graft, view
+from thermid.values.store import FittedValues, Normal, Source, State, Store, ValueOrigin, graft
 
 if TYPE_CHECKING:
     from thermid.campaign._schema import InheritTable, StageTable
@@ -331,7 +329,7 @@ def check_replacement(
     ------
     ThermidError   As `plan_retune`, such as for areas that the view factors of an enclosure do not allow, or for logs that are missing.
     """
-    source, model = read_campaign(campaign), load_model(new)
+    source, model = CampaignSource.read(campaign), load_model(new)
     *below, top = source.content.stages
     above = source.model(top.model, source.where(f"stages.{len(below)}.model"))
     path = above.canonical(part)
@@ -392,7 +390,7 @@ def _staged(campaign: Campaign, level: Level, places: tuple[str, ...], part: str
             return [alone], []
         name = f"{level.name} at {part}"
         return [unchanged, StagePlan(name, level.name, "run", why, free, records, (same, new.identity()), new, "", True)], []
-    within = {prefix for prefix, _ in instances(request.model)}  # a bench deck has some of the parts that stand at its place
+    within = {prefix for prefix, _ in request.model.instances()}  # a bench deck has some of the parts that stand at its place
     holds = [place for place in places if part.startswith(place) and f"{part.removeprefix(place)}." in within]
     if not holds:
         return [unchanged], []
@@ -446,7 +444,7 @@ def _touched_values(done: Calibration, level: Level, inner: str, new: Model) -> 
         change = spreads.get(path, CHANGE_WITHOUT_SPREAD)
         number = float(numbers[path]) * (1.0 + change if (1.0 + change) * float(numbers[path]) <= high else 1.0 / (1.0 + change))
         words = f"a change of {100 * change:.0f} %"
-        changed = after.with_values({path: exact(number, parameter.unit)}, words) if parameter.is_literal else after
+        changed = after.with_values({path: Parameter.exact(number, parameter.unit)}, words) if parameter.is_literal else after
         moved = _observed(_steady(changed, rest), done)
         kelvin = max(abs(t - still[o]) for o, t in moved.items())
         held = ""
@@ -518,7 +516,7 @@ def retuned(
     assert before.source is not None
     if plan.unplaced:
         raise DeckError(" ".join(f"'{sensor}': {why}." for sensor, why in plan.unplaced.items()), plan.part, code="campaign.refused")
-    source = data if isinstance(data, CampaignSource) else read_campaign(before.source.path, data)
+    source = data if isinstance(data, CampaignSource) else CampaignSource.read(before.source.path, data)
     due = tuple(r for s in plan.stages if s.alone for r in s.records) if part_only else plan.tests
     idle = () if everything or part_only else _idle(source, plan)
     source, absent = _source(source, plan, due, everything)
@@ -619,7 +617,7 @@ def _carry_over(before: Calibration, request: Request, gone: Sequence[str]) -> C
     return replace(
         before,
         given_model=request.model,
-        values=view(store, new_paths, stage),
+        values=FittedValues.of_store(store, new_paths, stage),
         store=store,
         request=request,
         problem=None,
@@ -634,7 +632,7 @@ def new_logs(campaign: str | os.PathLike[str], data: str | os.PathLike[str]) -> 
     ------
     MissingDataError   When the folder has no log under any name of the campaign's logs.
     """
-    source = read_campaign(campaign, data)
+    source = CampaignSource.read(campaign, data)
     assert source.data is not None
     if not any(map(source.in_data, source.content.records)):
         raise MissingDataError(_missing(source, source.content.records), source.path.name)
@@ -738,7 +736,7 @@ def _inheritance(inherit: InheritTable, plan: RetunePlan, done: Mapping[str, Cal
 
 def _of_new(inherit: Mapping[str, InheritTable], stage: StagePlan, plan: RetunePlan) -> dict[str, InheritTable]:
     """Return what a stage inherits, without what stages found of parts of the old part that the new one does not have."""
-    definitions, requests = dict(instances(plan.model)), plan.campaign.requests
+    definitions, requests = dict(plan.model.instances()), plan.campaign.requests
     out = {}
     for part, i in inherit.items():
         path = part if stage.alone else stage.model.canonical(part)
@@ -755,7 +753,7 @@ def _local(request: Request, stage: StagePlan, before: Calibration, plan: Retune
     old = before.model
     what = old.replaced(stage.part, plan.model)[1]
     states = known_below(request.store, what).states
-    starts = {s.path: replace(parameter(s.text), standing=before.standing) for s in what.starts if s.path not in states}
+    starts = {s.path: replace(Parameter.read(s.text), standing=before.standing) for s in what.starts if s.path not in states}
     gone = [*(s.path for s in what.starts), stage.part]
     stood = {p: v for p, v in before.values.assignments.items() if not any(inside(p, place) for place in gone)}
     model = request.model.with_values(stood, f"stage '{stage.name}' before the swap").with_values(starts, START)

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, TypeAlias
 
 from pydantic import Field, WithJsonSchema
 
-from thermid.base.grammar import CourseField, StrictTable
+from thermid.base.grammar import Amount, SineTable, StrictTable, TimesTable, in_form
 from thermid.measure.readers import channel_schema
 from thermid.simulation.grammars import GasTable
+
+CourseField: TypeAlias = Annotated[Any, in_form(Amount, (SineTable, ("mean", "amplitude")), (TimesTable, ()))]
+"""What may change with time, as `thermid.model._laws.signal.signal` reads it."""
 
 
 class LocalTable(StrictTable):

@@ -27,7 +27,7 @@ from thermid.base.files import resolve_inside
 from thermid.base.results import Named, Row
 from thermid.base.units import counted, duration_text, short
 from thermid.campaign._cache import changed_since, errors_kept, file_name, forget, recall, remember
-from thermid.campaign._file import CampaignSource, accepting, local_of, read_campaign, scenario_of
+from thermid.campaign._file import CampaignSource, accepting, local_of, scenario_of
 from thermid.campaign._joint import JointFit, fit_jointly, joint_key
 from thermid.campaign._judge.verdict import Criteria, Verdict, look, not_judged, validate
 from thermid.fit.calibration import (
@@ -46,10 +46,10 @@ from thermid.fit.calibration import (
     shared_paths,
 )
 from thermid.fit.error_model import Keeping
-from thermid.fit.power import SHAPES, recovered
+from thermid.fit.power import SHAPES, PowerCourse
 from thermid.inference.criticism import Mistakes, find_mistakes
 from thermid.measure.records import Record, stray_readings
-from thermid.model.tree import Model, ParameterSet, Standing, definition_of, instances, literal, outside, worst
+from thermid.model.tree import Model, ParameterSet, Standing, definition_of, literal, outside
 from thermid.simulation.runs import STEADY, KeptTasks, Scenario, Workers, in_tasks
 from thermid.values.store import Store, graft, hand_values
 
@@ -205,7 +205,7 @@ def with_courses(request: Request, stage: StageTable, where: str) -> Request:
         shapes = tuple(SHAPES) if table.shape == "auto" else (table.shape,)
         power = literal(table.power, "W", f"{where}.courses.{name}.power")
         begin = literal(table.begin, "s", f"{where}.courses.{name}.begin")
-        course = recovered(request, name, table.into, shapes=shapes, power=power, begin=begin)
+        course = PowerCourse.recovered(request, name, table.into, shapes=shapes, power=power, begin=begin)
         request = course.within(request)
         error = f"+- {duration_text(float(short(course.error)))}" if np.isfinite(course.error) else "of unknown error"
         text = f"course '{name}' of a power at '{table.into}': {course.shape}, {duration_text(float(short(course.time, 3)))} {error}"
@@ -240,7 +240,7 @@ def _of_same_parts(below: Calibration, store: Store, model: Model, ahead: str) -
 
     What was found of a part is no knowledge of the part that replaced it. A part that differs only by one that it holds keeps its own.
     """
-    before, now = dict(instances(below.model)), dict(instances(model))
+    before, now = dict(below.model.instances()), dict(model.instances())
     changed = [at for at, deck in now.items() if before.get(at, deck) != deck]
     places = [at.removesuffix(".") for at in changed if not any(other != at and other.startswith(at) for other in changed)]
     known = [p for s in store.parameters.values() for p in s.paths]
@@ -339,7 +339,7 @@ def not_inherited(
     for earlier in (e for e in stages[:k] if e.name in done and e.model != stages[k].model):
         deck = definition_of(source.model(earlier.model, earlier.name))
         fitted = [p for p, s in done[earlier.name].store.parameters.items() if s.origin.stage == earlier.name and not s.of_logs]
-        missing = {at: [at + p for p in fitted if at + p not in reached] for at, definition in instances(model) if definition == deck}
+        missing = {at: [at + p for p in fitted if at + p not in reached] for at, definition in model.instances() if definition == deck}
         places = [p for at, paths in missing.items() for p in ([at[:-1]] if at and 0 < len(fitted) == len(paths) else paths)]
         if places:
             yield f"{FIRST}what stage '{earlier.name}' fitted is not inherited at {quoted(places)}: the values of the deck stay there."
@@ -436,7 +436,7 @@ class Campaign(Named[Calibration]):
     @property
     def standing(self) -> Standing:
         """The worst standing of its stages and of the joint fit."""
-        return worst(c.standing for c in self.fits)
+        return Standing.worst(c.standing for c in self.fits)
 
     @property
     def exit_code(self) -> int:
@@ -514,6 +514,30 @@ class Campaign(Named[Calibration]):
             out.append({"stage": name, "state": c.standing.state, **worst_row, "values": len(c.values.parameters)})
         return out
 
+    def judged(self, folder: Path | None = None, notice: Notice | None = None) -> Campaign:
+        """Return a campaign of a file with the verdicts on its hold-out records, and what they make of its stages.
+
+        Verdicts on stages that are not there yet, or by a joint fit that is not, are left out.
+
+        Parameters
+        ----------
+        campaign : Campaign  Its stages as they were fitted, before any verdict; the joint fit where there is one.
+        folder : path       A results folder, which knows of earlier looks at hold-out records; this look is noted there.
+        notice : callable   Called with the name of each record that is judged, before it is.
+
+        Raises
+        ------
+        ThermidError   From reading or judging; the message says at which verdict.
+        """
+        source = self.source
+        assert source is not None
+        used = {sha: user for c in self.stages.values() for sha, user in c.used_records.items()}
+        tables = [
+            (k, t) for k, t in enumerate(source.content.verdicts) if t.model in self and (t.values != "joint" or self.joint is not None)
+        ]
+        verdicts = tuple(v for k, table in tables for v in _judge(source, table, k, self, used, notice))
+        return _with_verdict_standing(replace(self, verdicts=tuple(_looked(folder, v, self) for v in verdicts)))
+
 
 def run_stages(
     campaign: str | os.PathLike[str] | CampaignSource,
@@ -544,7 +568,7 @@ def run_stages(
     ------
     ThermidError   From reading, fitting or judging; the message says at which stage.
     """
-    source = campaign if isinstance(campaign, CampaignSource) else read_campaign(campaign, data)
+    source = campaign if isinstance(campaign, CampaignSource) else CampaignSource.read(campaign, data)
     folder = Path(cache) if cache is not None else None
     source = accepting(replace(source, results=folder or source.results), accept)
     forget(folder if fresh else None, (*(s.name for s in source.content.stages), "joint"))
@@ -577,7 +601,7 @@ def run_stages(
     done = {s.name: done[s.name] for s in source.content.stages if s.name in done}
     result = Campaign(source.content.title, done, (), keys, source.content.note, None, source, requests, changed)
     result = replace(result, joint=_joint(result, notice, folder)) if source.content.joint is not None and not only else result
-    return judge(result, folder, notice)
+    return result.judged(folder, notice)
 
 
 def _fitted(
@@ -600,31 +624,6 @@ def _fitted(
             return fit(request, progress, recalled, stoppable=True, executor=executor, keeping=keeping), recalled is None
         except ThermidError as error:
             raise refused(error, request, request.name, file) from None
-
-
-def judge(campaign: Campaign, folder: Path | None = None, notice: Notice | None = None) -> Campaign:
-    """Return a campaign of a file with the verdicts on its hold-out records, and what they make of its stages.
-
-    Verdicts on stages that are not there yet, or by a joint fit that is not, are left out.
-
-    Parameters
-    ----------
-    campaign : Campaign  Its stages as they were fitted, before any verdict; the joint fit where there is one.
-    folder : path       A results folder, which knows of earlier looks at hold-out records; this look is noted there.
-    notice : callable   Called with the name of each record that is judged, before it is.
-
-    Raises
-    ------
-    ThermidError   From reading or judging; the message says at which verdict.
-    """
-    source = campaign.source
-    assert source is not None
-    used = {sha: user for c in campaign.stages.values() for sha, user in c.used_records.items()}
-    tables = [
-        (k, t) for k, t in enumerate(source.content.verdicts) if t.model in campaign and (t.values != "joint" or campaign.joint is not None)
-    ]
-    verdicts = tuple(v for k, table in tables for v in _judge(source, table, k, campaign, used, notice))
-    return _with_verdict_standing(replace(campaign, verdicts=tuple(_looked(folder, v, campaign) for v in verdicts)))
 
 
 def joint(

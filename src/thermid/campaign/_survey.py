@@ -22,7 +22,7 @@ from thermid.base.errors import (
 )
 from thermid.base.files import resolve_inside
 from thermid.base.units import kelvin, value_of
-from thermid.campaign._file import CampaignSource, bound_by, local_of, read_campaign, scenario_of
+from thermid.campaign._file import CampaignSource, bound_by, local_of, scenario_of
 from thermid.campaign._judge.limits import Limits
 from thermid.campaign._judge.predictions import CampaignPrediction
 from thermid.campaign._stages import Campaign, Notice, keyed, readings_of, request_of, run_stages
@@ -37,11 +37,10 @@ from thermid.fit.calibration import (
     build_problem,
     first_reading,
     fit,
-    inputs_of,
     strange_powers,
 )
 from thermid.inference.fleets import Fleet, fleet_of
-from thermid.inference.intervals import Identifiability, identifiability, identifiability_of
+from thermid.inference.intervals import Identifiability, identifiability
 from thermid.measure.records import Record, open_questions, stray_readings
 from thermid.model.tree import Finding, Model
 from thermid.prediction.bands import predict
@@ -109,38 +108,40 @@ class RunningTest:
             *(f"temperature of {b}: the first reading of {c}, unless --boundary gives it" for b, (c, _) in self.first.items()),
         )
 
+    @staticmethod
+    def of_campaign(campaign: Campaign, record: str = "") -> RunningTest:
+        """Return what a campaign says of a test that runs, with the model and values of the last stage that fits such a record.
 
-def running_test(campaign: Campaign, record: str = "") -> RunningTest:
-    """Return what a campaign says of a test that runs, with the model and values of the last stage that fits such a record.
+        Where no stage fits it, the last stage counts.
 
-    Where no stage fits it, the last stage counts.
+        Parameters
+        ----------
+        campaign : Campaign  Its result, from a file.
+        record : str        The record that the log is like; not needed where there is one.
 
-    Parameters
-    ----------
-    campaign : Campaign  Its result, from a file.
-    record : str        The record that the log is like; not needed where there is one.
-
-    Raises
-    ------
-    RecordError             When there is no such record, or several and none is named.
-    IdentificationError     When the campaign was made in Python.
-    """
-    source = campaign.source
-    if source is None:
-        raise IdentificationError(
-            "a campaign made in Python has no records of a file. Give its file.", campaign.title, code="campaign.not-from-file"
+        Raises
+        ------
+        RecordError             When there is no such record, or several and none is named.
+        IdentificationError     When the campaign was made in Python.
+        """
+        source = campaign.source
+        if source is None:
+            raise IdentificationError(
+                "a campaign made in Python has no records of a file. Give its file.", campaign.title, code="campaign.not-from-file"
+            )
+        record = _named(record, list(source.content.records), campaign.title)
+        name = [*campaign, *(n for n, request in campaign.requests.items() if record in {r.name for r in request.records})][-1]
+        model = campaign[name].model
+        stage_table = next(s for s in source.content.stages if s.name == name)
+        table = source.table_of(record)
+        first = {n: (t.start, 0.0) for n, t in {**stage_table.local, **table.local}.items() if "." not in n and t.start in table.channels}
+        values, gases = compile_network(model).numbers().values, source.environment_of(record, table)
+        for n, reading in stage_table.readings.items():
+            channel, path = (reading, "") if isinstance(reading, str) else (reading.channel, reading.offset)
+            first[n] = (channel, float(value_of(values[path])) if path else 0.0)
+        return RunningTest(
+            model, table, stage_table, {n: f for n, f in first.items() if not n.startswith("initial.")}, campaign.title, gases
         )
-    record = _named(record, list(source.content.records), campaign.title)
-    name = [*campaign, *(n for n, request in campaign.requests.items() if record in {r.name for r in request.records})][-1]
-    model = campaign[name].model
-    stage_table = next(s for s in source.content.stages if s.name == name)
-    table = source.table_of(record)
-    first = {n: (t.start, 0.0) for n, t in {**stage_table.local, **table.local}.items() if "." not in n and t.start in table.channels}
-    values, gases = compile_network(model).numbers().values, source.environment_of(record, table)
-    for n, reading in stage_table.readings.items():
-        channel, path = (reading, "") if isinstance(reading, str) else (reading.channel, reading.offset)
-        first[n] = (channel, float(value_of(values[path])) if path else 0.0)
-    return RunningTest(model, table, stage_table, {n: f for n, f in first.items() if not n.startswith("initial.")}, campaign.title, gases)
 
 
 def _named(record: str, names: Sequence[str], title: str) -> str:
@@ -177,7 +178,7 @@ def survey(
     NameNotFoundError   When there is no such stage.
     """
     folder = Path(cache) if cache is not None else None
-    source = replace(read_campaign(campaign, data), results=folder)
+    source = replace(CampaignSource.read(campaign, data), results=folder)
     stages = source.content.stages
     names = [s.name for s in stages]
     wanted = [stage] if stage else names
@@ -193,7 +194,7 @@ def survey(
             with errors_at(source.where(f"stages.{k}"), ": "):
                 request, _ = keyed(request_of(source, table, k, done), table, keys)
                 if request.free:
-                    out[table.name] = identifiability_of(request)
+                    out[table.name] = Identifiability.of_problem(request)
     return out
 
 
@@ -213,7 +214,7 @@ def check_campaign(
     ------
     DeckError   When the campaign or a deck does not follow its grammar.
     """
-    source = read_campaign(campaign, data)
+    source = CampaignSource.read(campaign, data)
     tables = source.content.stages
     files = {stage.model: source.where(f"stages.{k}.model") for k, stage in enumerate(tables)}
     findings: list[Finding] = []
@@ -289,7 +290,7 @@ def _bound(request: Request, where: str) -> tuple[list[Input], list[Finding], li
         try:
             problem = build_problem(replace(request, records=(record,)))
             problem.benches()
-            rows += inputs_of(request, problem.experiments, problem.unknowns).rows
+            rows += InputTable.of_request(request, problem.experiments, problem.unknowns).rows
             wrong += [
                 Finding("warning", where, words.removeprefix(FIRST), "record.power-far-from-deck") for words in strange_powers(problem)
             ]
@@ -351,7 +352,7 @@ def fleet_in(
     NameNotFoundError       When its stage is not in the campaign.
     IdentificationError     As `thermid.inference.fleet`.
     """
-    source = read_campaign(campaign, data)
+    source = CampaignSource.read(campaign, data)
     source = replace(source, results=Path(cache)) if cache is not None else source
     table = source.content.fleet
     if table is None:

@@ -8,13 +8,7 @@ from thermid.campaign._cache import (
     remember as remember,
 )
 from thermid.campaign._credibility import CredibilityRecord as CredibilityRecord, credibility as credibility
-from thermid.campaign._file import (
-    CampaignSource as CampaignSource,
-    campaign_of as campaign_of,
-    local_of as local_of,
-    read_campaign as read_campaign,
-    scenario_of as scenario_of,
-)
+from thermid.campaign._file import CampaignSource as CampaignSource, local_of as local_of, scenario_of as scenario_of
 from thermid.campaign._joint import JointFit as JointFit
 from thermid.campaign._judge.changes import Changes as Changes, compare_models as compare_models
 from thermid.campaign._judge.correlation import (
@@ -62,7 +56,6 @@ from thermid.campaign._retune import (
 from thermid.campaign._stages import (
     Campaign as Campaign,
     joint as joint,
-    judge as judge,
     keyed as keyed,
     next_command as next_command,
     plain_readings as plain_readings,
@@ -74,6 +67,5 @@ from thermid.campaign._survey import (
     campaign_predictions as campaign_predictions,
     check_campaign as check_campaign,
     fleet_in as fleet_in,
-    running_test as running_test,
     survey as survey,
 )

@@ -31,21 +31,21 @@ from thermid.fit._calibration import (
 from thermid.fit._error_model.discrepancy import assumed_moves, with_discrepancy
 from thermid.fit._error_model.kept import ERRORS_KEY, ErrorsOfFit, Keeping, with_structural_errors
 from thermid.fit._error_model.sizes import OUTSIDE
-from thermid.fit._inputs import inputs_of
-from thermid.fit._minimisation import Fit, KeptFit, covariances, ended, minimise
+from thermid.fit._inputs import InputTable
+from thermid.fit._minimisation import Fit, KeptFit, covariances, minimise
 from thermid.fit._problem.experiment import CHANCE_DEVIATIONS, LEAST_NOISE, STEPPED, UNSAID_NOISE, role_and_target, signal_of
 from thermid.fit._problem.gather import build_problem
 from thermid.fit._problem.request import LocalSpec, Request, counted_twice, freed, mean_of, priors_of
 from thermid.fit._problem.residuals import Bench, Predictions, Problem, Unknown, pooled, starting_point, wanders
 from thermid.fit._search import CHANCE, Progress, at_clocks, in_turns, searched, widened_by_noise_of_powers, with_clocks
-from thermid.fit._uncertainty.groups import SHARE, Group, percent, structural_groups, together
-from thermid.fit._uncertainty.information import Information, Responses, elsewhere, responses
+from thermid.fit._uncertainty.groups import SHARE, Group, percent, together
+from thermid.fit._uncertainty.information import Information, Responses, responses
 from thermid.fit._uncertainty.moved import Moves, moves_above
 from thermid.fit._uncertainty.noise import Autocorrelation, TraceNoise, autocorrelation, own_switches, shifts_by_lags
 from thermid.measure.records import COLUMN_UNITS, Record, open_questions
-from thermid.model.tree import CREDIBLE, Model, Standing, TableSignal, identity_of, unlumped, worst
+from thermid.model.tree import CREDIBLE, Model, Standing, TableSignal, identity_of, unlumped
 from thermid.simulation.runs import Scenario, Workers
-from thermid.values.store import INPUT, FittedValue, FittedValues, LaterTable, State, Store, ValueOrigin, graft, view
+from thermid.values.store import INPUT, FittedValue, FittedValues, LaterTable, State, Store, ValueOrigin, graft
 
 _version = cache(version)  # half a millisecond, once
 
@@ -151,7 +151,7 @@ def rests_on(request: Request, values: FittedValues) -> dict[str, Standing]:
             out.setdefault(str(s.origin), []).append(s.standing)
     for what in request.model.missing_parts():
         out.setdefault(f"deck '{request.model.title}'", []).append(Standing("incomplete", what))
-    return {who: worst(several) for who, several in out.items()}
+    return {who: Standing.worst(several) for who, several in out.items()}
 
 
 def stored(request: Request, problem: Problem, values: FittedValues, responses_of_fit: Responses) -> Store:
@@ -233,7 +233,7 @@ def state_of(v: FittedValue, origin: ValueOrigin, decks: Mapping[str, str]) -> S
 def tuned_by_hand(request: Request, hand: Store) -> Calibration:
     """Return a stage that takes values as somebody tuned them, over what the stages below found."""
     store = in_place(request.store, hand)
-    values = view(store, list(hand.states), request.name)
+    values = FittedValues.of_store(store, list(hand.states), request.name)
     rests = rests_on(request, values)
     return Calibration(request.name, request.model, values, (), (), {}, request.remarks, request=request, rests=rests, store=store)
 
@@ -316,7 +316,7 @@ def refuse_before(request: Request, problem: Problem, fit: Callable[[Request], C
         blind |= set(np.flatnonzero(np.abs(direction) > SHARE * np.abs(direction).max()).tolist())
     if blind:
         names = {info.names[k] for k in blind}
-        groups = structural_groups(info, elsewhere(problem, info))
+        groups = Group.all_structural(info, info.elsewhere(problem))
         group = next(g for g in groups if names & set(g.names))
         raise IdentificationError(_words(group, request, problem, fit), request.name or request.model.title)
 
@@ -449,8 +449,8 @@ def summarise(
     moved = moves_above(request, problem, best, spread.variance_factor) if request.store.states else Moves()
     at_end, message = (best.fitted.tolist(), np.sqrt(np.diag(total)).tolist()), best.message * (not best.converged)
     alone, rests = own_standing(request, problem, values, *at_end, spread, moved, message), rests_on(request, values)
-    store = stored(request, problem, values.judged(worst([alone, *rests.values()])), responses_of_fit)
-    values = _with_uncut(view(store, list(values), name), problem, best, responses_of_fit)
+    store = stored(request, problem, values.judged(Standing.worst([alone, *rests.values()])), responses_of_fit)
+    values = _with_uncut(FittedValues.of_store(store, list(values), name), problem, best, responses_of_fit)
     runner, far = request.model.runner, contradicted(values)
     remarks = (
         *([f"{LOUD}{'; '.join(far.values())}. Do not use these values."] if far else []),
@@ -522,7 +522,7 @@ def _locals(problem: Problem, minimum: Fit, total: Array) -> tuple[Local, ...]:
 def _local_row(problem: Problem, k: int) -> Array:
     """Return what a local value is made of (unknowns,): its unknown, and constant errors of the instruments that a start is read from."""
     own = problem.unknowns[k]
-    row = (np.arange(len(problem.unknowns)) == k).astype(float)
+    row: Array = (np.arange(len(problem.unknowns)) == k).astype(np.float64)
     for n, u in enumerate(problem.unknowns):
         if own.unit == "degC" and u.kind in ("sensor", INPUT):
             row[n] = sum(t.factor for t in u.targets if (t.experiment, t.name) == (own.targets[0].experiment, own.targets[0].name))
@@ -911,7 +911,7 @@ def _fitted(
     """Return the calibration of a problem and the autocorrelation of its residuals: searched, or evaluated at the end that was kept."""
     stated = all(o.noise is not None for o in problem.observations())
     if recalled is not None and list(recalled.fitted) == [u.name for u in problem.unknowns]:
-        minimum = ended(problem, np.array(list(recalled.fitted.values())), request.loss, request.loss_scale, recalled.evaluations)
+        minimum = Fit.ended(problem, np.array(list(recalled.fitted.values())), request.loss, request.loss_scale, recalled.evaluations)
         minimum = replace(minimum, search=recalled.search, remarks=recalled.remarks)
     else:
         try:
@@ -932,7 +932,7 @@ def _fitted(
     if not stated:
         # from the end alone, so that a fit taken from before says the same
         problem = replace(problem, noise=_measured_noise(problem, minimum, request.loss))
-        again = ended(problem, minimum.fitted, request.loss, request.loss_scale)
+        again = Fit.ended(problem, minimum.fitted, request.loss, request.loss_scale)
         same = {k: getattr(minimum, k) for k in ("evaluations", "message", "converged", "search", "remarks", "stopped")}
         minimum = replace(again, **same)
     spread = autocorrelation(problem, minimum, request.loss, request.loss_scale)
@@ -953,7 +953,9 @@ def _fitted(
             refuse_after(request, problem, minimum, weights)  # what the data can tell, not how badly a wrong model fits them
     except IdentificationError as refusal:
         unlogged = (
-            f"{r.words}." for r in inputs_of(request, problem.experiments, problem.unknowns).assumed if r.kind == "load" and not r.partly
+            f"{r.words}."
+            for r in InputTable.of_request(request, problem.experiments, problem.unknowns).assumed
+            if r.kind == "load" and not r.partly
         )
         questions = dict.fromkeys(a.removeprefix(FIRST) for a in (*questions_on_mistakes, *unlogged))
         raise refusal.reworded(" ".join([refusal.message, *(f"{a[0].upper()}{a[1:]}" for a in questions)])) from None

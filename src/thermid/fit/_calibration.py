@@ -15,14 +15,14 @@ import numpy as np
 from thermid.base.errors import DeckError
 from thermid.base.results import Named, PlottedTrace, Row
 from thermid.base.units import ICE_POINT, counted, digits, from_si, short, unit
-from thermid.fit._inputs import InputTable, input_lines, inputs_of
+from thermid.fit._inputs import InputTable, input_lines
 from thermid.fit._minimisation import KeptFit
 from thermid.fit._problem.experiment import Experiment
 from thermid.fit._problem.request import Request
 from thermid.fit._problem.residuals import Predictions, Problem, SensorStatistics, SensorTrace, Sums, pooled
 from thermid.fit._uncertainty.moved import MOVED, Moves
 from thermid.fit._uncertainty.noise import Autocorrelation
-from thermid.model.tree import UNJUDGED, Model, Standing, cuts_of, worst
+from thermid.model.tree import UNJUDGED, Model, Standing, cuts_of
 from thermid.values.store import (
     AS_FITTED,
     EXPECTED,
@@ -302,7 +302,7 @@ class Calibration(Named[FittedValue]):
     @property
     def standing(self) -> Standing:
         """How far the fit may be trusted: by itself, by the worst of the values that it rests on, and by verdicts."""
-        return worst([self.own, *self.rests.values(), *([self.verdict] if self.verdict is not None else [])])
+        return Standing.worst([self.own, *self.rests.values(), *([self.verdict] if self.verdict is not None else [])])
 
     def judged(self, rests: Mapping[str, Standing], verdict: Standing | None) -> Self:
         """Return the fit with what verdicts made of it and of what it rests on; its values say the same."""
@@ -373,7 +373,7 @@ class Calibration(Named[FittedValue]):
         """Every boundary, load and start of every record with its source, what is assumed first; empty where no log was fitted."""
         if self.request is None or self.problem is None:
             return InputTable()
-        return inputs_of(self.request, self.experiments, self.problem.unknowns)
+        return InputTable.of_request(self.request, self.experiments, self.problem.unknowns)
 
     def _sums(self) -> list[tuple[str, str, Sums]]:
         """Return record, sensor and the sums of its residuals; of blocks that were not predicted yet, as the fit left them."""

@@ -109,24 +109,26 @@ class InputTable:
         """A line per input; inputs of several records that differ in nothing but their numbers share one."""
         return "\n".join(input_lines(self.rows))
 
+    @staticmethod
+    def of_request(request: Request, experiments: Iterable[Experiment], unknowns: Sequence[Unknown] | None = None) -> InputTable:
+        """Return the inputs of some records.
 
-def inputs_of(request: Request, experiments: Iterable[Experiment], unknowns: Sequence[Unknown] | None = None) -> InputTable:
-    """Return the inputs of some records.
-
-    Parameters
-    ----------
-    request : Request           What the fit is asked.
-    experiments : iterable      The records, bound to its model.
-    unknowns : sequence         What the fit looks for; without it, what the request frees.
-    """
-    if unknowns is None:
-        free = {request.model.canonical(p) for p in request.free}
-    else:
-        free = {p for u in unknowns if u.kind == "parameter" for p in (u.name, *u.also)}
-    rows = [
-        row for e in experiments for row in (*_boundaries(request, e), *_gases(e), *_loads(e, free), *_starts(request, e), *_accuracies(e))
-    ]
-    return InputTable.in_order(rows)
+        Parameters
+        ----------
+        request : Request           What the fit is asked.
+        experiments : iterable      The records, bound to its model.
+        unknowns : sequence         What the fit looks for; without it, what the request frees.
+        """
+        if unknowns is None:
+            free = {request.model.canonical(p) for p in request.free}
+        else:
+            free = {p for u in unknowns if u.kind == "parameter" for p in (u.name, *u.also)}
+        rows = [
+            row
+            for e in experiments
+            for row in (*_boundaries(request, e), *_gases(e), *_loads(e, free), *_starts(request, e), *_accuracies(e))
+        ]
+        return InputTable.in_order(rows)
 
 
 def _accuracies(e: Experiment) -> Iterator[Input]:

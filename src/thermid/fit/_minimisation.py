@@ -19,7 +19,7 @@ from typing import NamedTuple, Protocol
 import numpy as np
 
 from thermid.base.errors import IdentificationError, SolverError, refuse_unknown
-from thermid.base.linear_algebra import NOTHING, covariance, finite
+from thermid.base.linear_algebra import NOTHING, covariance
 from thermid.base.units import Array, counted
 from thermid.fit._problem.residuals import Compressed, Sums, Unknown, refuse_not_finite, starting_point
 
@@ -91,6 +91,19 @@ class Fit:
     search: str = ""
     remarks: tuple[str, ...] = ()
     stopped: bool = False
+
+    @staticmethod
+    def ended(
+        problem: LeastSquares,
+        fitted: Array,
+        loss: str = "linear",
+        loss_scale: float = 1.0,
+        evaluations: int = 1,
+        message: str = "kept as it was",
+        converged: bool = True,
+    ) -> Fit:
+        """Return the fit that ended at some values of the unknowns, with its derivatives."""
+        return _fit_at(problem, fitted, problem.compressed(fitted, loss, loss_scale), evaluations, message, converged)
 
 
 @dataclass(frozen=True)
@@ -365,7 +378,7 @@ def minimise(
     unknowns = problem.unknowns
     at = starting_point(unknowns) if start is None else np.asarray(start, dtype=float)
     if not unknowns:
-        return ended(problem, at, loss, loss_scale, message="no parameter was free")
+        return Fit.ended(problem, at, loss, loss_scale, message="no parameter was free")
     low, high = (np.array(b) for b in zip(*(u.fitted_bounds() for u in unknowns), strict=True))
     bounds = np.nextafter(low, np.inf), np.nextafter(high, -np.inf)
     runs = _CountedRuns(problem, loss, loss_scale, progress)
@@ -384,19 +397,6 @@ def minimise(
         message = f"stopped by the user after {counted(runs.count, 'evaluation')}, at the best values so far"
         return replace(_fit_at(problem, at, data, runs.count, message, False), stopped=True)
     return _fit_at(problem, end.x, runs.at(end.x), runs.count, end.message, end.converged)
-
-
-def ended(
-    problem: LeastSquares,
-    fitted: Array,
-    loss: str = "linear",
-    loss_scale: float = 1.0,
-    evaluations: int = 1,
-    message: str = "kept as it was",
-    converged: bool = True,
-) -> Fit:
-    """Return the fit that ended at some values of the unknowns, with its derivatives."""
-    return _fit_at(problem, fitted, problem.compressed(fitted, loss, loss_scale), evaluations, message, converged)
 
 
 def _fit_at(problem: LeastSquares, fitted: Array, data: Compressed, evaluations: int, message: str, converged: bool) -> Fit:
@@ -421,3 +421,8 @@ def covariances(fit: Fit, level: float = 1.0, excess: Array | None = None) -> tu
     spread = data @ weight_covariance
     added = weight_covariance @ excess @ weight_covariance / level**2 if excess is not None else np.zeros_like(weight_covariance)
     return weights + added, np.where(np.isinf(weights), np.inf, spread.T @ spread + added), weights
+
+
+def finite(matrix: Array) -> Array:
+    """Return a covariance with zeros in place of what is not known at all."""
+    return np.where(np.isfinite(matrix), matrix, 0.0)

@@ -21,12 +21,12 @@ from numpy.typing import NDArray
 from thermid.base.errors import IdentificationError, ScenarioError, SolverError, foretell, refuse_unknown, spoken
 from thermid.base.linear_algebra import NOTHING, pseudo_inverse
 from thermid.base.units import Array, counted, format_value
-from thermid.fit._minimisation import MOST_EVALUATIONS, Fit, ended, minimise
+from thermid.fit._minimisation import MOST_EVALUATIONS, Fit, minimise
 from thermid.fit._problem.experiment import OFFSET, SCALE, Experiment
 from thermid.fit._problem.residuals import Problem, Unknown, clock_at, loss_of, starting_point
 from thermid.fit._uncertainty.noise import autocorrelation
 from thermid.model.tree import TableSignal
-from thermid.simulation.runs import Workers, in_tasks, run_members
+from thermid.simulation.runs import Ensemble, Workers, in_tasks
 
 Progress = Callable[[int, float], None]
 
@@ -105,7 +105,7 @@ class Population:
             draws = dict(zip(bench.free, inputs.T, strict=True))
             nodes = list(dict.fromkeys(o.node for o in observations))
             (times, rows), options = bench.read_at(bench.experiment.times), self.problem.options
-            members = run_members(bench.engine, draws, times, options, nodes, None, 1, "auto", ())
+            members = Ensemble.of_members(bench.engine, draws, times, options, nodes, None, 1, "auto", ())
             for k, o in enumerate(observations):
                 at = rows[o.index, k] if rows.size else o.index
                 bias, _ = self.problem._bias(o.sensor, points[0])
@@ -413,7 +413,7 @@ class Search:
         at = p.placed(best.share[None, :])[0]
         if best.stopped:
             message = f"stopped by the user after {best.evaluations} members, at the best of them"
-            return replace(ended(p.problem, at, p.loss, p.loss_scale, best.evaluations, message, False), stopped=True)
+            return replace(Fit.ended(p.problem, at, p.loss, p.loss_scale, best.evaluations, message, False), stopped=True)
         end = self.descent(at)
         words = (
             f"differential evolution: {best.evaluations} members, cost {best.cost:.6g}; polished by {end.evaluations} evaluations to "

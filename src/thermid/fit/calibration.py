@@ -15,14 +15,13 @@ from thermid.fit._calibration import (
     blame_of as blame_of,
     fitted_values as fitted_values,
 )
-from thermid.fit._inputs import Input as Input, InputTable as InputTable, input_lines as input_lines, inputs_of as inputs_of
+from thermid.fit._inputs import Input as Input, InputTable as InputTable, input_lines as input_lines
 from thermid.fit._minimisation import (
     MOST_EVALUATIONS as MOST_EVALUATIONS,
     Fit as Fit,
     KeptFit as KeptFit,
     covariances as covariances,
     descend as descend,
-    ended as ended,
     minimise as minimise,
 )
 from thermid.fit._problem.experiment import (
@@ -32,11 +31,10 @@ from thermid.fit._problem.experiment import (
     Observation as Observation,
     as_found as as_found,
     attached as attached,
-    bind as bind,
     first_reading as first_reading,
     role_and_target as role_and_target,
 )
-from thermid.fit._problem.gather import build_problem as build_problem, clock_suffix as clock_suffix, prior_of as prior_of, wired as wired
+from thermid.fit._problem.gather import build_problem as build_problem, clock_suffix as clock_suffix, prior_of as prior_of
 from thermid.fit._problem.request import (
     LocalSpec as LocalSpec,
     Reading as Reading,
@@ -62,13 +60,8 @@ from thermid.fit._problem.residuals import (
     starting_point as starting_point,
 )
 from thermid.fit._search import box_of as box_of
-from thermid.fit._uncertainty.groups import (
-    Group as Group,
-    percent as percent,
-    practical_groups as practical_groups,
-    structural_groups as structural_groups,
-)
-from thermid.fit._uncertainty.information import Information as Information, elsewhere as elsewhere
+from thermid.fit._uncertainty.groups import Group as Group, percent as percent
+from thermid.fit._uncertainty.information import Information as Information
 from thermid.fit._uncertainty.moved import (
     MOVED as MOVED,
     NOT_REJECTED as NOT_REJECTED,
@@ -85,7 +78,6 @@ from thermid.fit._uncertainty.noise import (
     TraceNoise as TraceNoise,
     answers_to_inputs as answers_to_inputs,
     autocorrelation as autocorrelation,
-    binned as binned,
     evidences as evidences,
     score_excess as score_excess,
     wander_times as wander_times,

@@ -29,19 +29,15 @@ from thermid.fit.calibration import (
     Request,
     Unknown,
     build_problem,
-    elsewhere,
     input_lines,
-    inputs_of,
     minimise,
     percent,
-    practical_groups,
     priors_of,
     starting_point,
-    structural_groups,
 )
-from thermid.inference.planned_records import planned_record, sensors_of
+from thermid.inference.planned_records import Sensor, planned_record
 from thermid.measure.records import Record
-from thermid.model.tree import HeatLoad, Model, TableSignal, parameter
+from thermid.model.tree import HeatLoad, Model, Parameter, TableSignal
 from thermid.simulation.runs import Scenario, Workers, compile_network, in_tasks
 
 EASY_PRIOR = 0.05
@@ -156,7 +152,7 @@ def _stepped(experiment: Experiment) -> tuple[Experiment, str, float] | None:
     node, watts = powers[name]
     model = network.flat.names.model
     assert isinstance(model, Model)  # laid flat was one
-    heater = HeatLoad(node, {"power": parameter("1 [W]", HEATER)})
+    heater = HeatLoad(node, {"power": Parameter.read("1 [W]", HEATER)})
     grown = replace(model, loads={**model.loads, HEATER: heater})
     half = 0.5 * experiment.scenario.seconds
     scenario = experiment.scenario.with_(loads={HEATER: TableSignal(np.array([0.0, half]), np.array([0.0, watts]), True)})
@@ -321,6 +317,16 @@ class Identifiability(Named[KnownParameter]):
             lines.append("  All parameters can be separated.")
         return "\n".join(lines)
 
+    @staticmethod
+    def of_problem(request: Request, stage: str = "before") -> Identifiability:
+        """Return what the records of a request tell, at the values where its fit would start; see `identifiability`."""
+        problem = build_problem(request)
+        start = starting_point(problem.unknowns)
+        result = _identifiability_at(request.name or request.model.title, stage, problem, start, 1.0)
+        return replace(
+            result, inputs=InputTable() if stage == "planned" else InputTable.of_request(request, problem.experiments, problem.unknowns)
+        )
+
 
 def identifiability(
     model: Model | Calibration,
@@ -360,19 +366,11 @@ def identifiability(
             raise IdentificationError(
                 "give the logs of a test, or a scenario and sensors of a planned test.", model.title, code="value.incomplete"
             )
-        many = (planned_record(model, scenario, sensors_of(model, scenario, sensors), every, scenario.title),)
+        many = (planned_record(model, scenario, Sensor.of_model(model, scenario, sensors), every, scenario.title),)
     scenarios = dict(scenario) if isinstance(scenario, Mapping) else {"*": scenario} if scenario else {}
     specs = {k: LocalSpec.read(v, f"local.{k}") for k, v in (local or {}).items()}
     request = Request(model, many, tuple(free), scenarios, specs, priors=priors_of(model, priors or {}, model.title))
-    return identifiability_of(request, "planned" if planned else "before")
-
-
-def identifiability_of(request: Request, stage: str = "before") -> Identifiability:
-    """Return what the records of a request tell, at the values where its fit would start; see `identifiability`."""
-    problem = build_problem(request)
-    start = starting_point(problem.unknowns)
-    result = _identifiability_at(request.name or request.model.title, stage, problem, start, 1.0)
-    return replace(result, inputs=InputTable() if stage == "planned" else inputs_of(request, problem.experiments, problem.unknowns))
+    return Identifiability.of_problem(request, "planned" if planned else "before")
 
 
 def _after(fit: Calibration) -> Identifiability:
@@ -400,9 +398,9 @@ def _identifiability_at(title: str, stage: str, problem: Problem, at: Array, spr
     info = Information.of_problem(problem, at, spread)
     if not info.parameters:
         raise IdentificationError("no parameter is free. Name the parameters to fit.", title, code="fit.nothing-free")
-    bound = structural_groups(info, elsewhere(problem, info, spread))
+    bound = Group.all_structural(info, info.elsewhere(problem, spread))
     # what a prior alone splits is said once
-    groups = [*bound, *(g for g in practical_groups(info, MAX_KNOWN_ERROR) if not any(set(g.names) <= set(b.names) for b in bound))]
+    groups = [*bound, *(g for g in Group.all_practical(info, MAX_KNOWN_ERROR) if not any(set(g.names) <= set(b.names) for b in bound))]
     parameters = _known_parameters(info)
     doubtful = [p for p, k in parameters.items() if not k.relative <= MAX_KNOWN_ERROR]
     helps = cures(problem, info, groups, doubtful) if doubtful else ()

@@ -4,7 +4,6 @@ from thermid.inference._identifiability import (
     Identifiability as Identifiability,
     Profile as Profile,
     identifiability as identifiability,
-    identifiability_of as identifiability_of,
     profile as profile,
 )
 from thermid.inference._posterior import Posterior as Posterior, posterior as posterior

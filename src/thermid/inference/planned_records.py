@@ -35,35 +35,37 @@ class Sensor:
     accuracy: float | None = None
     resolution: float | None = None
 
+    @staticmethod
+    def of_model(model: Model, scenario: Scenario, stated: Mapping[str, Any]) -> tuple[Sensor, ...]:
+        """Return sensors from a table: node, boundary or load -> noise as text, or ``{noise, accuracy, name}``.
 
-def sensors_of(model: Model, scenario: Scenario, stated: Mapping[str, Any]) -> tuple[Sensor, ...]:
-    """Return sensors from a table: node, boundary or load -> noise as text, or ``{noise, accuracy, name}``.
-
-    Raises
-    ------
-    IdentificationError   When a node's sensor has no noise, or a key is unknown.
-    """
-    network = network_for(model, scenario)
-    loads = [load.path for load in network.flat.loads]
-    out = []
-    for raw, entry in stated.items():
-        where = f"sensors.{raw}"
-        table = dict(entry) if isinstance(entry, Mapping) else {"noise": entry}
-        for key in set(table) - {"noise", "accuracy", "name"}:
-            raise IdentificationError(
-                f"give a sensor noise, accuracy and name, not {key}.{nearest(key, ('noise', 'accuracy'))}", where, code="name.unknown"
+        Raises
+        ------
+        IdentificationError   When a node's sensor has no noise, or a key is unknown.
+        """
+        network = network_for(model, scenario)
+        loads = [load.path for load in network.flat.loads]
+        out = []
+        for raw, entry in stated.items():
+            where = f"sensors.{raw}"
+            table = dict(entry) if isinstance(entry, Mapping) else {"noise": entry}
+            for key in set(table) - {"noise", "accuracy", "name"}:
+                raise IdentificationError(
+                    f"give a sensor noise, accuracy and name, not {key}.{nearest(key, ('noise', 'accuracy'))}", where, code="name.unknown"
+                )
+            path = model.canonical(raw)
+            role = "load" if path in loads else "boundary" if (path := network.find(raw, where)) in network.boundaries else "node"
+            noise, accuracy = (
+                literal(table[k], "W" if role == "load" else "K", where) if k in table else None for k in ("noise", "accuracy")
             )
-        path = model.canonical(raw)
-        role = "load" if path in loads else "boundary" if (path := network.find(raw, where)) in network.boundaries else "node"
-        noise, accuracy = (literal(table[k], "W" if role == "load" else "K", where) if k in table else None for k in ("noise", "accuracy"))
-        if role == "node" and noise is None:
-            raise IdentificationError(
-                "the noise of the sensors is missing. Give it, such as noise = '0.1 [K]': the expected errors depend on it.",
-                where,
-                code="value.incomplete",
-            )
-        out.append(Sensor(str(table.get("name", raw)), path, role, noise, accuracy))
-    return tuple(out)
+            if role == "node" and noise is None:
+                raise IdentificationError(
+                    "the noise of the sensors is missing. Give it, such as noise = '0.1 [K]': the expected errors depend on it.",
+                    where,
+                    code="value.incomplete",
+                )
+            out.append(Sensor(str(table.get("name", raw)), path, role, noise, accuracy))
+        return tuple(out)
 
 
 def planned_record(model: Model, scenario: Scenario, sensors: Sequence[Sensor], every: str | float | None, name: str) -> Record:

@@ -16,7 +16,7 @@ from typing import Any, Final
 import numpy as np
 
 from thermid.base.errors import DeckError, ScenarioError
-from thermid.base.files import FileKinds, write_text
+from thermid.base.files import FileKinds
 from thermid.base.units import real_power, si_unit, value_of
 from thermid.model.tree import HINGES, Constant, Curve, Drawn, Model, TableSignal
 from thermid.simulation.runs import SMOOTHING, ConductorRow, Engine, Network, Numbers, Scenario, Wiring, network_for, signal_of
@@ -681,5 +681,5 @@ def exported(w: Wired, lines: Iterable[str], path: str | os.PathLike[str] | None
     idle = [f"{comment.strip()} left out, because nothing flows through it in this scenario: {one_line(name)}" for name in w.idle]
     text = "\n".join([*lacking, *idle, *lines]) + "\n"
     if path is not None:
-        write_text(path, text, FileKinds.EXPORT, comment)
+        FileKinds.EXPORT.save_text(path, text, comment)
     return text

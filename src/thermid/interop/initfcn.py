@@ -23,8 +23,8 @@ from typing import Any
 from thermid.base.errors import DeckError, ExpressionError, ThermidError, UnitError, cap, raising
 from thermid.base.files import read_text
 from thermid.base.results import Shown
-from thermid.base.units import DIMENSIONLESS, Dimension, counted, describe, in_si, parse, unit
-from thermid.model.tree import Parameter, parameter
+from thermid.base.units import DIMENSIONLESS, Dimension, Expression, counted, describe, in_si, unit
+from thermid.model.tree import Parameter
 
 _CELSIUS = re.compile(r"(deg\.?\s*|degrees?\s+|°\s*)?(C|celsius)\Z", re.IGNORECASE)
 PI = "3.141592653589793"
@@ -134,7 +134,7 @@ class _Reader:
         if first != s.origin:
             raise ExpressionError(f"'{first}' and '{s.origin}' both become '{s.name}'. Rename one of them.", where, code="name.taken")
         try:
-            expression = parse(s.text)
+            expression = Expression.parse(s.text)
         except ThermidError as error:
             raise ExpressionError(error.message, where, code=error.code) from None
         unknown = [n for n in expression.names if n not in self.numbers]
@@ -154,7 +154,7 @@ class _Reader:
             raise ExpressionError(f"'{s.written}' has no finite value: {error}.", where, code="expression.no-finite-value") from None
         of, note = self._unit(s)
         text, basis = self._written(s, number, of)
-        value = parameter({"value": text, "note": note, "basis": basis}, where)
+        value = Parameter.read({"value": text, "note": note, "basis": basis}, where)
         if self.parameters.pop(s.name, None) is not None:
             self.remarks.append(f"line {s.line}: '{s.name}' is set again. Its last value is kept; lines above it use the value before")
             self.scales.discard(s.name)
@@ -180,7 +180,7 @@ class _Reader:
 
     def _written(self, s: Statement, number: float, of: str | None) -> tuple[str, str]:
         """Return the text of the value and, where the script's own expression could not be kept, what it was."""
-        names = parse(s.text).names
+        names = Expression.parse(s.text).names
         if not names:
             if of is None and not s.brackets:
                 self.remarks.append(
@@ -211,7 +211,7 @@ class _Reader:
 
     def _derived(self, text: str) -> tuple[Dimension, float] | None:
         """Return dimension and SI value of an expression by the units of its names, or None where these do not go together."""
-        expression = parse(text)
+        expression = Expression.parse(text)
         bare = text.strip() in expression.names
         if not bare and set(expression.names) & self.scales:
             return None

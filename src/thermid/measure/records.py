@@ -31,11 +31,6 @@ from thermid.measure._record.steadiness import (
     StabilityRule as StabilityRule,
     SteadyPoint as SteadyPoint,
     SteadyValue as SteadyValue,
-    channel_drift as channel_drift,
-    channel_stability as channel_stability,
     effective_samples as effective_samples,
-    rule_of as rule_of,
-    since_when as since_when,
     spans as spans,
-    verdict_of as verdict_of,
 )

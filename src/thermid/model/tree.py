@@ -60,9 +60,6 @@ from thermid.model._parts.parameter import (
     Standing as Standing,
     State as State,
     StatedRange as StatedRange,
-    exact as exact,
-    parameter as parameter,
-    worst as worst,
 )
 from thermid.model._tree.areas import ledger as ledger
 from thermid.model._tree.flat import (
@@ -72,7 +69,6 @@ from thermid.model._tree.flat import (
     FlatLoad as FlatLoad,
     FlatNode as FlatNode,
     FlatSurface as FlatSurface,
-    flatten as flatten,
     streams_of as streams_of,
 )
 from thermid.model._tree.identity import (
@@ -84,13 +80,10 @@ from thermid.model._tree.identity import (
     definition_of as definition_of,
     identity_of as identity_of,
     inside as inside,
-    instances as instances,
     local_identities as local_identities,
-    made_to as made_to,
     outside as outside,
     short_text as short_text,
     touching as touching,
-    without_layers as without_layers,
 )
 from thermid.model._tree.model import Model as Model, identities as identities
 from thermid.model._tree.rules import Finding as Finding, unlumped as unlumped

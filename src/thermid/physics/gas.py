@@ -68,6 +68,41 @@ class MolecularGas:
         k, mu = self.k(temperature), self.mu(temperature)
         return Gas(k, mu / density, mu * self.cp(temperature) / k, 1.0 / temperature)
 
+    def free_molecular_htc(self, temperature: Number, pressure: Number, accommodation: Number = 1.0) -> Number:
+        """Coefficient between parallel plates so close, or at so low a pressure, that molecules meet the walls only [W/(m^2 K)].
+
+        ``a/(2-a) (g+1)/(g-1) sqrt(R / (8 pi T)) p``, with the same accommodation a at both plates.
+
+        Parameters
+        ----------
+        gas, temperature, pressure      As in `mean_free_path`; the temperature is the mean of both plates.
+        accommodation : float           Of both surfaces, 0 to 1. [-]
+
+        References
+        ----------
+        Kennard, Kinetic Theory of Gases, 1938, section 182; Barron, Cryogenic Heat Transfer, 1999, section 8.4.
+
+        Examples
+        --------
+        Air at 300 K: 1.17 W/(m^2 K) for each pascal.
+
+        >>> round(free_molecular_htc(GASES["air"], 300.0, 1.0), 2)
+        1.17
+        """
+        ratio = self.ratio(temperature)
+        share = accommodation / (2.0 - accommodation)
+        return share * (ratio + 1.0) / (ratio - 1.0) * (self.constant / (8.0 * math.pi * temperature)) ** 0.5 * pressure
+
+    @staticmethod
+    def named(name: str, where: str = "") -> MolecularGas:
+        """Return a gas by its name.
+
+        Raises
+        ------
+        DeckError   When there is none of that name.
+        """
+        return look_up(name, GASES, "unknown gas '{}'.{near} Known: {known}.", where, DeckError)
+
 
 def _fitted(fit: Fit, temperature: Number) -> Number:
     """Return y0 exp(a x + b x^2) with x = ln(T / 300 K) of a fit (y0, a, b) at temperatures in kelvin, in the unit of y0."""
@@ -87,16 +122,6 @@ GASES: Final = {
     )
 }
 """Fitted to CoolProp 8.0.0 at 10 kPa from 200 to 450 K (carbon dioxide from 220 K); the largest deviation is 0.30 %, at 20 kPa 0.52 %."""
-
-
-def gas_named(name: str, where: str = "") -> MolecularGas:
-    """Return a gas by its name.
-
-    Raises
-    ------
-    DeckError   When there is none of that name.
-    """
-    return look_up(name, GASES, "unknown gas '{}'.{near} Known: {known}.", where, DeckError)
 
 
 def mean_free_path(gas: MolecularGas, temperature: Number, pressure: Number) -> Number:
@@ -138,40 +163,15 @@ def knudsen_number(gas: MolecularGas, temperature: Number, pressure: Number, gap
     return mean_free_path(gas, temperature, pressure) / gap
 
 
-def free_molecular_htc(gas: MolecularGas, temperature: Number, pressure: Number, accommodation: Number = 1.0) -> Number:
-    """Coefficient between parallel plates so close, or at so low a pressure, that molecules meet the walls only [W/(m^2 K)].
-
-    ``a/(2-a) (g+1)/(g-1) sqrt(R / (8 pi T)) p``, with the same accommodation a at both plates.
-
-    Parameters
-    ----------
-    gas, temperature, pressure      As in `mean_free_path`; the temperature is the mean of both plates.
-    accommodation : float           Of both surfaces, 0 to 1. [-]
-
-    References
-    ----------
-    Kennard, Kinetic Theory of Gases, 1938, section 182; Barron, Cryogenic Heat Transfer, 1999, section 8.4.
-
-    Examples
-    --------
-    Air at 300 K: 1.17 W/(m^2 K) for each pascal.
-
-    >>> round(free_molecular_htc(GASES["air"], 300.0, 1.0), 2)
-    1.17
-    """
-    ratio = gas.ratio(temperature)
-    share = accommodation / (2.0 - accommodation)
-    return share * (ratio + 1.0) / (ratio - 1.0) * (gas.constant / (8.0 * math.pi * temperature)) ** 0.5 * pressure
-
-
 def gap_htc(gas: MolecularGas, temperature: Number, pressure: Number, gap: Number, accommodation: Number = 1.0) -> Number:
     """Coefficient of a gas at rest between parallel plates at any pressure, 1 / (L / k + 1 / h_fm) [W/(m^2 K)].
 
-    Sherman's interpolation: the resistances of the continuum, L / k of the gap L, and of free molecules, h_fm of `free_molecular_htc`, add.
+    Sherman's interpolation: the resistances of the continuum, L / k of the gap L, and of free molecules, h_fm of
+    `MolecularGas.free_molecular_htc`, add.
 
     Parameters
     ----------
-    gas, temperature, pressure, accommodation   As in `free_molecular_htc`.
+    gas, temperature, pressure, accommodation   As in `MolecularGas.free_molecular_htc`.
     gap : float or array                        Distance of the plates. [m]
 
     References
@@ -183,5 +183,5 @@ def gap_htc(gas: MolecularGas, temperature: Number, pressure: Number, gap: Numbe
     >>> round(gap_htc(GASES["air"], 300.0, 101325.0, 1e-3), 2)
     26.35
     """
-    continuum, molecular = gas.k(temperature) / gap, free_molecular_htc(gas, temperature, pressure, accommodation)
+    continuum, molecular = gas.k(temperature) / gap, gas.free_molecular_htc(temperature, pressure, accommodation)
     return continuum * molecular / (continuum + molecular)

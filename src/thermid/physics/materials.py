@@ -50,12 +50,39 @@ class Material:
         """Text of the source of its values, as a deck quotes it."""
         return f"catalogue: {self.name}; {self.source}; {self.read or NOT_CHECKED}"
 
+    @staticmethod
+    def named(name: str) -> Material:
+        """Properties of the material of that name, or of the only one that has all its words: 'AL6061' is 'aluminium 6061-T6'.
 
-@cache
-def materials() -> Mapping[str, Material]:
-    """Return all materials by name, in the order of the table."""
-    table = parse_toml(read_text(Path(__file__).with_suffix(".toml")))
-    return MappingProxyType({name: _material(name, row, table) for name, row in table["materials"].items()})
+        Raises
+        ------
+        NameNotFoundError   The table does not have it; the message offers the nearest and those that begin alike.
+
+        Examples
+        --------
+        >>> material("aluminium 7075-T6").conductivity
+        130
+        """
+        library = Material.table()
+        fitting = [name] if name in library else [each for each in library if _words(name) and _words(name) <= _words(each)]
+        if len(fitting) > 1:
+            listed = ", ".join(f"'{each}'" for each in fitting)
+            raise NameNotFoundError(f"several materials are called '{name}': {listed}. Give one of them.")
+        if not fitting:
+            family = _in_own_spelling(name.replace(",", " ").split(" ")[0])
+            alike = [f"'{n}'" for n in library if n.lower().startswith(family)] if family else []
+            listed = f" There are {', '.join(alike)}." if alike else nearest(name, library)
+            raise NameNotFoundError(
+                f"no material '{name}' in the table.{listed} 'thermid example --materials' lists all. Or give its values."
+            )
+        return library[fitting[0]]
+
+    @staticmethod
+    @cache
+    def table() -> Mapping[str, Material]:
+        """Return all materials by name, in the order of the table."""
+        table = parse_toml(read_text(Path(__file__).with_suffix(".toml")))
+        return MappingProxyType({name: _material(name, row, table) for name, row in table["materials"].items()})
 
 
 def _material(name: str, row: Mapping[str, object], table: Mapping[str, Mapping[str, object]]) -> Material:
@@ -66,31 +93,6 @@ def _material(name: str, row: Mapping[str, object], table: Mapping[str, Mapping[
     if "diffusivity" in row:
         row["diffusivity"] = 1e-6 * float(row["diffusivity"])  # type: ignore[arg-type]  # the table has numbers there
     return Material(name=name, source=source, range=spread, **row)  # type: ignore[arg-type]  # the test of the table reads every row
-
-
-def material(name: str) -> Material:
-    """Properties of the material of that name, or of the only one that has all its words: 'AL6061' is 'aluminium 6061-T6'.
-
-    Raises
-    ------
-    NameNotFoundError   The table does not have it; the message offers the nearest and those that begin alike.
-
-    Examples
-    --------
-    >>> material("aluminium 7075-T6").conductivity
-    130
-    """
-    library = materials()
-    fitting = [name] if name in library else [each for each in library if _words(name) and _words(name) <= _words(each)]
-    if len(fitting) > 1:
-        listed = ", ".join(f"'{each}'" for each in fitting)
-        raise NameNotFoundError(f"several materials are called '{name}': {listed}. Give one of them.")
-    if not fitting:
-        family = _in_own_spelling(name.replace(",", " ").split(" ")[0])
-        alike = [f"'{n}'" for n in library if n.lower().startswith(family)] if family else []
-        listed = f" There are {', '.join(alike)}." if alike else nearest(name, library)
-        raise NameNotFoundError(f"no material '{name}' in the table.{listed} 'thermid example --materials' lists all. Or give its values.")
-    return library[fitting[0]]
 
 
 _SPELT = (

@@ -49,7 +49,6 @@ from thermid.values.store import (
     bracketed,
     cut,
     narrowed,
-    ranged_values,
     uniforms,
     without_spread,
 )
@@ -843,7 +842,7 @@ def open_ranges(model: Model, scenario: Scenario, elsewhere: Collection[str]) ->
     acting |= {path for c in network.flat.conductors for field, path in c.fields.items() if field.startswith("emissivity")}
     idle = {deck.literal_behind(c.emissivity) for c in behind} - {*map(deck.literal_behind, acting)}
     taken = {*elsewhere, *idle, *scenario.driven(network.flat)}
-    return ranged_values(model, deck, taken)
+    return RangedValue.of_fit(model, deck, taken)
 
 
 def _names(stated: Spread | Groups) -> list[str]:

@@ -16,7 +16,7 @@ from thermid.base.results import Result, Row
 from thermid.base.units import Array
 from thermid.fit.calibration import Calibration, fitted_values
 from thermid.fit.error_model import ERRORS_KEY, STRUCTURAL_KEY, BandCause, Discrepancy, ErrorModel, kept_in
-from thermid.model.tree import Model, Standing, flatten, worst
+from thermid.model.tree import Flat, Model, Standing
 from thermid.values.store import (
     INPUT,
     Filed,
@@ -86,8 +86,8 @@ class Knowledge(Result):
 
     def replaced_values(self, model: Model) -> str:
         """Return a warning that names values of another model which the fit's replace; empty where they equal the fit's or its deck's."""
-        laid, given = (flatten(m).parameters.table for m in (self.for_model(model).model, model))
-        known = [laid, *([flatten(self.fit.given_model).parameters.table] if self.fit is not None else [])]
+        laid, given = (Flat.of_model(m).parameters.table for m in (self.for_model(model).model, model))
+        known = [laid, *([Flat.of_model(self.fit.given_model).parameters.table] if self.fit is not None else [])]
         told = [p for v in self.placed for p in v.parameters if p in given]
         own = {p: given[p].parameter.text for p in told if all(p not in t or t[p].parameter.text != given[p].parameter.text for t in known)}
         if not own:
@@ -98,7 +98,7 @@ class Knowledge(Result):
     @property
     def standing(self) -> Standing:
         """Of the values of the model, and of the fit where it is at hand."""
-        return worst([self.model.standing, *([self.fit.standing] if self.fit is not None else [])])
+        return Standing.worst([self.model.standing, *([self.fit.standing] if self.fit is not None else [])])
 
     @cached_property
     def stores(self) -> tuple[Store, ...]:

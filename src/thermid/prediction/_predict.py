@@ -16,13 +16,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thermid.base.errors import NameNotFoundError, SolverError, nearest, quoted
-from thermid.base.files import FileKinds, replacing
+from thermid.base.files import FileKinds
 from thermid.base.results import Named, PlottedTrace, Result, Row
 from thermid.base.units import ICE_POINT, Array, Bools, duration_text, seconds, short
 from thermid.fit.calibration import Calibration
 from thermid.fit.error_model import AS_BUILT, LACK_ODDS, BandCause, NormalMixture
 from thermid.inference.criticism import ExplainedFit, explained, summary
-from thermid.model.tree import UNJUDGED, Model, Standing, worst
+from thermid.model.tree import UNJUDGED, Model, Standing
 from thermid.prediction._budget import (
     AVERAGED,
     DEFECTS,
@@ -342,7 +342,7 @@ class Prediction(Named[Band]):
             low, high = band.interval()
             header += [f"{name} [degC]", f"{name} low [degC]", f"{name} high [degC]"]
             columns += [band.celsius, low, high]
-        with replacing(path, FileKinds.TABLE) as half:
+        with FileKinds.TABLE.replacing(path) as half:
             np.savetxt(half, np.column_stack(columns), delimiter=",", header=",".join(header), comments="", fmt="%.9g")
 
     def __str__(self) -> str:
@@ -518,7 +518,7 @@ def averaged(plain: Prediction, others: Sequence[ExplainedFit], explained: Seque
         name: replace(duty, members=_shared_out([t.duty_cycles[name].members for t in explained], weights))
         for name, duty in explained[0].duty_cycles.items()
     }
-    standing = worst([*(t.standing for t in explained), *fit.rests.values(), *([fit.verdict] if fit.verdict is not None else [])])
+    standing = Standing.worst([*(t.standing for t in explained), *fit.rests.values(), *([fit.verdict] if fit.verdict is not None else [])])
     warnings = tuple(dict.fromkeys(w for t in explained for w in t.warnings))
     return replace(
         plain,
@@ -617,7 +617,7 @@ def predicted(
     widest = max((b.final for b in bands.values()), key=lambda e: e.error, default=None)
     words = meaning(widest.shares if widest is not None else {}, budget)
     bands = {n: b.parted for n, b in bands.items()} if first.setting.switches else bands
-    standing = worst([budget.standing, *best.doubts])
+    standing = Standing.worst([budget.standing, *best.doubts])
     duty_cycles = {name: duty.of_members(shares.get(name, duty.members)) for name, duty in best.duty_cycles.items()}
     titles = (budget.model.title, budget.scenario.title)
     return Prediction(*titles, times, bands, rest, words, warnings, find, standing, omitted, least, duty_cycles=duty_cycles)

@@ -15,16 +15,7 @@ import numpy as np
 
 from thermid.base.results import PlottedTrace, Result
 from thermid.base.units import TEMPERATURE, Array, from_si
-from thermid.fit.calibration import (
-    Calibration,
-    Experiment,
-    LocalSpec,
-    Reading,
-    Request,
-    as_found,
-    fit as fitted_to,
-    wired,
-)
+from thermid.fit.calibration import Calibration, Experiment, LocalSpec, Reading, Request, as_found, fit as fitted_to
 from thermid.fit.error_model import (
     BALANCE,
     BandCause,
@@ -401,7 +392,7 @@ def own_values(
     assert request is not None
     find = e.network.find
     taken = {i.name for i in shown.local} | {find(c.target or c.name) for c in e.record.channels.values() if c.role == "boundary"}
-    rules = {wired(e, n): r for n, r in request.readings.items()}
+    rules = {e.wired(n): r for n, r in request.readings.items()}
     scenario = request.scenario(e.record)
     texts = {f"initial.{find(n)}": str(t) for n, t in scenario.initial.items() if isinstance(t, str)}
     open_ = []

@@ -19,7 +19,7 @@ from thermid.base.results import Named
 from thermid.base.units import Array, value_of
 from thermid.fit.calibration import Calibration
 from thermid.fit.error_model import discrepancy_kept
-from thermid.model.tree import FINISH_CORRELATION, FlatConductor, Model, Standing, StatedRange, exposed_area, worst
+from thermid.model.tree import FINISH_CORRELATION, FlatConductor, Model, Standing, StatedRange, exposed_area
 from thermid.physics.air import dry_air
 from thermid.physics.plates import body_htc, conduction_floor
 from thermid.physics.radiation import linearised_htc
@@ -373,7 +373,7 @@ def split_values(
     parts = parts_of(model, base, wanted, at, priors or {})
     joint = _Joint(base, parts)
     done = [joint.condition(part) for part in parts]
-    values = joint.values(worst([model.standing, *([base.standing] if base else [])]))
+    values = joint.values(Standing.worst([model.standing, *([base.standing] if base else [])]))
     fresh = {p: v for p, v in values.assignments.items() if v.origin.startswith("split")}
     split_model = model.with_values(fresh, f"split of '{values.stage}'")
     entries = tuple(joint.entry(p, used, remark) for p, (used, remark) in zip(parts, done, strict=True))

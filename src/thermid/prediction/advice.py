@@ -17,6 +17,7 @@ from thermid.base.results import Result, Shown
 from thermid.base.units import Array, amount, duration_text, short, value_of
 from thermid.fit.calibration import (
     SCALE,
+    Binned,
     Calibration,
     Experiment,
     Prior,
@@ -25,7 +26,6 @@ from thermid.fit.calibration import (
     TraceNoise,
     Unknown,
     answers_to_inputs,
-    binned,
     build_problem,
     percent,
     prior_of,
@@ -34,7 +34,7 @@ from thermid.fit.calibration import (
     score_excess,
 )
 from thermid.fit.error_model import BandCause, KeptWay, course_in_fit, deviation, widened, with_heats
-from thermid.inference.planned_records import Sensor, planned_record, sensors_of
+from thermid.inference.planned_records import Sensor, planned_record
 from thermid.model.tree import Constant, Model, Parameter, Signal, TableSignal, literal
 from thermid.prediction._budget import AVERAGED, Budget, budget_of
 from thermid.prediction._known import Knowledge, Rows, instruments_of, rows_of
@@ -537,7 +537,7 @@ def next_test(
             "no test is given to choose from. Give actions, or a scenario to vary.", model.title, code="value.incomplete"
         )
     base = scenario if scenario is not None else actions[0].scenario
-    instruments = sensors_of(model, base, sensors) if sensors else _sensors_of_fit(source)
+    instruments = Sensor.of_model(model, base, sensors) if sensors else _sensors_of_fit(source)
     if not instruments:
         raise IdentificationError(
             "no sensor is given, so a test would give no information. Name at least one.", model.title, code="value.incomplete"
@@ -768,7 +768,7 @@ def _information_over_time(
     rows = problem.jacobian(at) @ chain
     times = np.concatenate([problem.experiments[0].times[o.index] for o in problem.experiments[0].observations])
     durations = np.linspace(0.0, float(times.max()), DURATIONS + 1)[1:]
-    pieces = binned(problem, at)
+    pieces = Binned.of_problem(problem, at)
     inputs = answers_to_inputs(problem, at, pieces)
     out = []
     for end in (durations * (1 + 1e-9)).tolist():

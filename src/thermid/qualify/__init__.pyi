@@ -27,7 +27,6 @@ from thermid.qualify.plans import (
     check_delivery as check_delivery,
     deliver as deliver,
     load_plan as load_plan,
-    lock_plan as lock_plan,
     run_plan as run_plan,
 )
 from thermid.qualify.profiles import (

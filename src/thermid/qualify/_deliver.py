@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from thermid.base.errors import DeckError
-from thermid.base.files import FileKinds, folder_replacing, read_bytes, read_json, write_bytes, write_text
+from thermid.base.files import FileKinds, folder_replacing, read_bytes, read_json
 from thermid.model.tree import Model, load_model, save_model
 from thermid.prediction.reduction import Reduction, assumed, reduce
 from thermid.simulation.runs import Scenario, Solution, digest, load_scenario, network_for, simulate
@@ -75,14 +75,14 @@ def deliver(
         for name in ("full", "scenarios", *(["values"] if values else []), *(["reduced"] if small is not None else [])):
             (folder / name).mkdir()
         for path in map(Path, scenarios):
-            write_bytes(folder / "scenarios" / path.name, read_bytes(path), FileKinds.COPY)
+            FileKinds.COPY.save_bytes(folder / "scenarios" / path.name, read_bytes(path))
         for v in values:
             v.save(folder / "values" / f"{v.stage}.values.toml")
         save_model(model, folder / "full" / "model.toml")
         if small is not None:
             save_model(small.inside, folder / "reduced" / "model.toml")
         record["files"] = {str(p.relative_to(folder)): _hash(p) for p in sorted(folder.rglob("*.toml"))}
-        write_text(folder / "checks.json", json.dumps(record, indent=1), FileKinds.DELIVERY)
+        FileKinds.DELIVERY.save_text(folder / "checks.json", json.dumps(record, indent=1))
     check_delivery(target)
     return target / "checks.json"
 

@@ -24,16 +24,15 @@ from thermid.base.files import (
     read_toml,
     refuse_another_kind,
     resolve_inside,
-    write_text,
 )
 from thermid.base.results import Result
 from thermid.base.units import TEMPERATURE, counted
 from thermid.campaign.stages import CRITERIA, POLICIES, Criteria, Limits, load_limits, read_limits, run_stages
-from thermid.measure.records import rule_of
+from thermid.measure.records import StabilityRule
 from thermid.model.tree import literal, load_model
 from thermid.prediction.bands import Knowledge
 from thermid.prediction.reduction import macro_model
-from thermid.values.store import filed
+from thermid.values.store import Filed
 
 if TYPE_CHECKING:
     from thermid.qualify._plan_schema import LockFile, PlanFile, TestTable
@@ -108,7 +107,7 @@ class Plan(Result):
                 model = load_model(resolve_inside(folder, source.deck, "model.tree"))
             if not source.values:
                 return Knowledge(model)
-            return Knowledge.of_file(filed(resolve_inside(folder, source.values, "model.values"), model))
+            return Knowledge.of_file(Filed.read(resolve_inside(folder, source.values, "model.values"), model))
 
     def on_host(self, host: str) -> tuple[Knowledge, tuple[Limits, ...]]:
         """Return the model inside the plan's macro model `host` and the limits, both under their paths there; bare for an empty name.
@@ -127,6 +126,45 @@ class Plan(Result):
     def _summary(self) -> str:
         """Title, number of tests and number of reference points."""
         return f"{self.title}: {counted(len(self.tests), 'test')}, {counted(len(self.limits), 'reference point')}"
+
+    def lock(self, predictions: dict[str, Any] | None = None, date: str = "") -> Path:
+        """Write what is planned with its hash, the date and the predictions beside the plan, and return that file.
+
+        Older locks and all looks at logs stay in the file. A plan that is unchanged since its last lock gets no new one.
+
+        Parameters
+        ----------
+        plan : Plan
+        predictions : dict  Predictions of each test before any log, as plain numbers.
+        date : str          The day; today by default.
+        """
+        data = _read_lock(self)
+        if not data["locks"] or data["locks"][-1]["sha256"] != self.sha256:
+            entry = {"sha256": self.sha256, "date": date or _today(), "planned": self.planned, "predictions": predictions or {}}
+            entry["looked_beside"] = _hashes_read_by_other_plans(self)
+            data["locks"].append(entry)
+            _write_lock(self, data)
+        return _lock_file(self)
+
+    def lock_status(self) -> LockStatus:
+        """Return the state of a plan's lock: open, locked, changed, late or moved, with the keys that differ; see `LockStatus`.
+
+        What is planned now is compared with the last lock before the first log was read. It is late where there was none then, or another
+        plan of the folder had read a log of this one before the lock.
+        """
+        data = _read_lock(self)
+        locks, looks = data["locks"], data["looks"]
+        looked = looks[0]["date"] if looks else ""
+        before = locks[: looks[0]["locks_before"]] if looks else locks
+        if not before:
+            return LockStatus("late" if locks else "open", "", looked, (), self.sha256)
+        base = before[-1]
+        if {look["sha256"] for look in looks} & {*base.get("looked_beside", [])}:
+            return LockStatus("late", base["date"], looked, (), self.sha256)
+        old, new = base["planned"], self.planned
+        changed = tuple(sorted(k for k in {*old, *new} if old.get(k) != new.get(k)))
+        state = "locked" if not changed else "moved" if looks else "changed"
+        return LockStatus(state, base["date"], looked, changed, self.sha256)
 
 
 def _flat_pairs(value: Any, path: str = "") -> list[tuple[str, str]]:
@@ -337,7 +375,7 @@ def check_test(content: PlanFile, test: TestTable, criteria: Mapping[str, Criter
     for key, kind, course in (("scenario", "scenario", test.scenario), ("profile", PROFILE, test.profile)):
         if isinstance(course, Mapping):
             by_grammar(kind, course, lambda inner, key=key: where(f"{key}.{inner}".rstrip(".")))  # type: ignore[misc]
-    rule_of(test.stable)
+    StabilityRule.named(test.stable)
     steady = [n for n in test.criteria if "steady" in criteria[n].kinds]
     if test.log is not None and steady and not test.steady and test.profile is None:
         raise DeckError(
@@ -415,32 +453,12 @@ def _read_lock(plan: Plan) -> dict[str, Any]:
 
 def _write_lock(plan: Plan, data: dict[str, Any]) -> None:
     """Write locks and looks into the plan's lock file."""
-    write_text(_lock_file(plan), json.dumps(data, indent=1, sort_keys=True), FileKinds.RESULTS_FILE)
+    FileKinds.RESULTS_FILE.save_text(_lock_file(plan), json.dumps(data, indent=1, sort_keys=True))
 
 
 def _today() -> str:
     """Return the date of today in UTC, as ``2026-11-29``."""
     return datetime.now(UTC).date().isoformat()
-
-
-def lock_plan(plan: Plan, predictions: dict[str, Any] | None = None, date: str = "") -> Path:
-    """Write what is planned with its hash, the date and the predictions beside the plan, and return that file.
-
-    Older locks and all looks at logs stay in the file. A plan that is unchanged since its last lock gets no new one.
-
-    Parameters
-    ----------
-    plan : Plan
-    predictions : dict  Predictions of each test before any log, as plain numbers.
-    date : str          The day; today by default.
-    """
-    data = _read_lock(plan)
-    if not data["locks"] or data["locks"][-1]["sha256"] != plan.sha256:
-        entry = {"sha256": plan.sha256, "date": date or _today(), "planned": plan.planned, "predictions": predictions or {}}
-        entry["looked_beside"] = _hashes_read_by_other_plans(plan)
-        data["locks"].append(entry)
-        _write_lock(plan, data)
-    return _lock_file(plan)
 
 
 def _hashes_read_by_other_plans(plan: Plan) -> list[str]:
@@ -472,24 +490,3 @@ def note_look(plan: Plan, test: str, sha256: str, date: str = "") -> str:
         data["looks"].append({"test": test, "sha256": sha256, "date": date or _today(), "locks_before": len(data["locks"])})
         _write_lock(plan, data)
     return str(min(others, default=""))
-
-
-def lock_status(plan: Plan) -> LockStatus:
-    """Return the state of a plan's lock: open, locked, changed, late or moved, with the keys that differ; see `LockStatus`.
-
-    What is planned now is compared with the last lock before the first log was read. It is late where there was none then, or another plan
-    of the folder had read a log of this one before the lock.
-    """
-    data = _read_lock(plan)
-    locks, looks = data["locks"], data["looks"]
-    looked = looks[0]["date"] if looks else ""
-    before = locks[: looks[0]["locks_before"]] if looks else locks
-    if not before:
-        return LockStatus("late" if locks else "open", "", looked, (), plan.sha256)
-    base = before[-1]
-    if {look["sha256"] for look in looks} & {*base.get("looked_beside", [])}:
-        return LockStatus("late", base["date"], looked, (), plan.sha256)
-    old, new = base["planned"], plan.planned
-    changed = tuple(sorted(k for k in {*old, *new} if old.get(k) != new.get(k)))
-    state = "locked" if not changed else "moved" if looks else "changed"
-    return LockStatus(state, base["date"], looked, changed, plan.sha256)

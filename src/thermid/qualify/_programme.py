@@ -16,7 +16,7 @@ from thermid.base.units import HALF_WIDTH_95, counted
 from thermid.campaign.stages import Limits, Margin, margins
 from thermid.model.tree import Standing
 from thermid.prediction.bands import IN_TESTS, SILENT, UNFITTED, Foresight, Knowledge, assumed_effects
-from thermid.qualify._plan import LockStatus, Plan, load_plan, lock_status, note_look
+from thermid.qualify._plan import LockStatus, Plan, load_plan, note_look
 from thermid.qualify._trial import Trial, run_test
 
 
@@ -273,7 +273,7 @@ def run_plan(
     every = [a for several in effects_by_test.values() for a in several]
     cases = {t.test.name: _margins_of(loaded, t, every) for t in trials}
     margin = _tightest_margins(loaded, [cases[t.test.name] for t in service_tests(trials)])
-    return Qualification(loaded, lock_status(loaded), tuple(trials), margin, by_largest_effect(every), loaded.limits, tuple(accept), cases)
+    return Qualification(loaded, loaded.lock_status(), tuple(trials), margin, by_largest_effect(every), loaded.limits, tuple(accept), cases)
 
 
 def _with_misfit_of_logs(trials: Sequence[Trial]) -> list[Trial]:

@@ -31,8 +31,8 @@ from thermid.campaign.stages import (
 from thermid.fit.calibration import Calibration
 from thermid.inference.criticism import Diagnosis, diagnose
 from thermid.measure.readers import read_record
-from thermid.measure.records import Record, rule_of
-from thermid.model.tree import flatten, literal
+from thermid.measure.records import Record, StabilityRule
+from thermid.model.tree import Flat, literal
 from thermid.prediction.bands import Foresight, Knowledge, foresee
 from thermid.qualify._plan import Plan
 from thermid.qualify._profile_runs.conduct import run_profile
@@ -223,7 +223,7 @@ def run_test(plan: Plan, test: TestTable) -> Trial:
     scenario, course = _scenario_and_course(plan, test, knowledge)
     sensors = sensors_of(plan, test)
     # refuse sensors and reference points at nodes that the model does not have
-    nodes = [n.path for n in flatten(knowledge.model).nodes]
+    nodes = [n.path for n in Flat.of_model(knowledge.model).nodes]
     places = [(f"limits.{x.point}.node", x.node) for x in limits] + [(f"sensors.{s}.node", n) for s, (n, _) in sensors.items()]
     for key, node in places:
         refuse_unknown([knowledge.model.canonical(node)], nodes, f"{plan.path.name}, {key}", f"no node '{node}'.", NameNotFoundError)
@@ -477,7 +477,7 @@ def settled_windows(trial: Trial, nodes: Sequence[str], end: float) -> list[tupl
     nodes : sequence    Nodes whose drift counts.
     end : float         End of the log; later stays are left out. [s]
     """
-    rule, run = rule_of(trial.test.stable), trial.foresight.solution
+    rule, run = StabilityRule.named(trial.test.stable), trial.foresight.solution
     stays = [p for p in trial.course.phases if p.kind == "stay" and p.duration >= MIN_SETTLED_STAY] if trial.course is not None else []
     out = []
     for p in (p for p in stays if p.end <= end):

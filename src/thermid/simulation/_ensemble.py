@@ -214,6 +214,71 @@ class Ensemble(Result):
         ends = {n: [self.quantile(n, share) - ICE_POINT for share in BAND] for n in self.nodes}
         return [PlottedTrace(n, self.times, self.mean(n) - ICE_POINT, low, high) for n, (low, high) in ends.items()]
 
+    @staticmethod
+    def of_members(
+        engine: Engine,
+        draws: Mapping[str, Any],
+        times: Array,
+        options: Options,
+        nodes: Sequence[str] | None,
+        quantiles: Any,
+        threads: int,
+        simd: str,
+        warnings: tuple[str, ...],
+        executor: Workers = None,
+    ) -> Ensemble:
+        """Run all members at the values of `draws` and return them as an `Ensemble`; arguments as in `ensemble`.
+
+        Raises
+        ------
+        ScenarioError   When names do not have equally many values, there are no threads, or a folder would have to keep traces.
+        """
+        wiring, network = engine.wiring, engine.wiring.network
+        titles = (network.title, wiring.scenario.title)
+        where = ", ".join(titles)
+        values, members = _columns(draws, where)
+        if threads < 1:
+            raise ScenarioError("an ensemble needs at least one thread.", where, code="value.outside-range")
+        shares = () if quantiles is None else tuple(float(q) for q in np.atleast_1d(shares_of(quantiles, where)))
+        wanted = tuple(dict.fromkeys(network.find(n) for n in nodes)) if nodes is not None else (*network.nodes, *network.boundaries)
+        if nodes is not None and options.extremes and (followed := frozenset(wiring.gone) & {*wanted}):
+            engine = Engine(Wiring(network, wiring.scenario, wiring.free, followed))  # as sums, their weights would differ between members
+        if engine.runner is not None:
+            return _one_by_one(engine, values, members, times, wanted, shares, warnings)
+        runs = _Runs(engine, times, wanted, options, threads, simd)
+        ensemble = partial(Ensemble, *titles, times, wanted, members, values)
+        if shares:
+            counted = _all_counted(runs, values, members, KeptTasks.of_workers(executor))
+            return ensemble(
+                counted.failed, counted.statistics, network.find, dict[str, Array]().__getitem__, counted.tallies, {}, {}, warnings
+            )
+        if executor is None:
+            group = runs.group(values)
+            return ensemble(
+                group.failed, group.statistics, network.find, group.temperature, {}, group.turnings, group.duty_cycles, warnings
+            )
+        kept_tasks = KeptTasks.of_workers(executor)
+        if kept_tasks.folder is not None:
+            raise ScenarioError(
+                "a folder keeps counts of members, not their traces. Give 'quantiles', or use td.qualify.uncertain_runs.",
+                where,
+                code="value.incomplete",
+            )
+        calls = [(f"members from {first} on", (runs, v)) for first, v in _tasks(values, members, LANES)]
+        begun, parts = process_time(), [runs.group(calls[0][1][1])]
+        others = in_tasks(_Runs.group, calls[1:], kept_tasks.workers, (process_time() - begun) * (len(calls) - 1))
+        parts += map(itemgetter(1), sorted(others, key=itemgetter(0)))
+        # members are numbered through all groups; turning points of nodes that were not followed in each group are left out
+        firsts = np.cumsum([0, *(p.members for p in parts)])[:-1].tolist()
+        failed = {first + m: why for first, p in zip(firsts, parts, strict=True) for m, why in p.failed.items()}
+        followed_nodes = [n for n in parts[0].turnings if all(n in p.turnings for p in parts)]
+        turnings = {
+            n: MemberTurnings.joined([(first, p.turnings[n]) for first, p in zip(firsts, parts, strict=True)]) for n in followed_nodes
+        }
+        duty_cycles = {name: np.concatenate([p.duty_cycles[name] for p in parts]) for name in parts[0].duty_cycles}
+        statistics = added([p.statistics for p in parts])
+        return ensemble(failed, statistics, network.find, partial(_traces_of, parts), {}, turnings, duty_cycles, warnings)
+
 
 BAND = (0.025, 0.975)
 """Shares of the members at the ends of a band. [-]"""
@@ -516,65 +581,6 @@ def _shares_of(values: Mapping[str, Array], size: int) -> list[dict[str, Array]]
     """Return values (members,) by name in pieces of `size` members, the last one shorter."""
     members = next(iter(values.values())).size
     return [{n: v[first : first + size] for n, v in values.items()} for first in range(0, members, size)]
-
-
-def run_members(
-    engine: Engine,
-    draws: Mapping[str, Any],
-    times: Array,
-    options: Options,
-    nodes: Sequence[str] | None,
-    quantiles: Any,
-    threads: int,
-    simd: str,
-    warnings: tuple[str, ...],
-    executor: Workers = None,
-) -> Ensemble:
-    """Run all members at the values of `draws` and return them as an `Ensemble`; arguments as in `ensemble`.
-
-    Raises
-    ------
-    ScenarioError   When names do not have equally many values, there are no threads, or a folder would have to keep traces.
-    """
-    wiring, network = engine.wiring, engine.wiring.network
-    titles = (network.title, wiring.scenario.title)
-    where = ", ".join(titles)
-    values, members = _columns(draws, where)
-    if threads < 1:
-        raise ScenarioError("an ensemble needs at least one thread.", where, code="value.outside-range")
-    shares = () if quantiles is None else tuple(float(q) for q in np.atleast_1d(shares_of(quantiles, where)))
-    wanted = tuple(dict.fromkeys(network.find(n) for n in nodes)) if nodes is not None else (*network.nodes, *network.boundaries)
-    if nodes is not None and options.extremes and (followed := frozenset(wiring.gone) & {*wanted}):
-        engine = Engine(Wiring(network, wiring.scenario, wiring.free, followed))  # as sums, their weights would differ between members
-    if engine.runner is not None:
-        return _one_by_one(engine, values, members, times, wanted, shares, warnings)
-    runs = _Runs(engine, times, wanted, options, threads, simd)
-    ensemble = partial(Ensemble, *titles, times, wanted, members, values)
-    if shares:
-        counted = _all_counted(runs, values, members, KeptTasks.of_workers(executor))
-        return ensemble(counted.failed, counted.statistics, network.find, dict[str, Array]().__getitem__, counted.tallies, {}, {}, warnings)
-    if executor is None:
-        group = runs.group(values)
-        return ensemble(group.failed, group.statistics, network.find, group.temperature, {}, group.turnings, group.duty_cycles, warnings)
-    kept_tasks = KeptTasks.of_workers(executor)
-    if kept_tasks.folder is not None:
-        raise ScenarioError(
-            "a folder keeps counts of members, not their traces. Give 'quantiles', or use td.qualify.uncertain_runs.",
-            where,
-            code="value.incomplete",
-        )
-    calls = [(f"members from {first} on", (runs, v)) for first, v in _tasks(values, members, LANES)]
-    begun, parts = process_time(), [runs.group(calls[0][1][1])]
-    others = in_tasks(_Runs.group, calls[1:], kept_tasks.workers, (process_time() - begun) * (len(calls) - 1))
-    parts += map(itemgetter(1), sorted(others, key=itemgetter(0)))
-    # members are numbered through all groups; turning points of nodes that were not followed in each group are left out
-    firsts = np.cumsum([0, *(p.members for p in parts)])[:-1].tolist()
-    failed = {first + m: why for first, p in zip(firsts, parts, strict=True) for m, why in p.failed.items()}
-    followed_nodes = [n for n in parts[0].turnings if all(n in p.turnings for p in parts)]
-    turnings = {n: MemberTurnings.joined([(first, p.turnings[n]) for first, p in zip(firsts, parts, strict=True)]) for n in followed_nodes}
-    duty_cycles = {name: np.concatenate([p.duty_cycles[name] for p in parts]) for name in parts[0].duty_cycles}
-    statistics = added([p.statistics for p in parts])
-    return ensemble(failed, statistics, network.find, partial(_traces_of, parts), {}, turnings, duty_cycles, warnings)
 
 
 def _all_counted(runs: _Runs, values: Mapping[str, Array], members: int, kept_tasks: KeptTasks) -> Counted:

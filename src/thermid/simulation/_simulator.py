@@ -13,8 +13,8 @@ import numpy as np
 from thermid.base.errors import CodedText, NameNotFoundError, ScenarioError, cap, errors_at, quoted, raising, refuse_unknown
 from thermid.base.results import Shown
 from thermid.base.units import TEMPERATURE, Array, amount, quantity, seconds, si_values, unit, value_of
-from thermid.model.tree import Constant, Model, streams_of, worst
-from thermid.simulation._ensemble import Ensemble, run_members
+from thermid.model.tree import Constant, Model, Standing, streams_of
+from thermid.simulation._ensemble import Ensemble
 from thermid.simulation._many.tasks import Workers
 from thermid.simulation._network.medium import gas_remarks
 from thermid.simulation._network.network import Network, compile_network, unreached, without_gas
@@ -240,9 +240,9 @@ class Simulator(Shown):
             )
         names = (*self.wiring.network.nodes, *self.wiring.network.boundaries)
         nodes = nodes if nodes is not None or not self.without_gas else [n for n in names if n not in self.without_gas]
-        runs = run_members(self.engine, values, self.times, self.options, nodes, quantiles, threads, simd, self._remarks, executor)
+        runs = Ensemble.of_members(self.engine, values, self.times, self.options, nodes, quantiles, threads, simd, self._remarks, executor)
         standings = [self.wiring.network.flat.names.model.standing, *([draws.standing] if isinstance(draws, Draws) else [])]
-        return replace(runs, standing=worst(standings))
+        return replace(runs, standing=Standing.worst(standings))
 
     def settled(self, values: Mapping[str, Any] | None = None, *, sensitivities: bool = True) -> tuple[dict[str, float], dict[str, Array]]:
         """Return node -> temperature with the inputs of the end held for good [K], and its derivatives (free,) [K per SI unit].

@@ -11,10 +11,10 @@ from typing import TYPE_CHECKING, Any, Final, overload
 import numpy as np
 
 from thermid.base.errors import NameNotFoundError, ScenarioError, look_up, optional
-from thermid.base.files import NETCDF_SOURCE, FileKinds, replacing
+from thermid.base.files import NETCDF_SOURCE, FileKinds
 from thermid.base.results import PlottedTrace, Result, Row
 from thermid.base.units import ICE_POINT, Array, Memo, amount, kelvin, value_of
-from thermid.model.tree import Standing, degrees, literal, worst
+from thermid.model.tree import Standing, degrees, literal
 from thermid.physics.correlations import GapLaw, correlation
 from thermid.simulation._condensation import condensation
 from thermid.simulation._duty import DutyCycle, on_shares
@@ -651,7 +651,7 @@ class Solution(Result):
 
     def to_netcdf(self, path: str | os.PathLike[str]) -> None:
         """Write the data set of `to_xarray` as a netCDF file, which MATLAB and Octave can open."""
-        with self.to_xarray() as data, replacing(path, FileKinds.NETCDF) as half:
+        with self.to_xarray() as data, FileKinds.NETCDF.replacing(path) as half:
             data.attrs["source"] = NETCDF_SOURCE
             data.to_netcdf(half, engine="h5netcdf")
 
@@ -659,7 +659,7 @@ class Solution(Result):
         """Write a CSV file with the times [s] and a column of temperatures [degC] per node."""
         header = ",".join(['"time_s"', *(f"{n} [degC]" for n in self.nodes)])
         table = np.column_stack((self.times, self.temperatures - ICE_POINT))
-        with replacing(path, FileKinds.TABLE) as half:
+        with FileKinds.TABLE.replacing(path) as half:
             np.savetxt(half, table, delimiter=",", header=header, comments="", fmt="%.9g")
 
     def __str__(self) -> str:
@@ -674,7 +674,7 @@ class Solution(Result):
             lines.append("  highest of the stored samples; not known between them")
         lines += [f"  {name}: {duty}" for name, duty in self.duty_cycles.items()]
         lines += [f"  warning: {w}" for w in self.warnings]
-        return worst(self.doubts).over("\n".join(lines))
+        return Standing.worst(self.doubts).over("\n".join(lines))
 
     def _as_rows(self) -> list[Row]:
         """Return every node with its last, highest and lowest temperature."""

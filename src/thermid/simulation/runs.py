@@ -6,7 +6,7 @@ The equations of a model that they solve: rows of conductors, controls, streams,
 from thermid.simulation._block import BlockSolution as BlockSolution
 from thermid.simulation._condensation import surfaces_in_gas as surfaces_in_gas
 from thermid.simulation._duty import DutyCycle as DutyCycle
-from thermid.simulation._ensemble import Ensemble as Ensemble, run_members as run_members, shares_of as shares_of
+from thermid.simulation._ensemble import Ensemble as Ensemble, shares_of as shares_of
 from thermid.simulation._heat_map import margin_lines as margin_lines, margins as margins
 from thermid.simulation._many.kept import JobFolder as JobFolder, digest as digest
 from thermid.simulation._many.tally import PILOT as PILOT, Counted as Counted

@@ -12,7 +12,7 @@ from thermid.base.errors import ScenarioError, SolverError, refuse_unknown
 from thermid.base.linear_algebra import anderson_step
 from thermid.base.results import Named, PlottedTrace
 from thermid.base.units import ICE_POINT, Array
-from thermid.model.tree import Constant, FlatConductor, HeatLoad, Model, Signal, TableSignal, check_span, parameter, signal
+from thermid.model.tree import Constant, FlatConductor, HeatLoad, Model, Parameter, Signal, TableSignal, check_span, signal
 from thermid.simulation.runs import Scenario, Solution, compile_network, simulate, surfaces_in_gas
 from thermid.site.vapour import Followed, Volume, WaterBalance, follow
 
@@ -251,7 +251,7 @@ def _with_film_load(model: Model, parts: list[str], surface: str) -> Model:
         inner = model.submodels[parts[0]]
         changed = replace(inner, model=_with_film_load(inner.model, parts[1:], surface))
         return replace(model, submodels={**model.submodels, parts[0]: changed})
-    load = HeatLoad(model.surfaces[surface].of, {"power": parameter("0 [W]")})
+    load = HeatLoad(model.surfaces[surface].of, {"power": Parameter.read("0 [W]")})
     return replace(model, loads={**model.loads, f"{surface}_latent": load})
 
 

@@ -13,11 +13,11 @@ from typing import Any
 import numpy as np
 
 from thermid.base.errors import DeckError
-from thermid.base.files import FileKinds, Places, by_grammar, parse_toml, read_text, toml_key, toml_value, write_text
+from thermid.base.files import FileKinds, Places, by_grammar, parse_toml, read_text, toml_key, toml_value
 from thermid.base.linear_algebra import square_root
 from thermid.base.results import Named, Row
 from thermid.base.units import Array, counted, from_si, unit
-from thermid.model.tree import UNJUDGED, Dropped, Parameter, Standing, exact, worst
+from thermid.model.tree import UNJUDGED, Dropped, Parameter, Standing
 from thermid.values._store import LaterTable, LeftOut, Normal, Source, State, Store, ValueOrigin, deviated, domain, error_table_of
 
 VALUES_SCHEMA = 2
@@ -66,7 +66,7 @@ class FittedValue:
 
     def as_parameter(self) -> Parameter:
         """Return the value as a parameter that can be laid over a model; its float is kept exactly."""
-        return exact(self.value, self.unit, self.origin)
+        return Parameter.exact(self.value, self.unit, self.origin)
 
     def shown(self, difference: float) -> float:
         """Return an SI difference, such as an error, in the value's unit: divided by its factor, without the offset of a scale."""
@@ -96,7 +96,7 @@ class Draws(dict[str, Array]):
 
     def __or__(self, other: Mapping[str, Any]) -> Draws:  # type: ignore[override]
         """Return these and others beside them."""
-        return Draws({**self, **other}, worst([self.standing, other.standing]) if isinstance(other, Draws) else self.standing)
+        return Draws({**self, **other}, Standing.worst([self.standing, other.standing]) if isinstance(other, Draws) else self.standing)
 
     def __ror__(self, other: Mapping[str, Any]) -> Draws:  # type: ignore[override]
         """Return others and these beside them."""
@@ -192,7 +192,7 @@ class FittedValues(Named[FittedValue], Mapping[str, FittedValue]):
     @property
     def standing(self) -> Standing:
         """The worst standing among them; unjudged where there is none."""
-        return worst(v.standing for v in self.items_.values()) if self.items_ else UNJUDGED
+        return Standing.worst(v.standing for v in self.items_.values()) if self.items_ else UNJUDGED
 
     def judged(self, standing: Standing) -> FittedValues:
         """Return the values with one and the same standing for all of them."""
@@ -236,20 +236,20 @@ class FittedValues(Named[FittedValue], Mapping[str, FittedValue]):
         fitted_records = {sha: f"stage '{self.stage}' as '{name}'" for name, sha in records.items()}
         return Store(states, sources, root, fitted_records, {self.stage: self.provenance})
 
-
-def view(store: Store, paths: Sequence[str], stage: str) -> FittedValues:
-    """Return some states of a store as fitted values of a stage, with their covariance; an unknown error has an infinite variance."""
-    states = [store[p] for p in paths]
-    covariance = store.covariance(paths)
-    for k, s in enumerate(states):
-        if not s.known:
-            covariance[k, k] = np.inf
-    items = {}
-    for s in states:
-        name, *also = s.acts or (s.path,)
-        numbers = (s.value, store.error(s.path), s.random, s.log, s.unit, s.start, s.bounds)
-        items[name] = FittedValue(name, *numbers, _words(s), s.kind, s.prior, tuple(also), s.standing)
-    return FittedValues(stage, items, covariance, store.provenance.get(stage, {}))
+    @staticmethod
+    def of_store(store: Store, paths: Sequence[str], stage: str) -> FittedValues:
+        """Return some states of a store as fitted values of a stage, with their covariance; an unknown error has an infinite variance."""
+        states = [store[p] for p in paths]
+        covariance = store.covariance(paths)
+        for k, s in enumerate(states):
+            if not s.known:
+                covariance[k, k] = np.inf
+        items = {}
+        for s in states:
+            name, *also = s.acts or (s.path,)
+            numbers = (s.value, store.error(s.path), s.random, s.log, s.unit, s.start, s.bounds)
+            items[name] = FittedValue(name, *numbers, _words(s), s.kind, s.prior, tuple(also), s.standing)
+        return FittedValues(stage, items, covariance, store.provenance.get(stage, {}))
 
 
 def _words(state: State) -> str:
@@ -276,7 +276,7 @@ def values_of(store: Store, stage: str) -> FittedValues:
 
     The provenance has the test conditions of all fits in the store under `conditions`.
     """
-    values = view(store, [p for p, x in store.states.items() if x.kind != "parameter" or x.acts], stage)
+    values = FittedValues.of_store(store, [p for p, x in store.states.items() if x.kind != "parameter" or x.acts], stage)
     conditions = {p: at for of_fit in store.provenance.values() for p, at in of_fit.get("conditions", {}).items()}
     return replace(values, provenance={**values.provenance, **({"conditions": conditions} if conditions else {})}, store=store)
 
@@ -311,7 +311,7 @@ def save_store(store: Store, path: str | os.PathLike[str], stage: str) -> None:
     for group in _groups(store):
         rows = {p: row for p, row in zip(store.states, store.root[:, group].tolist(), strict=True) if any(row)}
         lines += ["", "[[root]]", f"sources = {toml_value(group)}", *(f"{toml_key(p)} = {toml_value(row)}" for p, row in rows.items())]
-    write_text(path, "\n".join([*lines, ""]), FileKinds.VALUES.titled(stage))
+    FileKinds.VALUES.titled(stage).save_text(path, "\n".join([*lines, ""]))
 
 
 def _groups(store: Store) -> Iterable[list[int]]:

@@ -53,28 +53,30 @@ class RangedValue:
         best = min((of_assumed[p] for p in (self.path, *self.also) if p in of_assumed), default=None)
         return float(narrowed(self.law(nominal), nominal, best).variance ** 0.5)
 
+    @staticmethod
+    def of_fit(model: Tree, parameters: ParameterSet, without: Collection[str] = ()) -> list[RangedValue]:
+        """Return the values of a model that have a stated range, but for the paths in `without`.
 
-def ranged_values(model: Tree, parameters: ParameterSet, without: Collection[str] = ()) -> list[RangedValue]:
-    """Return the values of a model that have a stated range, but for the paths in `without`.
-
-    Twins, and parts of one material, are one `RangedValue`. Two finishes of one name share a source with sqrt(alike) of their standard
-    deviation and have one each for the rest.
-    """
-    twins, groups = local_identities(model), dict[str, list[str]]()
-    stated = {p: r for p, r in parameters.stated_ranges.items() if p not in without}
-    for path, r in stated.items():
-        first = twins[path].paths[0] if path in twins else path
-        groups.setdefault(r.name if r.alike == 1.0 else first, []).append(path)
-    places = [_place(model, parameters.table[paths[0]]) for paths in groups.values()]
-    out = []
-    for (path, *also), where in zip(groups.values(), places, strict=True):
-        r = stated[path]
-        place = where if places.count(where) == 1 else f"{where} at {path}"  # twins that a cut parted
-        words = f"the range of '{r.name}'" if r.name else f"the range of {path}"
-        shares = {r.name: math.sqrt(r.alike), place: math.sqrt(1.0 - r.alike)}
-        columns = tuple((Source(f"{RANGE_OF}{what}", "stated", Normal(), words), share) for what, share in shares.items() if share > 0.0)
-        out.append(RangedValue(path, tuple(also), r, columns))
-    return out
+        Twins, and parts of one material, are one `RangedValue`. Two finishes of one name share a source with sqrt(alike) of their standard
+        deviation and have one each for the rest.
+        """
+        twins, groups = local_identities(model), dict[str, list[str]]()
+        stated = {p: r for p, r in parameters.stated_ranges.items() if p not in without}
+        for path, r in stated.items():
+            first = twins[path].paths[0] if path in twins else path
+            groups.setdefault(r.name if r.alike == 1.0 else first, []).append(path)
+        places = [_place(model, parameters.table[paths[0]]) for paths in groups.values()]
+        out = []
+        for (path, *also), where in zip(groups.values(), places, strict=True):
+            r = stated[path]
+            place = where if places.count(where) == 1 else f"{where} at {path}"  # twins that a cut parted
+            words = f"the range of '{r.name}'" if r.name else f"the range of {path}"
+            shares = {r.name: math.sqrt(r.alike), place: math.sqrt(1.0 - r.alike)}
+            columns = tuple(
+                (Source(f"{RANGE_OF}{what}", "stated", Normal(), words), share) for what, share in shares.items() if share > 0.0
+            )
+            out.append(RangedValue(path, tuple(also), r, columns))
+        return out
 
 
 def _place(model: Tree, entry: Entry) -> str:

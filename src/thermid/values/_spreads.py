@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from thermid.base.errors import ScenarioError, nearest
-from thermid.base.units import TEMPERATURE, THREE_WAYS, parse, stated
+from thermid.base.units import TEMPERATURE, THREE_WAYS, Expression, stated
 from thermid.model.tree import literal
 from thermid.values._store import Cut, Distribution, LogNormal, Normal, Uniform
 
@@ -102,7 +102,7 @@ def _uniform(table: Mapping[str, Any], slot: str, nominal: float, where: str, bo
 
 def _absolute(text: Any, where: str) -> bool:
     """Return whether a written number is a temperature on a scale (degC, degF) and not a difference in kelvin."""
-    number = parse(text).literal if isinstance(text, str) else stated(text)
+    number = Expression.parse(text).literal if isinstance(text, str) else stated(text)
     if number is None:
         raise ScenarioError(f"{text!r} has no unit. {THREE_WAYS}; a shift is '2 [K]'.", where, code="value.incomplete")
     return number.unit.absolute
@@ -136,7 +136,7 @@ def deviation(text: Any, slot: str, mean: float, where: str) -> float:
     ScenarioError   When per cent are of a temperature.
     UnitError       When it has another dimension.
     """
-    number = parse(text).literal if isinstance(text, str) else stated(text)
+    number = Expression.parse(text).literal if isinstance(text, str) else stated(text)
     if number is None or number.unit.text != "%":
         return literal(text, "K" if slot == TEMPERATURE else slot, where)
     if slot in (TEMPERATURE, "K"):

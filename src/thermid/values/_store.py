@@ -18,21 +18,19 @@ import numpy as np
 from thermid.base.errors import DeckError, NameNotFoundError, nearest, quoted
 from thermid.base.linear_algebra import symmetric_inverse
 from thermid.base.results import Row, Shown
-from thermid.base.units import Array, counted, parse
+from thermid.base.units import Array, Expression, counted
 from thermid.model.tree import (
     SET,
     UNJUDGED,
     Dropped,
     Entry,
+    Flat,
     Identity,
     Model,
     Parameter,
     Standing,
     Tree,
-    exact,
-    flatten,
     inside,
-    instances,
     local_identities,
     outside,
 )
@@ -416,7 +414,7 @@ class State:
 
     def as_parameter(self) -> Parameter:
         """Return the value as a parameter that can be laid over a model; its float is kept exactly."""
-        return exact(self.value, self.unit, str(self.origin))
+        return Parameter.exact(self.value, self.unit, str(self.origin))
 
     def under(self, part: str) -> State:
         """Return the state with all paths prefixed by ``part.``: as a model has it that uses this one as `part`; instruments stay as is."""
@@ -645,7 +643,7 @@ def _alike(one: str, other: str) -> bool:
     """Return whether two written values are the same text, or equal numbers of one dimension to 1e-12."""
     if one == other:
         return True
-    a, b = parse(one).literal, parse(other).literal
+    a, b = Expression.parse(one).literal, Expression.parse(other).literal
     return a is not None and b is not None and a.unit.dimension == b.unit.dimension and math.isclose(a.value, b.value, rel_tol=1e-12)
 
 
@@ -709,7 +707,7 @@ def _among_nodes(model: Model, part: str, store: Store) -> Store:
 
     Gas in a housing carries less than that of a room, by how much no reading of the part alone says. Values that are one have one source.
     """
-    flat = flatten(model)
+    flat = Flat.of_model(model)
     around = {n.path for n in flat.nodes if not inside(n.path, part)}
     fields = [c.fields for c in flat.conductors if c.gas in around and inside(c.path, part)]
     met = {path for f in fields for name, path in f.items() if name.endswith(("htc", "coefficient"))}
@@ -809,7 +807,7 @@ class _Identities:
     def __init__(self, model: Model) -> None:
         """Note the parts of a model; identities are worked out when asked for."""
         self.model = model
-        self.decks = {prefix.removesuffix("."): definition for prefix, definition in instances(model)}
+        self.decks = {prefix.removesuffix("."): definition for prefix, definition in model.instances()}
         self._known: dict[str, Mapping[str, Identity]] = {}
 
     def identity(self, path: str, at: str) -> Identity | None:
@@ -993,7 +991,7 @@ def depth(place: str) -> int:
 
 def rows_of_decks(model: Tree) -> Mapping[str, tuple[str, tuple[str, ...]]]:
     """Return path -> (its name in the deck that writes it, all paths that this one row of the deck stands for)."""
-    of = dict(instances(model))
+    of = dict(model.instances())
     rows: dict[tuple[str, str], list[str]] = {}
     for part, prefix in model.walk():
         for name, _, _ in part.own_parameters():

@@ -126,28 +126,28 @@ class Filed:
         """All remarks on the file, in the order of importance."""
         return (*self.gone, *self.hidden)
 
+    @staticmethod
+    def read(path: Path, model: Model, *, at: str = "", keep: bool = False) -> Filed:
+        """Return a model with a values file laid over it, whoever wrote the file.
 
-def filed(path: Path, model: Model, *, at: str = "", keep: bool = False) -> Filed:
-    """Return a model with a values file laid over it, whoever wrote the file.
+        Parameters
+        ----------
+        path : Path     A file of a stage, of the studio, or one written by hand.
+        model : Model   As its decks are now.
+        at : str        The submodel that the file is of; empty for the model itself.
+        keep : bool     Whether to keep states of values that the decks give otherwise by now.
 
-    Parameters
-    ----------
-    path : Path     A file of a stage, of the studio, or one written by hand.
-    model : Model   As its decks are now.
-    at : str        The submodel that the file is of; empty for the model itself.
-    keep : bool     Whether to keep states of values that the decks give otherwise by now.
-
-    Raises
-    ------
-    ThermidError   When it is no values file, or is of another model.
-    """
-    part = model.submodel(at) if at else model
-    by_hand = "schema" not in read_values(path)
-    store, stage = (hand_values(path, part, path.name, path.name), path.name) if by_hand else load_store(path)
-    store, of_logs = store.in_decks(part)
-    matching = store if keep else store.matching(part)
-    gone = tuple(f"{d.path} = {d.text} of {d.origin} was ignored: {d.why}." for d in matching.dropped[len(store.dropped) :])
-    placed, twins = graft(model, [(at, matching)]) if at else (matching, ())
-    model_with_values = placed.laid_over(model)
-    hidden = (*of_logs, *twins, *placed.acting_in(model_with_values)[1])
-    return Filed(model_with_values, values_of(matching, stage), gone, hidden, at)
+        Raises
+        ------
+        ThermidError   When it is no values file, or is of another model.
+        """
+        part = model.submodel(at) if at else model
+        by_hand = "schema" not in read_values(path)
+        store, stage = (hand_values(path, part, path.name, path.name), path.name) if by_hand else load_store(path)
+        store, of_logs = store.in_decks(part)
+        matching = store if keep else store.matching(part)
+        gone = tuple(f"{d.path} = {d.text} of {d.origin} was ignored: {d.why}." for d in matching.dropped[len(store.dropped) :])
+        placed, twins = graft(model, [(at, matching)]) if at else (matching, ())
+        model_with_values = placed.laid_over(model)
+        hidden = (*of_logs, *twins, *placed.acting_in(model_with_values)[1])
+        return Filed(model_with_values, values_of(matching, stage), gone, hidden, at)

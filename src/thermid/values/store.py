@@ -8,7 +8,6 @@ from thermid.values._fitted import (
     load_values as load_values,
     rooted as rooted,
     save_store as save_store,
-    view as view,
 )
 from thermid.values._ranges import (
     RANGE_OF as RANGE_OF,
@@ -16,7 +15,6 @@ from thermid.values._ranges import (
     bracketed as bracketed,
     narrowed as narrowed,
     range_shares as range_shares,
-    ranged_values as ranged_values,
     without_spread as without_spread,
 )
 from thermid.values._spreads import cut as cut, deviation as deviation, read_spread as read_spread
@@ -47,4 +45,4 @@ from thermid.values._store import (
     structural_under as structural_under,
     uniforms as uniforms,
 )
-from thermid.values._value_files import Filed as Filed, filed as filed, hand_values as hand_values
+from thermid.values._value_files import Filed as Filed, hand_values as hand_values

@@ -27,7 +27,7 @@ from thermid.app.examples import (
 )
 from thermid.base.errors import MissingDataError, NameNotFoundError, OutputError, RecordError
 from thermid.base.files import json_schema
-from thermid.campaign._file import read_campaign
+from thermid.campaign._file import CampaignSource
 from thermid.campaign._start.project import kind_of
 
 ORIGINALS = {name: run_path(str(examples.shipped() / name / "originals.py")) for name in ("tclab", "motor")}
@@ -106,7 +106,7 @@ def test_a_copy_makes_its_synthetic_logs_or_says_why_not(tmp_path: Path, monkeyp
 def test_the_study_is_ready_for_its_report(tmp_path: Path) -> None:
     made = copy_example("sisnav", tmp_path / "sisnav")
     assert made.example.first.split()[:3] == ["thermid", "report", "campaign.toml"]
-    source = read_campaign(made.folder / "campaign.toml", made.folder)
+    source = CampaignSource.read(made.folder / "campaign.toml", made.folder)
     assert all(source.record(name).duration > 0 for name in source.names())
 
 

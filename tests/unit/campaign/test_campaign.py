@@ -16,7 +16,7 @@ import pytest
 from by_code import raises_code
 from studio.large import wide_campaign
 from thermid.base.errors import IdentificationError, NameNotFoundError, StoppedError, ThermidError, code_of
-from thermid.campaign._file import read_campaign
+from thermid.campaign._file import CampaignSource
 from thermid.campaign._stages import Campaign, request_of, run_stages
 from thermid.campaign._survey import check_campaign
 from thermid.fit._problem.request import in_full
@@ -402,10 +402,10 @@ def test_every_fault_of_the_grammar_is_listed(project: Path) -> None:
 
 def test_a_missing_campaign_and_one_that_is_no_toml(tmp_path: Path, project: Path) -> None:
     with raises_code("file.not-found", match=r"'campain\.toml'.*'campaign\.toml'"):
-        read_campaign(project.parent / "campain.toml")
+        CampaignSource.read(project.parent / "campain.toml")
     project.write_text("title = ")
     with raises_code("file.not-valid", match=r"campaign\.toml.*TOML"):
-        read_campaign(project)
+        CampaignSource.read(project)
 
 
 @pytest.mark.parametrize("name", ["pa ir", "Pa_ir", "pa/ir"])
@@ -474,12 +474,12 @@ class TestWhereLogsLie:
         assert "'logs/box_bench.csv'" in str(refused(project))
 
     def test_checksum_of_the_right_log(self, project: Path) -> None:
-        sha = read_campaign(project).record("box_bench").origin.sha256
+        sha = CampaignSource.read(project).record("box_bench").origin.sha256
         changed(project, ("[records.pairs]", f'[checksums]\nbox_bench = "{sha[:16]}"\n\n[records.pairs]'))
         assert run_stages(project).passed
 
     def test_a_failed_look_leaves_nothing_half_known(self, project: Path) -> None:
-        source = read_campaign(changed(project, ('"logs/pair_*.csv"', '"logs/nothing_*.csv"')))
+        source = CampaignSource.read(changed(project, ('"logs/pair_*.csv"', '"logs/nothing_*.csv"')))
         for _ in range(2):
             with raises_code("record.log-missing", match=r"'logs/nothing_\*\.csv'"):
                 source.pick(["box_bench"], "here")
@@ -715,7 +715,7 @@ def test_one_instance_is_untied_by_name(tmp_path: Path) -> None:
     path = make_project(tmp_path)
     deck = path.parent / "pair.toml"
     deck.write_text(deck.read_text().replace('use = "cool.toml"', 'use = "box.toml"'))
-    source = read_campaign(path)
+    source = CampaignSource.read(path)
     stage = next(s for s in source.content.stages if s.name == "pair").model_copy(update={"inherit": {}, "free": ["a.case.mass"]})
     requests = [request_of(source, stage.model_copy(update={"untie": u}), 1, {}) for u in (False, ["b"], ["b.case.mass"], True)]
     groups = [r.shared.get("a.case.mass", ("a.case.mass",)) for r in requests]

@@ -12,7 +12,7 @@ from thermid.model.tree import load_model
 from thermid.prediction._known import known_of
 from thermid.prediction.bands import predict
 from thermid.simulation.runs import Scenario
-from thermid.values.store import filed, load_store, load_values
+from thermid.values.store import Filed, load_store, load_values
 from unit.fit.project import write_log
 from unit.fit.trees import joined, leaf, record_of, record_table, stage_table, write_decks
 
@@ -66,7 +66,7 @@ def test_the_values_file_of_such_a_stage_is_of_its_deck(tmp_path: Path) -> None:
     gyro = two_stages(tmp_path, 'as = "fixed"')["gyro"]
     gyro.save(tmp_path / "v.toml")
     deck = load_model(tmp_path / "gyro.toml")
-    laid = filed(tmp_path / "v.toml", deck)
+    laid = Filed.read(tmp_path / "v.toml", deck)
     assert laid.model.at(G).expression.literal.value == gyro[G].value
     assert ["start_up.power" in line for line in laid.lines] == [True]
     scenario = Scenario("s", boundaries={"air": "20 [degC]"}, start="20 [degC]", duration=3600.0)

@@ -13,7 +13,7 @@ import pytest
 import thermid as td
 from by_code import raises_code
 from thermid.base.errors import DeckError, RecordError
-from thermid.campaign.stages import check_campaign, running_test
+from thermid.campaign.stages import RunningTest, check_campaign
 from thermid.inference.criticism import find_mistakes
 from thermid.measure.records import Channel, Record
 from thermid.model.tree import save_model
@@ -138,7 +138,7 @@ def test_two_pressures_separate_gas_and_radiation_and_a_verdict_runs_in_the_gas_
         assert fit[path].error < 0.03 * truth
     (verdict,) = campaign.verdicts
     assert verdict.passed
-    test = running_test(campaign, "thin")
+    test = RunningTest.of_campaign(campaign, "thin")
     assert test.conditions(campaign.source.record("thin")).environment == {"*": THIN}
     silent = project.with_name("silent.toml")
     silent.write_text("\n".join(line for line in CAMPAIGN.splitlines() if not line.startswith("environment")))

@@ -14,7 +14,7 @@ from by_code import raises_code
 from thermid.base.errors import RecordError
 from thermid.campaign import _cache as cache
 from thermid.campaign._cache import log_kept
-from thermid.campaign._file import CampaignSource, read_campaign
+from thermid.campaign._file import CampaignSource
 from thermid.campaign._schema import RecordTable
 from thermid.fit.calibration import KeptFit
 from thermid.measure.readers import read_record
@@ -61,7 +61,7 @@ def readings(monkeypatch: pytest.MonkeyPatch) -> list[str]:
 
 
 def source(campaign: Path, folder: Path | None = None) -> CampaignSource:
-    return replace(read_campaign(campaign), results=folder if folder is not None else campaign.parent / "results")
+    return replace(CampaignSource.read(campaign), results=folder if folder is not None else campaign.parent / "results")
 
 
 def same(one: Any, other: Any) -> bool:
@@ -87,7 +87,7 @@ def test_a_kept_log_is_the_log_in_every_bit(campaign: Path, readings: list[str])
 
 def test_without_a_results_folder_nothing_is_kept(campaign: Path, readings: list[str]) -> None:
     for _ in range(2):
-        read_campaign(campaign).record("one")
+        CampaignSource.read(campaign).record("one")
     assert readings == ["one.csv", "one.csv"]
     assert {p.name for p in campaign.parent.iterdir()} == {"one.csv", "campaign.toml"}
 
@@ -120,7 +120,7 @@ def test_a_change_of_how_it_is_read_reads_it_again(campaign: Path, readings: lis
     campaign.write_text(text)
     found = source(campaign).record("one")
     assert len(readings) == 2
-    assert same(found, read_campaign(campaign).record("one"))
+    assert same(found, CampaignSource.read(campaign).record("one"))
 
 
 def test_whatever_a_campaign_says_of_a_log_enters_the_key(campaign: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -145,7 +145,7 @@ def test_one_digit_of_the_log_reads_it_again(campaign: Path, readings: list[str]
     found = source(campaign).record("one")
     assert len(readings) == 2
     assert not same(found, first)
-    assert same(found, read_campaign(campaign).record("one"))
+    assert same(found, CampaignSource.read(campaign).record("one"))
 
 
 def test_other_code_reads_it_again(campaign: Path, readings: list[str], monkeypatch: pytest.MonkeyPatch) -> None:

@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from thermid.campaign._cache import changed_since, remember
-from thermid.campaign._file import read_campaign
+from thermid.campaign._file import CampaignSource
 from thermid.campaign._stages import keyed, request_of, run_stages
 from thermid.fit._problem import request as room
 from thermid.fit.calibration import KeptFit, LocalSpec, Reading, Request
@@ -121,7 +121,7 @@ def ran(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Any]:
 
 def told(folder: Path, done: Any) -> dict[str, str]:
     """Stage -> the reasons to fit it again that a campaign tells; a stage by hand keeps nothing, so its ingredients are kept here."""
-    source = read_campaign(folder / "campaign.toml")
+    source = CampaignSource.read(folder / "campaign.toml")
     known: dict[str, str] = {}
     out = {}
     for k, stage in enumerate(source.content.stages):

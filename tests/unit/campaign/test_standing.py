@@ -17,10 +17,10 @@ import thermid as td
 from by_code import raises_code
 from plain_errors import errors_in_full
 from thermid.base.errors import DeckError
-from thermid.campaign._file import read_campaign
+from thermid.campaign._file import CampaignSource
 from thermid.campaign._stages import Campaign, request_of, run_stages
 from thermid.fit._calibrate import rests_on
-from thermid.model.tree import CREDIBLE, UNJUDGED, Standing, State, load_model, worst
+from thermid.model.tree import CREDIBLE, UNJUDGED, Standing, State, load_model
 from thermid.values.store import FittedValue, FittedValues
 from unit.fit.planted import BOX_VALUES, CAMPAIGN, planted
 
@@ -83,7 +83,7 @@ def test_files_of_values_and_every_result_carry_it(bad: Campaign, folder: Path, 
         "uncertain_runs": (runs := td.qualify.uncertain_runs(load_model(folder / "whole.toml"), scenario, values, n=24, nodes=["c.case"])),
         "hold": td.qualify.hold(runs, {"c.case": "60 [degC]"}, confidence=0.5),
         "correlate": td.qualify.correlate(
-            td.compare(laid, read_campaign(folder / "campaign.toml").record("whole_one"), scenario=bench), ["MIL-HDBK-340, transient"]
+            td.compare(laid, CampaignSource.read(folder / "campaign.toml").record("whole_one"), scenario=bench), ["MIL-HDBK-340, transient"]
         ),
         "plan_retune": td.design.plan_retune(bad, "p", folder / "pair.toml"),
         "size": td.design.size(bad["whole"], *asked, between=(0.5, 5.0)),
@@ -118,7 +118,7 @@ def test_a_record_is_not_opened_for_values_that_are_not_credible(tmp_path: Path)
         assert (results / "looks.json").read_bytes() == looks
         assert made.exit_code == (0 if accept else 1)
         assert made.standing.accepted == bool(accept)
-    assert td.validate(made["whole"], read_campaign(path).record("whole_one"), td.Criteria(rmse="1 [K]")).passed is None
+    assert td.validate(made["whole"], CampaignSource.read(path).record("whole_one"), td.Criteria(rmse="1 [K]")).passed is None
 
 
 HOW = ("fixed", "prior", "freed", "freed, prior about it", "freed, prior of its own")
@@ -136,7 +136,7 @@ def test_only_a_value_freed_without_a_prior_sheds_what_it_had(bad: Campaign, fol
             priors[f"a.{path}"] = {"sd": "30 [%]"} | (
                 {"mean": {"skin": "5 [W/(m^2 K)]", "case": "1.7 [kg]"}[path[:4]]} if "own" in one else {}
             )
-    source = read_campaign(folder / "campaign.toml")
+    source = CampaignSource.read(folder / "campaign.toml")
     stage = source.content.stages[1].model_dump(by_alias=True)
     only = [p for p, one in zip(BOX_VALUES, how, strict=True) if one == "prior"]
     handed = {"a": {"stage": "box"}} if as_ == "fixed" else {"a": {"stage": "box", "as": "prior"}}
@@ -217,12 +217,12 @@ def test_a_stage_to_accept_must_be_one(folder: Path) -> None:
         run_stages(folder / "campaign.toml", accept=["boks"])
     path = changed(folder, 'title = "Three levels"', 'title = "Three levels"\naccept = ["boks"]')
     with raises_code("name.unknown", DeckError, match="'boks'"):
-        read_campaign(path)
+        CampaignSource.read(path)
 
 
 STANDINGS = st.recursive(
     st.builds(Standing, st.sampled_from(ORDER), st.sampled_from(["", "why"]), st.sampled_from(["a", "b", "c"]), st.booleans()),
-    lambda inner: st.lists(inner, min_size=1, max_size=3).map(worst),
+    lambda inner: st.lists(inner, min_size=1, max_size=3).map(Standing.worst),
     max_leaves=6,
 )
 
@@ -231,7 +231,7 @@ STANDINGS = st.recursive(
 @given(st.lists(STANDINGS, min_size=1, max_size=4), st.sets(st.sampled_from(["a", "b", "c"])))
 def test_what_rests_on_several_is_never_better_than_any(several: list[Standing], accepted: set[str]) -> None:
     """Invariants 14 and 16: no rank is lost on the way up, and exit code 0 leaves no cause that nobody accepted."""
-    whole = worst(several)
+    whole = Standing.worst(several)
     assert whole.rank == max(s.rank for s in several)
     assert {(c.state, c.stage) for s in several for c in s.causes} == {(c.state, c.stage) for c in whole.causes}
     taken = whole.accept(accepted)

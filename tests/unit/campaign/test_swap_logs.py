@@ -19,7 +19,7 @@ from thermid.inference.criticism import Mistakes
 from thermid.measure.records import Record
 from thermid.model.tree import load_model
 from thermid.prediction.bands import Knowledge
-from thermid.values.store import filed
+from thermid.values.store import Filed
 from unit.fit.bench import log
 from unit.fit.project import write_log
 
@@ -336,6 +336,6 @@ def test_the_written_deck_has_the_text_of_every_start(campaign: td.Campaign, tmp
     deck, again = new_part(campaign, tmp_path, "d")
     plan = td.design.plan_retune(campaign, "x", deck)
     (unit,) = (p for p in plan.run(again, part_only=True).save(tmp_path) if p.name == "unit.values.toml")
-    read = filed(unit, plan.deck)
+    read = Filed.read(unit, plan.deck)
     assert not read.gone
     assert f"{read.model.at('foot.conductance').text}" != f"{plan.deck.at('foot.conductance').text}"

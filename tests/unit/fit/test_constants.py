@@ -18,8 +18,8 @@ from thermid.fit._calibration import contradicted, far_from_sheet
 from thermid.fit._problem.gather import build_problem
 from thermid.fit._problem.request import Request
 from thermid.fit._problem.residuals import SensorStatistics, loss_of
-from thermid.fit._uncertainty.groups import _few_terms, percent, practical_groups
-from thermid.fit._uncertainty.information import Information, elsewhere
+from thermid.fit._uncertainty.groups import Group, _few_terms, percent
+from thermid.fit._uncertainty.information import Information
 from thermid.fit._uncertainty.moved import Move, Test as Asked, normal_shifts, shifts
 from thermid.fit._uncertainty.noise import _likeliest
 from thermid.values.store import FittedValue, FittedValues
@@ -239,7 +239,7 @@ def test_elsewhere_lies_inside_the_bounds_by_half_of_the_room() -> None:
     model = box({"surfaces/skin/effective_htc": {"value": "6 [W/(m^2 K)]", "min": 5.9, "max": 6.3}})
     problem = build_problem(Request(model, (log(model, {}, {"T": "case"}, samples=61),), (HTC,)))
     info = Information.of_problem(problem, np.array([u.to_fitted(u.start) for u in problem.unknowns]))
-    there = elsewhere(problem, info)
+    there = info.elsewhere(problem)
     assert there is not None
     (k,) = info.parameters
     assert there.at[k] - info.at[k] == pytest.approx(0.5 * math.log(6.3 / 6.0))
@@ -253,7 +253,7 @@ class TestWhoGoesTogether:
         unknowns = [SimpleNamespace(log=False)] * 2
         info: Any = SimpleNamespace(covariance=lambda: covariance, sizes=np.ones(2), parameters=[0, 1], unknowns=unknowns)
         info.names, info.alone = ["a", "b"], [alone] * 2
-        return len(practical_groups(info, 0.2))
+        return len(Group.all_practical(info, 0.2))
 
     @pytest.mark.parametrize(("correlation", "groups"), [(0.78, 0), (0.82, 1), (-0.82, 1)])
     def test_values_whose_errors_have_two_thirds_of_their_variance_in_common(self, correlation: float, groups: int) -> None:

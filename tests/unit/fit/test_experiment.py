@@ -12,8 +12,8 @@ import thermid as td
 from by_code import raises_code
 from thermid.base.errors import IdentificationError, NameNotFoundError, RecordError, ScenarioError
 from thermid.fit._calibrate import calibrate
-from thermid.fit._inputs import inputs_of
-from thermid.fit._problem.experiment import Inputs, bind, first_reading
+from thermid.fit._inputs import InputTable
+from thermid.fit._problem.experiment import Experiment, Inputs, first_reading
 from thermid.fit._problem.gather import build_problem
 from thermid.fit._problem.request import Request
 from thermid.measure.readers import read_record
@@ -44,7 +44,7 @@ def bound(record: Record, **changes: str | None) -> Record:
 
 def test_automatic_roles_follow_what_the_target_is(model: Model, record: Record) -> None:
     watts = Channel.from_array("P", np.full(31, 3.0), quantity="power", target="heat")
-    found = bind(model, bound(record, T="case", ROOM="air").with_channels(watts))
+    found = Experiment.bind(model, bound(record, T="case", ROOM="air").with_channels(watts))
     assert [(o.sensor, o.node) for o in found.observations] == [("T", "case")]
     assert isinstance(found.scenario.boundaries["air"], TableSignal)
     np.testing.assert_array_equal(found.scenario.loads["heat"].values, 3.0)
@@ -62,7 +62,7 @@ def test_the_error_of_a_mean_is_a_part_of_its_power_and_of_none_where_that_is_of
 def test_a_channel_without_a_target_is_bound_by_its_name(model: Model, record: Record) -> None:
     times = record.times
     named = Record.from_arrays("r", times, {"case": record["T"].values, "air": record["ROOM"].values}, unit="K")
-    found = bind(model, named)
+    found = Experiment.bind(model, named)
     assert found.observations[0].node == "case"
     assert "air" in found.scenario.boundaries
 
@@ -70,16 +70,16 @@ def test_a_channel_without_a_target_is_bound_by_its_name(model: Model, record: R
 def test_an_alias_leads_to_the_canonical_path() -> None:
     stack = pair()
     record = log(stack, {}, {"T": "a.case"}, boundary="room", samples=31)
-    found = bind(stack, bound(record, T="node:first.case"))
+    found = Experiment.bind(stack, bound(record, T="node:first.case"))
     assert found.observations[0].node == "a.case"
 
 
 def test_command_and_gain_drive_a_load(model: Model, record: Record) -> None:
     duty = Channel.from_array("Q", np.linspace(0, 1, 31), quantity="command", role="command", target="heat")
-    plain = bind(model, record.with_channels(duty))
+    plain = Experiment.bind(model, record.with_channels(duty))
     assert plain.scenario.commands["heat"].hold
     assert plain.scenario.gains == {}
-    geared = bind(model, record.with_channels(replace(duty, role="load", gain="power")))
+    geared = Experiment.bind(model, record.with_channels(replace(duty, role="load", gain="power")))
     assert geared.scenario.gains == {"heat": "power"}
     assert geared.scenario.loads == {}
 
@@ -95,23 +95,23 @@ def test_command_and_gain_drive_a_load(model: Model, record: Record) -> None:
 )
 def test_a_wrong_role_is_refused(model: Model, record: Record, change: dict[str, str], words: str) -> None:
     with pytest.raises(RecordError, match=words):
-        bind(model, bound(record, **change))
+        Experiment.bind(model, bound(record, **change))
 
 
 def test_an_unknown_target_names_the_nearest(model: Model, record: Record) -> None:
     with raises_code("name.unknown", NameNotFoundError, match="'cse'.*'case'"):
-        bind(model, bound(record, T="cse"))
+        Experiment.bind(model, bound(record, T="cse"))
 
 
 def test_a_record_must_observe_a_node(model: Model, record: Record) -> None:
     with raises_code("record.does-not-apply", RecordError):
-        bind(model, record.select("ROOM"))
+        Experiment.bind(model, record.select("ROOM"))
 
 
 def test_a_power_is_no_temperature(model: Model, record: Record) -> None:
     watts = Channel.from_array("P", np.full(31, 3.0), quantity="power", target="case")
     with raises_code("record.does-not-apply", RecordError, match="'case'"):
-        bind(model, record.select("ROOM").with_channels(watts))
+        Experiment.bind(model, record.select("ROOM").with_channels(watts))
 
 
 def test_a_load_read_without_a_unit_is_not_taken_for_degrees(tmp_path: Path, model: Model) -> None:
@@ -120,8 +120,8 @@ def test_a_load_read_without_a_unit_is_not_taken_for_degrees(tmp_path: Path, mod
     file.write_text("time_s,T,P\n0,24,4\n60,24.1,4\n120,24.3,4\n")
     air = Scenario("x", boundaries={"air": "24 [degC]"})
     with raises_code("record.does-not-apply", RecordError, match="'heat'.*'heat'"):
-        bind(model, read_record(file, {"case": "T", "heat": "P"}, time="time_s"), air)
-    found = bind(model, read_record(file, {"case": "T", "P": {"load": "heat"}}, time="time_s"), air)
+        Experiment.bind(model, read_record(file, {"case": "T", "heat": "P"}, time="time_s"), air)
+    found = Experiment.bind(model, read_record(file, {"case": "T", "P": {"load": "heat"}}, time="time_s"), air)
     np.testing.assert_array_equal(found.scenario.loads["heat"].values, 4.0)
 
 
@@ -136,14 +136,14 @@ def test_first_readings_are_medians_over_the_window_of_valid_samples(record: Rec
 
 def test_times_count_from_the_first_sample(model: Model, record: Record) -> None:
     late = replace(record, times=record.times + 86400.0)
-    one, two = bind(model, record), bind(model, late)
+    one, two = Experiment.bind(model, record), Experiment.bind(model, late)
     np.testing.assert_allclose(two.times, one.times)
     np.testing.assert_allclose(two.scenario.boundaries["air"].times, one.scenario.boundaries["air"].times)
     assert two.scenario.seconds == one.scenario.seconds
 
 
 def test_masked_samples_are_no_observations(model: Model, record: Record) -> None:
-    found = bind(model, record.mask("T", 600.0, 1800.0))
+    found = Experiment.bind(model, record.mask("T", 600.0, 1800.0))
     kept = found.times[found.observations[0].index]
     assert not np.any((kept >= 600.0) & (kept <= 1800.0))
     assert kept.size == found.observations[0].measured.size == 31 - 3
@@ -153,7 +153,7 @@ class TestStarts:
     def test_measured(self) -> None:
         stack = pair()
         record = log(stack, {}, {"A": "a.case", "B": "b.case"}, boundary="room", samples=31, start="30 [degC]")
-        found = bind(stack, record, Scenario("s", start="measured"))
+        found = Experiment.bind(stack, record, Scenario("s", start="measured"))
         assert tuple(found.loose) == ("a.case", "b.case")
         assert found.scenario.initial["a.case"] == first_reading(record, "A")
         assert found.scenario.start == pytest.approx(np.mean([first_reading(record, n) for n in "AB"]), rel=1e-15)
@@ -161,12 +161,12 @@ class TestStarts:
     def test_nothing_given_with_one_boundary_starts_the_rest_there(self) -> None:
         stack = pair()
         record = log(stack, {}, {"A": "a.case"}, boundary="room", samples=31)
-        found = bind(stack, record)
+        found = Experiment.bind(stack, record)
         assert tuple(found.loose) == ("a.case",)
         assert found.scenario.start == ""
 
     def test_boundary(self, model: Model, record: Record) -> None:
-        found = bind(model, record, Scenario("s", start="air"))
+        found = Experiment.bind(model, record, Scenario("s", start="air"))
         assert not found.loose
         assert found.scenario.start == "air"
         assert found.scenario.initial == {}
@@ -178,12 +178,12 @@ class TestStarts:
         assert found.local == ()
 
     def test_a_channel_by_name(self, model: Model, record: Record) -> None:
-        found = bind(model, record, Scenario("s", start="ROOM"))
+        found = Experiment.bind(model, record, Scenario("s", start="ROOM"))
         assert found.readings == {"case": "ROOM"}
         assert found.scenario.initial["case"] == first_reading(record, "ROOM")
 
     def test_one_node_by_a_channel(self, model: Model, record: Record) -> None:
-        found = bind(model, record, Scenario("s", initial={"case": "T"}))
+        found = Experiment.bind(model, record, Scenario("s", initial={"case": "T"}))
         assert found.readings == {"case": "T"}
         assert not found.loose
 
@@ -226,12 +226,12 @@ class TestConstantErrorsOfInstruments:
     def test_a_logged_power_is_what_heated(self, model: Model, law: dict[str, object]) -> None:
         record = metered(log(model, {}, {"T": "case"}, samples=61), "heat", 4.0)
         other = box({f"loads/heat/{name}": value for name, value in law.items()})
-        ends = [simulate(m, bind(m, record).scenario, times=record.times)["case"].kelvin for m in (model, other)]
+        ends = [simulate(m, Experiment.bind(m, record).scenario, times=record.times)["case"].kelvin for m in (model, other)]
         np.testing.assert_allclose(*ends, rtol=0, atol=1e-6)
 
     def test_pauses_do_not_make_a_meter_worse(self, model: Model) -> None:
         watts = np.where(np.arange(301) % 100 < 20, 4.0, 0.0)
-        found = bind(model, metered(log(model, {}, {"T": "case"}), "heat", watts, accuracy=0.04))
+        found = Experiment.bind(model, metered(log(model, {}, {"T": "case"}), "heat", watts, accuracy=0.04))
         assert found.shared["METER"] == ("scale.heat", pytest.approx(0.01))
 
     def test_a_logged_boundary_has_no_local_value(self, model: Model, record: Record) -> None:
@@ -241,12 +241,12 @@ class TestConstantErrorsOfInstruments:
 
 
 def test_the_logged_boundary_wins_over_the_scenario(model: Model, record: Record) -> None:
-    found = bind(model, record, Scenario("s", boundaries={"air": "0 [degC]"}))
+    found = Experiment.bind(model, record, Scenario("s", boundaries={"air": "0 [degC]"}))
     np.testing.assert_allclose(found.scenario.boundaries["air"].values, room(record.times), rtol=1e-15)
 
 
 def test_what_the_log_does_not_say_comes_from_the_scenario(model: Model, record: Record) -> None:
-    found = bind(model, record.select("T"), Scenario("s", boundaries={"air": "24 [degC]"}))
+    found = Experiment.bind(model, record.select("T"), Scenario("s", boundaries={"air": "24 [degC]"}))
     assert found.scenario.boundaries["air"] == Constant(ICE + 24.0)
 
 
@@ -273,25 +273,25 @@ class TestASensorThatBeginsLater:
         return later(log(box(), {}, {"T": "case", "T2": "case"}, loads={"heat": 4.0}), "T2", 2.0)
 
     def test_says_nothing_of_the_start_of_its_node(self, model: Model, two: Record) -> None:
-        found = bind(model, two)
+        found = Experiment.bind(model, two)
         assert two["T2"].values[two["T2"].valid][0] > first_reading(two, "T") + 5.0
         assert found.scenario.initial["case"] == pytest.approx(first_reading(two, "T"))
         assert found.loose == {"case": ("T",)}
 
     def test_says_it_where_no_other_does(self, model: Model, two: Record) -> None:
         alone = two.select("T2", "ROOM")
-        assert bind(model, alone).scenario.initial["case"] == pytest.approx(first_reading(two, "T2"))
+        assert Experiment.bind(model, alone).scenario.initial["case"] == pytest.approx(first_reading(two, "T2"))
 
     def test_counts_where_it_has_read_when_the_first_reads_again(self, model: Model, two: Record) -> None:
         beside = later(log(box(), {}, {"T": "case", "T2": "case"}, loads={"heat": 4.0}), "T2", 1.0 / 60.0)
         mean = np.mean([first_reading(beside, s) for s in ("T", "T2")])
-        assert bind(model, beside).scenario.initial["case"] == pytest.approx(mean)
+        assert Experiment.bind(model, beside).scenario.initial["case"] == pytest.approx(mean)
 
     @pytest.mark.parametrize("fit_start", [True, False])
     def test_is_not_where_a_run_begins(self, model: Model, two: Record, fit_start: bool) -> None:
         request = Request(model, (two,), free=(HTC,), fit_start=fit_start)
         found = build_problem(request)
-        (start,) = (i for i in inputs_of(request, found.experiments).rows if i.kind == "start")
+        (start,) = (i for i in InputTable.of_request(request, found.experiments).rows if i.kind == "start")
         assert start.words == "first reading of T"
         assert start.mean == pytest.approx(first_reading(two, "T"))
 
@@ -306,7 +306,7 @@ def test_no_control_acts_on_a_logged_power_again() -> None:
     made = {
         n: Channel.from_array(n, np.full(times.size, 313.15), unit="K", role=r, target=n) for n, r in (("b", "node"), ("room", "boundary"))
     }
-    bound = bind(model, Record.from_arrays("r", times, made | {"P": power}))
+    bound = Experiment.bind(model, Record.from_arrays("r", times, made | {"P": power}))
     run = simulate(*bound.as_fitted(model, {}), times=times)
     assert run.load_powers["h"][:30].tolist() == [3.0] * 30
 
@@ -382,4 +382,4 @@ def test_a_column_of_speeds_drives_a_parameter_and_a_factor_of_it_is_fitted(tmp_
         wrong = record.with_channels(replace(record["FAN"], target="blown"))
         calibrate(model, wrong, free=["box.capacitance"])
     with raises_code("name.unknown", match="spede"):
-        bind(model, record.with_channels(replace(record["FAN"], target="spede")))
+        Experiment.bind(model, record.with_channels(replace(record["FAN"], target="spede")))

@@ -14,7 +14,7 @@ from by_code import raises_code
 from thermid.base.errors import IdentificationError, RecordError, SolverError
 from thermid.campaign.stages import compare
 from thermid.fit._calibrate import calibrate, fit, refuse_after, requested, summarise
-from thermid.fit._minimisation import KeptFit, covariances, ended, minimise
+from thermid.fit._minimisation import Fit, KeptFit, covariances, minimise
 from thermid.fit._problem.gather import build_problem
 from thermid.fit._problem.request import Request
 from thermid.fit._uncertainty.information import responses
@@ -65,7 +65,7 @@ def test_a_direction_without_readings_has_no_finite_error() -> None:
     data = log(box(), {}, {"T": "case"}).trim(0.0, 60.0)
     problem = build_problem(Request(box(), (data,), (HTC, MASS)))
     at = np.array([u.to_fitted(u.start) for u in problem.unknowns])
-    total, _, _ = covariances(ended(problem, at))
+    total, _, _ = covariances(Fit.ended(problem, at))
     assert problem.samples < len(problem.unknowns)
     assert np.isinf(total[0, 0])
 
@@ -156,7 +156,7 @@ class TestRobust:
         data = spoiled(log(box(), {}, {"T": "case"}, samples=101))
         problem = build_problem(Request(box(), (data,), (HTC, MASS)))
         at = minimise(problem, "huber", knee).fitted
-        robust = ended(problem, at, "huber", knee)
+        robust = Fit.ended(problem, at, "huber", knee)
         size = np.abs(problem.residuals(at))
         assert (size > knee).sum() > 1
         weight = np.where(size > knee, np.sqrt(knee / np.maximum(size, knee)), 1.0)
@@ -250,7 +250,7 @@ class TestRefusals:
         # ln(20/1) = 2.996
         request = Request(box(), (log(box(), {}, {"T": "case"}, samples=11),), (HTC,))
         problem = build_problem(request)
-        found = ended(problem, np.array([u.to_fitted(u.start) for u in problem.unknowns]))
+        found = Fit.ended(problem, np.array([u.to_fitted(u.start) for u in problem.unknowns]))
         total = np.diag([error**2, 1.0])
         if refused:
             with raises_code("fit.not-determined", IdentificationError):
@@ -262,7 +262,7 @@ class TestRefusals:
         # the log says that a path is not there: near nothing, its logarithm is hardly known
         problem = build_problem(request := Request(box(), (log(box(), {}, {"T": "case"}, samples=11),), (HTC,)))
         starts = [u.to_fitted(u.low if u.name == HTC else u.start) for u in problem.unknowns]
-        refuse_after(request, problem, ended(problem, np.array(starts)), np.diag([1.6**2, 1.0]))
+        refuse_after(request, problem, Fit.ended(problem, np.array(starts)), np.diag([1.6**2, 1.0]))
 
     def test_two_records_of_one_name_and_none(self) -> None:
         data = log(box(), {}, {"T": "case"}, samples=11)
@@ -309,7 +309,7 @@ class TestWarnings:
         data = log(box(), {}, {"T": "case"}, samples=31)
         problem = build_problem(Request(box(), (data,), (HTC,)))
         at = np.array([u.to_fitted(u.start) for u in problem.unknowns])
-        stopped = ended(problem, at, message="nothing left", converged=False)
+        stopped = Fit.ended(problem, at, message="nothing left", converged=False)
         request = Request(box(), (data,), (HTC,))
         _, random, weights = covariances(stopped)
         errors = responses(request, problem, stopped, 1.0, random, weights)

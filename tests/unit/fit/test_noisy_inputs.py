@@ -11,7 +11,7 @@ import pytest
 import thermid as td
 from thermid.fit._calibration import Calibration
 from thermid.fit._problem.experiment import InputNoise
-from thermid.fit._uncertainty.noise import answers_to_inputs, binned, score_of_inputs
+from thermid.fit._uncertainty.noise import Binned, answers_to_inputs, score_of_inputs
 
 DECK = """
 title = "heated plate under a cover"
@@ -36,7 +36,7 @@ NAMES = ("plate", "cover", "room")
 def excess_of_inputs(fit: Calibration) -> np.ndarray:
     """What noise of logged inputs adds to the covariance of J'r."""
     at = np.array(list(fit.fitted.values()))
-    pieces = binned(fit.problem, at)
+    pieces = Binned.of_problem(fit.problem, at)
     return score_of_inputs(pieces, answers_to_inputs(fit.problem, at, pieces))
 
 

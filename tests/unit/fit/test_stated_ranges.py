@@ -14,12 +14,12 @@ from thermid.fit._error_model.courses import OperatingPoint
 from thermid.fit._error_model.elements import SHARE_OF, SurfaceLaw, ways_of
 from thermid.fit._error_model.sizes import FINISH
 from thermid.fit.calibration import Calibration, Request, fit
-from thermid.model._parts.parameter import parameter
+from thermid.model._parts.parameter import Parameter
 from thermid.model._tree.identity import written
 from thermid.model.tree import ParameterSet
 from thermid.prediction._budget import STATED_RANGES, budget_of
 from thermid.simulation.runs import compile_network
-from thermid.values.store import RANGE_OF, ranged_values
+from thermid.values.store import RANGE_OF, RangedValue
 
 STEEL, PLAIN = "stainless steel 304", "0 [s]"
 HTC = {"value": "6 [W/(m^2 K)]", "min": 4.5, "max": 8.0, "source": "datasheet"}
@@ -126,7 +126,7 @@ def test_equal_values_of_twins_with_other_spreads_are_not_one() -> None:
     for second, count in ((one, 1), (other, 2)):
         deck = {"title": "Two", "needs": ["air"], "submodels": uses, "set": {"p.g.conductance": one, "q.g.conductance": second}}
         model = td.model_from_dict(deck)
-        assert len(ranged_values(model, ParameterSet(model))) == count
+        assert len(RangedValue.of_fit(model, ParameterSet(model))) == count
 
 
 def test_a_fit_says_which_brackets_it_held_as_exact() -> None:
@@ -155,7 +155,7 @@ def test_a_fit_names_set_points_that_it_held_as_exact() -> None:
 
 def test_a_deck_keeps_a_spread_as_it_was_stated() -> None:
     for stated in (OWN_FILM | {"spread": "range"}, {"value": "20 [degC]", "spread": "0.5 [K]"}, {"value": "30 [cm^2]", "spread": "5 [%]"}):
-        assert parameter(written(parameter(stated))) == parameter(stated)
+        assert Parameter.read(written(Parameter.read(stated))) == Parameter.read(stated)
 
 
 @pytest.mark.parametrize(
@@ -171,7 +171,7 @@ def test_a_deck_keeps_a_spread_as_it_was_stated() -> None:
 )
 def test_a_spread_that_is_none_is_refused(table: dict[str, Any], code: str) -> None:
     with raises_code(code, match="spread"):
-        parameter(table)
+        Parameter.read(table)
 
 
 def test_more_ranges_than_forty_are_answered() -> None:
@@ -190,12 +190,12 @@ def test_a_number_outside_its_own_range_is_refused() -> None:
 
 
 def test_two_parts_of_one_material_are_one_source() -> None:
-    values = ranged_values(box(), ParameterSet(box()))
+    values = RangedValue.of_fit(box(), ParameterSet(box()))
     assert [(r.path, r.also, r.stated.name) for r in values] == [
         ("film", (), ""),
         ("a.specific_heat", ("b.specific_heat",), f"{STEEL}, 477 [J/(kg K)]"),
     ]
-    free = ranged_values(box(), ParameterSet(box()), {"a.specific_heat"})
+    free = RangedValue.of_fit(box(), ParameterSet(box()), {"a.specific_heat"})
     assert [(r.path, r.also) for r in free] == [("film", ()), ("b.specific_heat", ())]
 
 
@@ -231,7 +231,7 @@ def run(deck: td.Model, stages: list[tuple[str, tuple[str, ...]]]) -> list[Calib
 def test_what_a_stage_hands_on_answers_to_the_range_once(path: str, source: str) -> None:
     """Each value's response to the source is what the stages find with the fixed input moved: by itself, and through what is held."""
     found = run(box(), STAGES)
-    (ranged,) = (r for r in ranged_values(box(), ParameterSet(box())) if r.path == path)
+    (ranged,) = (r for r in RangedValue.of_fit(box(), ParameterSet(box())) if r.path == path)
     step, left = 0.01, []
     for stage, moves in zip(found, moved_by(path, step, STAGES, found), strict=True):
         (column,) = (k for k, s in enumerate(stage.store.sources) if s.name.startswith(RANGE_OF) and source in s.name)

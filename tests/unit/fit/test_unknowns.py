@@ -19,7 +19,7 @@ from thermid.fit._problem.gather import build_problem
 from thermid.fit._problem.request import LocalSpec, Reading, Request
 from thermid.fit._problem.residuals import Prior, Unknown
 from thermid.measure.records import Record
-from thermid.model.tree import model_from_dict, parameter
+from thermid.model.tree import Parameter, model_from_dict
 from thermid.prediction.bands import predict
 from thermid.simulation.runs import Scenario
 from thermid.values.store import FittedValue, FittedValues, Normal, Source, State, Store, ValueOrigin
@@ -27,7 +27,7 @@ from unit.fit.bench import AREA, HTC, MASS, PAIR, box, log, metered, pair
 
 
 def unknown(value: Any, text: str) -> Unknown:
-    given = parameter(value)
+    given = Parameter.read(value)
     value = given.expression.literal.value
     return Unknown("x", "parameter", (), value, *given.form("x", unit(text).dimension, value), unit=given.unit or "1")
 
@@ -42,7 +42,7 @@ class TestForm:
         "text", ["2 [W]", "2 [kg]", "2 [mm]", "2 [K/W]", "2 [ohm]", "2 [W/K^4]", "2 [W/(m^2 K^1.2)]", "2 [kg/m^3]", "2 [l/min]", "2 [s]"]
     )
     def test_what_is_above_zero_keeps_its_sign(self, text: str) -> None:
-        u = unknown(text, parameter(text).unit)
+        u = unknown(text, Parameter.read(text).unit)
         assert u.log
         assert u.to_fitted(u.start) == math.log(u.start)
         assert u.fitted_bounds() == (-math.inf, math.inf)
@@ -60,7 +60,7 @@ class TestForm:
         ],
     )
     def test_what_may_be_zero_or_negative_is_fitted_as_it_is(self, value: dict[str, Any]) -> None:
-        u = unknown(value, parameter(value).unit or "1")
+        u = unknown(value, Parameter.read(value).unit or "1")
         assert not u.log
         assert u.to_fitted(u.start) == u.start
 

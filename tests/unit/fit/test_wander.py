@@ -14,11 +14,11 @@ from thermid.base.linear_algebra import one_thread
 from thermid.fit._calibrate import calibrate, fit
 from thermid.fit._calibration import Calibration
 from thermid.fit._estimation.filtering import whiteness
-from thermid.fit._minimisation import covariances, ended
+from thermid.fit._minimisation import Fit, covariances
 from thermid.fit._problem.experiment import ERROR_OF_SEEN_NOISE
 from thermid.fit._problem.request import Request, known_before
 from thermid.fit._problem.residuals import Sums, Unknown
-from thermid.fit._uncertainty.noise import _beside, _Calm, _leaning, _parts, _trace_noise, binned, binned_trace, correlation
+from thermid.fit._uncertainty.noise import Binned, _beside, _Calm, _leaning, _parts, _trace_noise, binned_trace, correlation
 from thermid.measure.records import Channel, Record
 from thermid.model.tree import load_model
 from thermid.simulation.runs import Scenario, simulate
@@ -58,7 +58,9 @@ def widening(found: Calibration) -> np.ndarray:
     """Errors beside those that residuals of this size would give if they did not wander (unknowns,)."""
     assert found.problem is not None
     assert found.autocorrelation is not None
-    plain = covariances(ended(found.problem, np.array(list(found.fitted.values())), found.loss), found.autocorrelation.variance_factor)[2]
+    plain = covariances(Fit.ended(found.problem, np.array(list(found.fitted.values())), found.loss), found.autocorrelation.variance_factor)[
+        2
+    ]
     kept = [k for k, n in enumerate(found.fitted) if n in found.values]
     return np.asarray(np.sqrt(np.diag(found.values.covariance) / np.diag(plain)[kept]))
 
@@ -194,7 +196,7 @@ def test_stretches_of_a_robust_loss_hold_weighed_residuals() -> None:
     assert found.problem is not None
     at = np.array(list(found.fitted.values()))
     (block,) = found.problem.blocks(at)
-    (piece,) = binned(found.problem, at, "cauchy", 1.0).values()
+    (piece,) = Binned.of_problem(found.problem, at, "cauchy", 1.0).values()
     z = block.residuals / block.noise
     assert float(piece.mean @ piece.count) == pytest.approx(float(np.sum(z / (1.0 + z**2))))
 

@@ -138,7 +138,7 @@ def test_nothing_of_a_folder_is_run(tmp_path: Path) -> None:
     kept.save("task", (1.0, [np.arange(3.0)], {"a": None}))
     ((number, (array,), table),) = kept.load("task") or ()
     assert (number, array.tolist(), table) == (1.0, [0.0, 1.0, 2.0], {"a": None})
-    for module, name in (("subprocess", "Popen"), ("thermid.base.files", "write_bytes")):
+    for module, name in (("subprocess", "Popen"), ("thermid.base.files", "read_bytes")):
         np.savez(tmp_path / "task.npz", about=np.array(f'{{"class": ["{module}", "{name}"], "parts": {{}}}}'))
         with pytest.raises(ValueError, match="is no result"):
             kept.load("task")

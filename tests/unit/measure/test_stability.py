@@ -9,7 +9,7 @@ import thermid as td
 from by_code import raises_code
 from thermid.base.errors import RecordError
 from thermid.measure._record.channel import Channel
-from thermid.measure._record.steadiness import RULES, channel_stability, rule_of, since_when
+from thermid.measure._record.steadiness import RULES, StabilityRule
 
 HOUR = 3600.0
 
@@ -36,15 +36,15 @@ def record(rate, noise=0.05, step=0.0, span=4.0, every=10.0, seed=1, name="T"):
     ],
 )
 def test_rules_by_name_and_in_words(text, rate, window, mark):
-    rule = rule_of(text)
+    rule = StabilityRule.named(text)
     assert (rule.rate * HOUR, rule.window / HOUR, rule.mark) == (pytest.approx(rate), pytest.approx(window), mark)
 
 
 def test_rules_on_stored_heat():
-    assert rule_of("stored 5 %").mark == "memory"
-    assert rule_of("stored 3 %").rate == pytest.approx(0.03)
+    assert StabilityRule.named("stored 5 %").mark == "memory"
+    assert StabilityRule.named("stored 3 %").rate == pytest.approx(0.03)
     with raises_code("record.does-not-apply", RecordError, match="'stored 5 %'"):
-        channel_stability(record(0.0), "T", rule_of("stored 5 %"))
+        StabilityRule.named("stored 5 %").of_channel(record(0.0), "T")
 
 
 @pytest.mark.parametrize(
@@ -52,7 +52,7 @@ def test_rules_on_stored_heat():
 )
 def test_what_is_no_rule(text):
     with raises_code("value.outside-range" if "over 0" in text else "value.wrong-kind", RecordError):
-        rule_of(text)
+        StabilityRule.named(text)
 
 
 def test_every_rule_has_a_source_and_a_mark():
@@ -61,27 +61,27 @@ def test_every_rule_has_a_source_and_a_mark():
 
 @pytest.mark.parametrize(("rate", "verdict"), [(0.0, "stable"), (2.0, "stable"), (5.0, "not stable"), (-5.0, "not stable")])
 def test_verdicts_of_clear_rates(rate, verdict):
-    assert channel_stability(record(rate), "T", rule_of("3 C/h")).verdict == verdict
+    assert StabilityRule.named("3 C/h").of_channel(record(rate), "T").verdict == verdict
 
 
 def test_the_error_of_a_rate_holds_as_often_as_stated():
-    rule = rule_of("1 K/h over 1 h")
-    z = [(c.rate - 0.4 / HOUR) / c.error for c in (channel_stability(record(0.4, seed=s), "T", rule) for s in range(200))]
+    rule = StabilityRule.named("1 K/h over 1 h")
+    z = [(c.rate - 0.4 / HOUR) / c.error for c in (rule.of_channel(record(0.4, seed=s), "T") for s in range(200))]
     assert 0.9 <= np.mean(np.abs(z) < 2.0) <= 1.0
 
 
 def test_noise_asks_for_a_longer_window_and_a_short_log_cannot_tell():
     quiet, loud = record(1.0, noise=0.01), record(1.0, noise=1.0)
-    rule = rule_of("3 C/h")
-    a, b = (channel_stability(r, "T", rule) for r in (quiet, loud))
+    rule = StabilityRule.named("3 C/h")
+    a, b = (rule.of_channel(r, "T") for r in (quiet, loud))
     assert a.verdict == b.verdict == "stable"
     assert b.end - b.start > 2.0 * (a.end - a.start)
-    assert channel_stability(record(1.0, noise=1.0, span=0.1), "T", rule).verdict == "cannot tell"
+    assert rule.of_channel(record(1.0, noise=1.0, span=0.1), "T").verdict == "cannot tell"
 
 
 def test_a_coarse_sensor_that_stands_still_is_not_called_stable():
     coarse = record(1.0, noise=0.0, step=0.5, span=0.2)
-    found = channel_stability(coarse, "T", rule_of("0.5 K/h"))
+    found = StabilityRule.named("0.5 K/h").of_channel(coarse, "T")
     assert found.error * HOUR > 0.5
     assert found.verdict == "cannot tell"
 
@@ -98,13 +98,13 @@ def test_since_when_an_approach_is_stable():
     values = 320.0 - 20.0 * np.exp(-times / 2000.0) + 0.02 * np.random.default_rng(2).standard_normal(times.size)
     log = td.Record.from_arrays("log", times, {"T": values}, unit="K")
     when = 2000.0 * np.log(20.0 / 2000.0 / (3.0 / HOUR))
-    assert since_when(log, "T", rule_of("3 C/h")) == pytest.approx(when, abs=700.0)
-    assert since_when(record(5.0), "T", rule_of("3 C/h")) is None
+    assert StabilityRule.named("3 C/h").since_when(log, "T") == pytest.approx(when, abs=700.0)
+    assert StabilityRule.named("3 C/h").since_when(record(5.0), "T") is None
 
 
 def test_a_window_longer_than_the_log_and_a_power_are_refused():
     with raises_code("record.too-short", RecordError, match="5"):
-        channel_stability(record(0.0), "T", rule_of("0.2 C/h over 5 h"))
+        StabilityRule.named("0.2 C/h over 5 h").of_channel(record(0.0), "T")
     power = td.Record.from_arrays("log", np.arange(100.0), {"P": Channel.from_array("P", np.ones(100), quantity="power", role="load")})
     with raises_code("record.does-not-apply", RecordError, match="log, P: "):
-        channel_stability(power, "P", rule_of("3 C/h"))
+        StabilityRule.named("3 C/h").of_channel(power, "P")

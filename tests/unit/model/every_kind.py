@@ -8,12 +8,12 @@ import numpy as np
 
 from thermid.physics.conduction import spreading_resistance
 from thermid.physics.convection import duct_nusselt, rectangle_nusselt
-from thermid.physics.gas import gas_named
+from thermid.physics.gas import MolecularGas
 
 
 def _in_duct(area: float, diameter: float, length: float, flux: float, developed: float, fins: float = 0.0) -> float:
     """Return h (A + efficiency of fins of 15 x 1 mm and 180 W/(m K) times theirs) of air at 300 K. [W/K]"""
-    air = gas_named("air", "")
+    air = MolecularGas.named("air", "")
     nusselt = duct_nusselt(flux * diameter / air.mu(300.0), air.at(300.0).prandtl, diameter / length, developed)
     htc = float(nusselt * air.k(300.0) / diameter)
     slope = 0.015 * (2.0 * htc / (180.0 * 0.001)) ** 0.5

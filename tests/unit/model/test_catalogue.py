@@ -11,7 +11,7 @@ import thermid as td
 from by_code import raises_code
 from thermid.base.errors import DeckError
 from thermid.model.tree import save_model, standard_parts
-from thermid.physics.materials import material
+from thermid.physics.materials import Material
 
 NODE = {"mass": "0.5 [kg]", "material": "aluminium 6061-T6"}
 PATH = {"kind": "conduction", "between": ["a", "b"], "material": "copper", "area": "1 [cm^2]", "thickness": "5 [mm]"}
@@ -28,7 +28,7 @@ def test_a_material_gives_specific_heat_and_conductivity_with_their_ranges() -> 
     assert heat.expression.literal.value == 896.0
     assert way.expression.literal.value == 401.0
     assert (heat.minimum, heat.maximum) == pytest.approx((896.0 * 0.96, 896.0 * 1.04))
-    assert heat.basis == material("aluminium 6061-T6").basis
+    assert heat.basis == Material.named("aluminium 6061-T6").basis
 
 
 def test_a_material_that_changes_with_temperature_is_a_table() -> None:

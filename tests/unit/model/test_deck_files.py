@@ -13,7 +13,7 @@ from by_code import raises_code
 from thermid.base.errors import DeckError, ExpressionError, ThermidError, UnitError, code_of
 from thermid.base.files import line_numbers, project_root, resolve_inside
 from thermid.model._deck.modelfile import load_model, model_from_dict
-from thermid.model._tree.flat import flatten
+from thermid.model._tree.flat import Flat
 from thermid.model._tree.model import Model
 
 Decks = Callable[..., Model]
@@ -41,7 +41,7 @@ def test_a_deck_with_a_part(decks: Decks) -> None:
     model = decks(main=using("box.toml"), box=BOX)
     assert model.submodel("part").title == "Box"
     assert model.submodel("part").file == "box.toml"
-    assert [c.path for c in flatten(model).conductors] == ["part.skin"]
+    assert [c.path for c in Flat.of_model(model).conductors] == ["part.skin"]
 
 
 @pytest.mark.parametrize(
@@ -128,7 +128,7 @@ def test_elements_point_at_their_line(decks: Decks) -> None:
     with raises_code("expression.not-arithmetic", ExpressionError, match=r"main\.toml:11.*surfaces\.skin\.area.*'0\.05 m\^2'"):
         decks(main=BOX.replace("0.05 [m^2]", "0.05 m^2"))
     with raises_code("unit.wrong-dimension", ThermidError, match=r"main\.toml:6.*nodes\.case\.capacitance.*'\[K/J\]'"):
-        flatten(decks(main=BOX.replace("[J/K]", "[K/J]")))
+        Flat.of_model(decks(main=BOX.replace("[J/K]", "[K/J]")))
 
 
 def test_duplicate_names(decks: Decks) -> None:
@@ -246,7 +246,7 @@ def test_other_roots(tmp_path: Path) -> None:
 def test_a_deck_runs_no_code(decks: Decks, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, attack: str) -> None:
     monkeypatch.chdir(tmp_path)
     with pytest.raises(ThermidError) as caught:
-        flatten(decks(main=BOX.replace("5 [W/(m^2 K)]", attack)))
+        Flat.of_model(decks(main=BOX.replace("5 [W/(m^2 K)]", attack)))
     assert caught.value.where.startswith("main.toml:12, surfaces.skin.htc")
     assert not (tmp_path / "pwned").exists()
 

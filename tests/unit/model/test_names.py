@@ -10,7 +10,7 @@ import pytest
 import thermid as td
 from by_code import raises_code
 from thermid.base.errors import DeckError, NameNotFoundError
-from thermid.model._tree.flat import flatten
+from thermid.model._tree.flat import Flat
 from thermid.model._tree.model import Model
 
 Build = Callable[..., Model]
@@ -38,7 +38,7 @@ Build = Callable[..., Model]
 )
 def test_unknown_name_in_a_part(part: Build, changes: dict[str, Any], match: str) -> None:
     with raises_code("name.unknown", NameNotFoundError, match=match):
-        flatten(part(changes))
+        Flat.of_model(part(changes))
 
 
 @pytest.mark.parametrize(
@@ -63,18 +63,18 @@ def test_unknown_name_in_a_part(part: Build, changes: dict[str, Any], match: str
 )
 def test_unknown_name_in_a_pair(pair: Build, changes: dict[str, Any], match: str) -> None:
     with raises_code("name.unknown", NameNotFoundError, match=match):
-        flatten(pair(changes))
+        Flat.of_model(pair(changes))
 
 
 def test_need_not_bound(pair: Build) -> None:
     with raises_code("model.refused", DeckError, match=r"submodels\.a.*'air'.*'a'"):
-        flatten(pair({"submodels/a/bind": {}}))
+        Flat.of_model(pair({"submodels/a/bind": {}}))
 
 
 def test_inner_node_that_is_not_offered(part: Build, pair: Build) -> None:
     hidden = part({"nodes/inner": {"capacitance": "1 [J/K]"}})
     with raises_code("name.unknown", NameNotFoundError, match="'a'.*'inner'"):
-        flatten(
+        Flat.of_model(
             pair(
                 {
                     "submodels/a/use": hidden,
@@ -141,14 +141,14 @@ def test_aliases_reach_any_depth(pair: Build) -> None:
     assert model.canonical("again") == "a.case"
     assert model.canonical("first.skin.htc") == "a.skin.htc"
     assert model.canonical("nobody") == "nobody"
-    assert flatten(model).names.find("again") == "a.case"
+    assert Flat.of_model(model).names.find("again") == "a.case"
 
 
 def test_an_alias_of_one_part_is_a_name_of_the_whole(part: Build, pair: Build) -> None:
     named = part({"aliases": {"hull": "case", "lid": "skin"}})
     whole = pair({"submodels/a/use": named})
     assert (whole.canonical("hull"), whole.canonical("lid.htc")) == ("a.case", "a.skin.htc")
-    assert flatten(whole).names.find("hull") == "a.case"
+    assert Flat.of_model(whole).names.find("hull") == "a.case"
     twice = pair({"submodels/a/use": named, "submodels/b/use": part({"aliases": {"hull": "case"}}, title="Other")})
     assert twice.canonical("hull") == "hull"
     own = pair({"submodels/a/use": part({"aliases": {"stack": "case", "first": "case"}})})
@@ -157,7 +157,7 @@ def test_an_alias_of_one_part_is_a_name_of_the_whole(part: Build, pair: Build) -
 
 def test_a_submodel_is_no_node(pair: Build) -> None:
     with raises_code("name.unknown", NameNotFoundError, match=r"'first'.*a\.case"):
-        flatten(pair()).names.find("first")
+        Flat.of_model(pair()).names.find("first")
 
 
 def test_results_are_read_by_every_alias(part: Build, pair: Build) -> None:
@@ -178,7 +178,7 @@ def test_alias_of_a_part_seen_from_above(part: Build, pair: Build) -> None:
 
 
 def test_find_a_node_for_a_scenario(pair: Build) -> None:
-    names = flatten(pair()).names
+    names = Flat.of_model(pair()).names
     assert names.find("first_case") == "a.case"
     assert names.find("a.air") == "room"
     assert names.find("mid") == "mid"

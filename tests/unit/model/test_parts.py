@@ -13,7 +13,7 @@ import pytest
 from by_code import raises_code
 from thermid.base.errors import DeckError, NameNotFoundError
 from thermid.model._deck.modelfile import load_model, model_from_dict
-from thermid.model._tree.flat import flatten
+from thermid.model._tree.flat import Flat
 from thermid.model._tree.model import Model
 from thermid.model._tree.rules import RULES, findings
 from thermid.model._tree.tree import used_offers
@@ -112,9 +112,9 @@ def test_flight_model_drops_what_belongs_to_the_test(part: Build, pair: Build) -
         {"submodels/a/use": bench(part), "set": {"a.lead.conductance": "0.2 [W/K]", "a.power": "5 [W]"}, "aliases": {"T": "a.probe"}}
     )
     model = model.with_values({"a.lead.conductance": "0.3 [W/K]", "a.power": "6 [W]"}, origin="stage")
-    assert "a.probe" in flatten(model).names.nodes
+    assert "a.probe" in Flat.of_model(model).names.nodes
     flight = model.without_test_only()
-    flat = flatten(flight)
+    flat = Flat.of_model(flight)
     assert "a.probe" not in flat.names.nodes
     assert [c.path for c in flat.conductors if "lead" in c.path] == []
     assert list(flight.settings) == ["a.power"]
@@ -122,14 +122,14 @@ def test_flight_model_drops_what_belongs_to_the_test(part: Build, pair: Build) -
     assert flight.aliases == {}
     assert flight.submodel("a").offers == ("case", "skin")
     assert dict(flight.submodel("a").aliases) == {"hull": "case"}
-    assert flatten(flight).parameters.evaluate({})["a.power"] == 6.0
+    assert Flat.of_model(flight).parameters.evaluate({})["a.power"] == 6.0
     assert flight.without_test_only() == flight
 
 
 def test_what_hangs_on_the_test_must_be_marked_too(part: Build) -> None:
     model = bench(part, test_only=False)
     with raises_code("name.unknown", NameNotFoundError, match=r"'probe'.*\[.probe.\]"):
-        flatten(model.without_test_only())
+        Flat.of_model(model.without_test_only())
     assert "model.test-only-needed" in codes(model, "warning")
 
 
@@ -379,6 +379,6 @@ def test_which_surfaces_a_run_in_vacuum_and_one_with_gas_refuse() -> None:
         "nodes": {"plate": {"capacitance": "100 [J/K]"}},
         "surfaces": {name: {"of": "plate", "to": "air", "area": "0.02 [m^2]", **fields} for name, fields in way.items()},
     }
-    flat = flatten(model_from_dict(deck))
+    flat = Flat.of_model(model_from_dict(deck))
     assert flat.without_emissivity == {"convects": "air"}
     assert flat.without_convection == {"radiates": "air"}

@@ -15,7 +15,7 @@ from thermid.base.errors import DeckError, OutputError
 from thermid.base.files import unsealed
 from thermid.model._deck.modelfile import load_model, model_from_dict, save_model
 from thermid.model._parts.elements import KINDS
-from thermid.model._tree.flat import flatten
+from thermid.model._tree.flat import Flat
 from thermid.model._tree.identity import to_dict
 from thermid.model._tree.model import Model
 from thermid.simulation._network.rows import CONTROLS, LOADS
@@ -303,7 +303,7 @@ def test_layers_become_values_with_their_bounds(sink: Model, tmp_path: Path) -> 
     assert numbers(again) == numbers(warm)
     thick = again.parameters["thick"]
     assert (thick.text, thick.minimum, thick.maximum) == ("0.6 [cm]", 0.001, 0.0127)
-    assert flatten(again).parameters.table["one.area"].parameter.maximum == pytest.approx(0.07)
+    assert Flat.of_model(again).parameters.table["one.area"].parameter.maximum == pytest.approx(0.07)
 
 
 def test_like_drops_what_is_gone_and_adds_what_is_new(sink: Model, tmp_path: Path) -> None:

@@ -11,8 +11,8 @@ import pytest
 from by_code import raises_code
 from thermid.base.errors import DeckError, ExpressionError, NameNotFoundError, UnitError
 from thermid.base.units import Dual
-from thermid.model._parts.parameter import parameter
-from thermid.model._tree.flat import flatten
+from thermid.model._parts.parameter import Parameter
+from thermid.model._tree.flat import Flat
 from thermid.model._tree.model import Model
 from thermid.model._tree.tree import ParameterSet
 from thermid.simulation.runs import compile_network
@@ -21,7 +21,7 @@ Build = Callable[..., Model]
 
 
 def value(model: Model, path: str) -> float:
-    return float(flatten(model).parameters.evaluate({})[path])
+    return float(Flat.of_model(model).parameters.evaluate({})[path])
 
 
 # units -------------------------------------------------------------------------------------------------------------------------------
@@ -66,12 +66,12 @@ def test_wrong_dimension_where_it_was_written(part: Build, changes: dict[str, An
 
 def test_wrong_dimension_in_set_is_shown_there(pair: Build) -> None:
     with raises_code("unit.wrong-dimension", UnitError, match=r"set\.a\.area.*'\[m\]'.*\[m\^2\]"):
-        flatten(pair({"set": {"a.area": "1 [m]"}}))
+        Flat.of_model(pair({"set": {"a.area": "1 [m]"}}))
 
 
 def test_wrong_dimension_laid_over_is_shown_with_its_origin(part: Build) -> None:
     with raises_code("unit.wrong-dimension", UnitError, match=r"'\[m\]'"):
-        flatten(part().with_values({"area": "1 [m]"}, origin="stage one"))
+        Flat.of_model(part().with_values({"area": "1 [m]"}, origin="stage one"))
 
 
 def test_temperature_in_a_slot_of_differences(part: Build) -> None:
@@ -96,7 +96,7 @@ def test_temperature_in_a_slot_of_differences(part: Build) -> None:
 
 def test_millimetres_and_metres_are_the_same_values(part: Build) -> None:
     one = part({"parameters/area": "500 [cm^2]", "nodes/case/mass": "1500 [g]"})
-    assert flatten(one).parameters.evaluate({}) == flatten(part()).parameters.evaluate({})
+    assert Flat.of_model(one).parameters.evaluate({}) == Flat.of_model(part()).parameters.evaluate({})
 
 
 # bounds ------------------------------------------------------------------------------------------------------------------------------
@@ -119,19 +119,19 @@ def test_millimetres_and_metres_are_the_same_values(part: Build) -> None:
 )
 def test_bad_parameter(given: Any, code: str, match: str) -> None:
     with raises_code(code, match=match) as caught:
-        parameter(given, "here")
+        Parameter.read(given, "here")
     assert caught.value.where == "here"
 
 
 def test_bounds_are_in_the_values_own_unit() -> None:
-    given = parameter({"value": "20 [degC]", "min": -10, "max": "323.15 [K]"})
+    given = Parameter.read({"value": "20 [degC]", "min": -10, "max": "323.15 [K]"})
     assert (given.minimum, given.maximum) == (263.15, 323.15)
-    assert parameter({"value": "1 [kW]", "max": float("inf")}).maximum == float("inf")
+    assert Parameter.read({"value": "1 [kW]", "max": float("inf")}).maximum == float("inf")
 
 
 def test_numbers_of_numpy_are_numbers() -> None:
-    assert parameter(np.float64(0.3)).expression.literal.value == 0.3  # type: ignore[union-attr]
-    assert parameter(np.int64(3)).expression.literal.value == 3.0  # type: ignore[union-attr]
+    assert Parameter.read(np.float64(0.3)).expression.literal.value == 0.3  # type: ignore[union-attr]
+    assert Parameter.read(np.int64(3)).expression.literal.value == 3.0  # type: ignore[union-attr]
 
 
 @pytest.mark.parametrize(
@@ -147,14 +147,14 @@ def test_numbers_of_numpy_are_numbers() -> None:
 )
 def test_value_outside_its_bounds(part: Build, power: dict[str, Any], match: str) -> None:
     with raises_code("value.outside-range", DeckError, match=match):
-        flatten(part({"parameters/power": power, "parameters/a": "1 [W/m^2]"}))
+        Flat.of_model(part({"parameters/power": power, "parameters/a": "1 [W/m^2]"}))
 
 
 def test_bounds_hold_for_values_from_above(part: Build, pair: Build) -> None:
     with raises_code("value.outside-range", DeckError, match="9.*8"):
-        flatten(part().with_values({"power": "9 [W]"}))
+        Flat.of_model(part().with_values({"power": "9 [W]"}))
     with raises_code("value.outside-range", DeckError, match=r"set\.a\.power.*9000.*8000"):
-        flatten(pair({"set": {"a.power": "9000 [mW]"}}))
+        Flat.of_model(pair({"set": {"a.power": "9000 [mW]"}}))
     wider = pair({"set": {"a.power": {"value": "9 [W]", "max": 10}}})
     assert value(wider, "a.power") == 9.0
 
@@ -164,24 +164,24 @@ def test_bounds_hold_for_values_from_above(part: Build, pair: Build) -> None:
 
 def test_circle_is_printed(part: Build) -> None:
     with raises_code("model.self-reference", ExpressionError, match=r"parameters\.area.*'area'"):
-        flatten(part({"parameters/area": "2*exposed", "parameters/exposed": "total", "parameters/total": "area/3"}))
+        Flat.of_model(part({"parameters/area": "2*exposed", "parameters/exposed": "total", "parameters/total": "area/3"}))
 
 
 def test_circle_of_one(part: Build) -> None:
     with raises_code("model.self-reference", ExpressionError, match="'area'"):
-        flatten(part({"parameters/area": "area"}))
+        Flat.of_model(part({"parameters/area": "area"}))
 
 
 def test_circle_through_set(pair: Build) -> None:
     with raises_code("model.self-reference", ExpressionError, match=r"'a\.area'.*a\.area.*b\.area.*a\.area"):
-        flatten(pair({"set": {"a.area": "b.area", "b.area": "a.area"}}))
+        Flat.of_model(pair({"set": {"a.area": "b.area", "b.area": "a.area"}}))
 
 
 def test_no_finite_value(part: Build) -> None:
     with raises_code("expression.no-finite-value", ExpressionError, match=r"parameters\.area.*'1/zero'"):
-        flatten(part({"parameters/area": "1/zero", "parameters/zero": "0 [1/m^2]"}))
+        Flat.of_model(part({"parameters/area": "1/zero", "parameters/zero": "0 [1/m^2]"}))
     with raises_code("expression.no-finite-value", ExpressionError, match=r"'x\*\*0\.5'"):
-        flatten(part({"parameters/r": "x**0.5", "parameters/x": "0 - 2"}))
+        Flat.of_model(part({"parameters/r": "x**0.5", "parameters/x": "0 - 2"}))
 
 
 def test_names_resolve_where_they_are_written(pair: Build) -> None:
@@ -245,7 +245,7 @@ def test_value_laid_over_may_be_derived(part: Build) -> None:
 def test_fitted_values_come_in(part: Build) -> None:
     class Fitted:
         def as_parameter(self) -> Any:
-            return parameter({"value": "5.5 [W]", "source": "measured"})
+            return Parameter.read({"value": "5.5 [W]", "source": "measured"})
 
     warm = part().with_values({"power": Fitted()})
     found = ParameterSet(warm).table["power"].parameter

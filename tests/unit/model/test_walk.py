@@ -10,7 +10,7 @@ import pytest
 import thermid as td
 from thermid.base.files import Places
 from thermid.model._deck.schema import Deck
-from thermid.model._tree.flat import flatten
+from thermid.model._tree.flat import Flat
 from thermid.simulation.runs import Engine, Wiring, compile_network
 
 DECK = {
@@ -29,12 +29,12 @@ def test_a_coefficient_is_read_once_and_stays_one_object() -> None:
     element = table.element(lambda key: key)
     assert element.fields["htc"] is parameter
     model = td.Model("plate", needs=("air",), nodes=td.model_from_dict(DECK).nodes, conductors={"film": element})
-    assert flatten(model).parameters.table["film.htc"].parameter is parameter
+    assert Flat.of_model(model).parameters.table["film.htc"].parameter is parameter
 
 
 def test_a_coefficient_on_its_way_to_the_kernel() -> None:
     """Path -> number -> law -> coefficient beside its structure -> row of the kernel: what each of them holds of 8 W/(m2 K) on 500 cm2."""
-    flat = flatten(td.model_from_dict(DECK))
+    flat = Flat.of_model(td.model_from_dict(DECK))
     (film,) = flat.conductors
     assert film.fields["htc"] == "film.htc"
     values = flat.parameters.evaluate({})

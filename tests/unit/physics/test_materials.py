@@ -6,13 +6,13 @@ import pytest
 
 from by_code import raises_code
 from thermid.base.errors import NameNotFoundError
-from thermid.physics.materials import NOT_CHECKED, material, materials
+from thermid.physics.materials import NOT_CHECKED, Material
 
-ROWS = list(materials().values())
+ROWS = list(Material.table().values())
 
 
 def test_aluminium_of_the_document() -> None:
-    found = material("aluminium 7075-T6")
+    found = Material.named("aluminium 7075-T6")
     assert (found.density, found.specific_heat, found.conductivity) == (2810.0, 960.0, 130.0)
 
 
@@ -32,7 +32,7 @@ def test_aluminium_of_the_document() -> None:
     ],
 )
 def test_the_only_material_with_all_words_is_meant(asked: str, found: str) -> None:
-    assert material(asked).name == found
+    assert Material.named(asked).name == found
 
 
 @pytest.mark.parametrize(
@@ -47,13 +47,13 @@ def test_the_only_material_with_all_words_is_meant(asked: str, found: str) -> No
 )
 def test_no_or_several_materials_are_refused_with_names(asked: str, match: str) -> None:
     with raises_code("name.unknown", NameNotFoundError, match=match):
-        material(asked)
+        Material.named(asked)
 
 
 def test_air_is_that_of_the_correlations() -> None:
     from thermid.physics.air import AIR_300K, air_density, air_specific_heat
 
-    found = material("air")
+    found = Material.named("air")
     assert found.conductivity == AIR_300K.conductivity
     assert found.density == pytest.approx(air_density(300.0), rel=0.02)
     assert found.specific_heat == pytest.approx(air_specific_heat(300.0), rel=1e-3)
@@ -101,7 +101,7 @@ def test_points_over_temperature_pass_through_the_figure_at_300_kelvin_and_are_w
 def test_boards_are_their_layers_side_by_side() -> None:
     """1.6 mm with layers of 35 um: a fifth of each outer face is copper, inner layers are whole; along the board k = sum k t / t."""
     for layers in (1, 2, 4, 6, 8):
-        copper, resin, board = material("copper"), material("FR4"), material(f"FR4, {layers} layer{'s' * (layers > 1)}")
+        copper, resin, board = Material.named("copper"), Material.named("FR4"), Material.named(f"FR4, {layers} layer{'s' * (layers > 1)}")
         share = 35e-6 * (0.2 * min(layers, 2) + max(layers - 2, 0)) / 1.6e-3
         density = share * copper.density + (1.0 - share) * resin.density
         stored = share * copper.density * copper.specific_heat + (1.0 - share) * resin.density * resin.specific_heat
@@ -117,11 +117,11 @@ def test_the_table_says_how_many_rows_were_checked() -> None:
 
 def test_tables_cannot_be_changed() -> None:
     with pytest.raises(TypeError):
-        materials()["copper"] = material("air")  # type: ignore[index]
+        Material.table()["copper"] = Material.named("air")  # type: ignore[index]
 
 
 def test_misspelt_names_offer_the_nearest() -> None:
     with raises_code("name.unknown", NameNotFoundError, match="'aluminum 7075-T7'.*'aluminium 7075-T6'"):
-        material("aluminum 7075-T7")
+        Material.named("aluminum 7075-T7")
     with raises_code("name.unknown", NameNotFoundError, match="'FR4, 3 layers'.*'FR4, 4 layers'"):
-        material("FR4, 3 layers")
+        Material.named("FR4, 3 layers")

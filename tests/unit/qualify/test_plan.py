@@ -12,7 +12,7 @@ import pytest
 import thermid as td
 from by_code import raises_code
 from thermid.base.errors import DeckError, NameNotFoundError, ScenarioError
-from thermid.qualify._plan import load_plan, lock_plan, lock_status, note_look
+from thermid.qualify._plan import load_plan, note_look
 from thermid.qualify._programme import run_plan
 from unit.qualify.project import PLAN, measured, project, with_log
 
@@ -107,20 +107,20 @@ def test_a_change_of_plan_or_deck_changes_the_hash(tmp_path: Path) -> None:
 def test_the_life_of_a_lock(tmp_path: Path) -> None:
     """Open; locked; changed before a look; locked again; looked at; changed after it, and no new lock makes that good."""
     file = project(tmp_path)
-    assert lock_status(load_plan(file)).state == "open"
-    lock_plan(load_plan(file), date="2026-01-01")
-    assert lock_status(load_plan(file)).state == "locked"
+    assert load_plan(file).lock_status().state == "open"
+    load_plan(file).lock(date="2026-01-01")
+    assert load_plan(file).lock_status().state == "locked"
     project(tmp_path, PLAN.replace('mean = "1 [K]"', 'mean = "1.5 [K]"'))
-    changed = lock_status(load_plan(file))
+    changed = load_plan(file).lock_status()
     assert (changed.state, changed.changed) == ("changed", ("criteria.ours.mean",))
-    lock_plan(load_plan(file), date="2026-01-02")
+    load_plan(file).lock(date="2026-01-02")
     note_look(load_plan(file), "hot", "abc", date="2026-02-01")
-    good = lock_status(load_plan(file))
+    good = load_plan(file).lock_status()
     assert good.state == "locked"
     assert "2026-01-02" in str(good)
     project(tmp_path, PLAN.replace('mean = "1 [K]"', 'mean = "4 [K]"'))
-    lock_plan(load_plan(file), date="2026-02-02")
-    moved = lock_status(load_plan(file))
+    load_plan(file).lock(date="2026-02-02")
+    moved = load_plan(file).lock_status()
     assert moved.state == "moved"
     assert str(moved).startswith("THE PLAN WAS CHANGED AFTER LOGS WERE READ on 2026-02-01: 'criteria.ours.mean'")
 
@@ -128,8 +128,8 @@ def test_the_life_of_a_lock(tmp_path: Path) -> None:
 def test_a_lock_that_comes_after_the_look_is_late(tmp_path: Path) -> None:
     file = project(tmp_path)
     note_look(load_plan(file), "hot", "abc", date="2026-02-01")
-    lock_plan(load_plan(file), date="2026-02-02")
-    late = lock_status(load_plan(file))
+    load_plan(file).lock(date="2026-02-02")
+    late = load_plan(file).lock_status()
     assert late.state == "late"
     assert "2026-02-01" in str(late)
 
@@ -137,7 +137,7 @@ def test_a_lock_that_comes_after_the_look_is_late(tmp_path: Path) -> None:
 def test_a_plan_that_was_never_locked_is_not_called_late(tmp_path: Path) -> None:
     plan = load_plan(project(tmp_path))
     note_look(plan, "hot", "abc", date="2026-02-01")
-    never = lock_status(plan)
+    never = plan.lock_status()
     assert (never.state, never.looked) == ("open", "2026-02-01")
     assert "2026-02-01" in str(never)
 
@@ -146,13 +146,13 @@ def test_a_damaged_lock_is_no_fresh_start(tmp_path: Path) -> None:
     file = project(tmp_path)
     file.with_suffix(".lock.json").write_text("{", encoding="utf-8")
     with raises_code("file.not-valid", DeckError):
-        lock_status(load_plan(file))
+        load_plan(file).lock_status()
 
 
 def test_reading_a_log_is_noted_as_a_look(tmp_path: Path) -> None:
     measured(tmp_path)
     file = project(tmp_path, with_log(PLAN))
-    lock_plan(load_plan(file))
+    load_plan(file).lock()
     assert run_plan(file).lock.state == "locked"
     project(tmp_path, with_log(PLAN).replace('each = "2 [K]"', 'each = "9 [K]"'))
     assert run_plan(file).lock.state == "moved"
@@ -174,11 +174,11 @@ def test_a_copy_of_a_plan_does_not_unsee_its_logs(tmp_path: Path) -> None:
     """Looked at through one plan, copied under another name, locked there: late."""
     measured(tmp_path)
     file = project(tmp_path, with_log(PLAN))
-    lock_plan(load_plan(file))
+    load_plan(file).lock()
     assert run_plan(file).lock.state == "locked"
     other = tmp_path / "fresh.toml"
     other.write_text(file.read_text(encoding="utf-8").replace('each = "2 [K]"', 'each = "9 [K]"'), encoding="utf-8")
-    lock_plan(load_plan(other))
+    load_plan(other).lock()
     late = run_plan(other).lock
     assert late.state == "late"
     assert str(late) != str(run_plan(file).lock)
@@ -216,14 +216,14 @@ def weathered(folder: Path) -> Path:
 
 def test_a_weather_file_that_changes_after_the_lock_is_noticed_and_named(tmp_path: Path) -> None:
     file = weathered(tmp_path)
-    lock_plan(load_plan(file))
-    assert lock_status(load_plan(file)).state == "locked"
+    load_plan(file).lock()
+    assert load_plan(file).lock_status().state == "locked"
     (tmp_path / "weather" / "room.csv").write_text("time_s,T\n0,10\n7200,8\n", encoding="utf-8")
-    changed = lock_status(load_plan(file))
+    changed = load_plan(file).lock_status()
     assert (changed.state, changed.changed) == ("changed", ("file weather/room.csv",))
     assert "file weather/room.csv" in str(changed)
     (tmp_path / "weather" / "room.csv").unlink()
-    assert lock_status(load_plan(file)).changed == ("file weather/room.csv",)
+    assert load_plan(file).lock_status().changed == ("file weather/room.csv",)
 
 
 def test_what_a_campaign_rests_on_is_hashed_logs_in_another_folder_among_it(tmp_path: Path) -> None:
@@ -255,7 +255,7 @@ def test_a_file_outside_of_the_project_is_not_read_for_its_hash(tmp_path: Path) 
 def test_a_log_that_is_exchanged_after_it_was_looked_at_is_remarked(tmp_path: Path) -> None:
     measured(tmp_path)
     file = project(tmp_path, with_log(PLAN))
-    lock_plan(load_plan(file))
+    load_plan(file).lock()
     usual = set(run_plan(file)["hot"].remarks)
     measured(tmp_path, offset=0.2)
     (told,) = set(run_plan(file)["hot"].remarks) - usual

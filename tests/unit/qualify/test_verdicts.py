@@ -29,7 +29,7 @@ def tried(folder: Path, text: str = ONE + LOG, lock: bool = True) -> tuple[Trial
     """Return the hot test and the whole, its plan locked before the log is looked at."""
     file = project(folder, text)
     if lock:
-        td.qualify.lock_plan(td.qualify.load_plan(file))
+        td.qualify.load_plan(file).lock()
     found = td.qualify.run_plan(file)
     return found["hot"], found
 

@@ -11,7 +11,7 @@ import pytest
 import thermid as td
 from by_code import raises_code
 from thermid.base.errors import NameNotFoundError
-from thermid.model.tree import KINDS, flatten
+from thermid.model.tree import KINDS, Flat
 from thermid.reporting._diagrams.map import STYLES, clipped, network_map, quantity, width_of
 
 SVG = "{http://www.w3.org/2000/svg}"
@@ -104,7 +104,7 @@ def nested(box: td.Model) -> td.Model:
 
 
 def test_the_nested_model_is_what_it_should_be(nested: td.Model) -> None:
-    flat = flatten(nested)
+    flat = Flat.of_model(nested)
     assert len(flat.nodes) == 13
     assert max(n.path.count(".") for n in flat.nodes) == 2
     assert {c.kind for c in flat.conductors} == {"conduction", "contact", "convection", "effective", "radiation", "flow", "table"}
@@ -113,7 +113,7 @@ def test_the_nested_model_is_what_it_should_be(nested: td.Model) -> None:
 @pytest.mark.parametrize("which", ["box", "nested"])
 def test_every_node_conductor_load_and_boundary_is_drawn(which: str, request: pytest.FixtureRequest) -> None:
     model: td.Model = request.getfixturevalue(which)
-    svg, flat = network_map(model), flatten(model)
+    svg, flat = network_map(model), Flat.of_model(model)
     said = titles(svg)
     for node in flat.nodes:
         assert node.path in said
@@ -150,7 +150,7 @@ def test_a_conductance_that_depends_on_temperature_says_so_until_temperatures_ar
 
 
 def test_warm_masses_are_tinted_otherwise_than_cold_ones(nested: td.Model) -> None:
-    nodes = [n.path for n in flatten(nested).nodes if n.fields]
+    nodes = [n.path for n in Flat.of_model(nested).nodes if n.fields]
     svg = network_map(nested, temperatures={n: 290.0 + k for k, n in enumerate(nodes)})
     assert len(set(re.findall(r'class="node[^>]*style="fill:(#[0-9a-f]{6})"', svg))) == len(nodes)
 

@@ -16,7 +16,7 @@ import pytest
 import thermid as td
 from boards import boards, warmed
 from thermid.app.cli.app import main
-from thermid.model.tree import flatten
+from thermid.model.tree import Flat
 from thermid.reporting._diagrams import map as drawn
 from thermid.reporting._diagrams.map import network_map
 from thermid.reporting._diagrams.places import CARD_ROWS, DEEP, PLACE_STEP, MapPlaces, docked, places
@@ -113,7 +113,7 @@ def crossings(plan: MapPlaces) -> int:
 
 def holds(model: td.Model, **more: object) -> MapPlaces:
     """Fail where a map breaks one of its rules."""
-    flat = flatten(model)
+    flat = Flat.of_model(model)
     begun = time.process_time()
     text, plan = mapped(model, **more)
     assert time.process_time() - begun < 1.5
@@ -146,7 +146,7 @@ def test_maps_of_boards_keep_their_rules(count: int) -> None:
     for model, best in zip(boards(count), BEST_OF_ELK, strict=False):
         plan = holds(model)
         more += crossings(plan) > 1.5 * best
-        hot = holds(model, **warmed(model)) if len(flatten(model).nodes) < 100 or count > 3 else plan
+        hot = holds(model, **warmed(model)) if len(Flat.of_model(model).nodes) < 100 or count > 3 else plan
         size = f"{plan.width:g} x {plan.height:g}, hot {hot.width:g} x {hot.height:g}"
         print(f"{model.title}: {len(plan.cards)} cards, {len(plan.lines)} lines, {crossings(plan)} crossings, elk's best {best}, {size}")
     assert more <= 3  # elk draws three small ones with 0, 1 and 4, this map with 4, 2 and 10
@@ -199,7 +199,7 @@ def test_temperatures_heat_and_scales_are_written() -> None:
     model = td.load_model(BOX)
     told = warmed(model, **dict.fromkeys(model.needs, 20.0))
     text, _ = mapped(model, **told)
-    hottest, coldest = (f(told["temperatures"][n.path] for n in flatten(model).nodes) - 273.15 for f in (max, min))
+    hottest, coldest = (f(told["temperatures"][n.path] for n in Flat.of_model(model).nodes) - 273.15 for f in (max, min))
     assert text.count(f">{hottest:.1f} °C<") >= 2  # at its node and at an end of the scale
     assert text.count(f">{coldest:.1f} °C<") >= 2
     assert ">+3.2 W<" in text

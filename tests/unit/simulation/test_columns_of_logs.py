@@ -10,7 +10,7 @@ import pytest
 
 import thermid as td
 from by_code import raises_code
-from thermid.fit.calibration import bind
+from thermid.fit.calibration import Experiment
 from thermid.model.tree import TableSignal
 
 LOG = """time_s,room,wall [degC],h,k [W/(m^2 K)],heat,drive,p,w,sun
@@ -143,10 +143,10 @@ air = {column("room")}
     record = td.read_record(tmp_path / "log.csv", {"wall": {"node": "plate"}})
     model = td.model_from_dict(deck)
     for cut, first in ((record, 101325.0), (record.trim("1120 [s]"), 50000.0)):
-        met = bind(model, cut, scenario).scenario
+        met = Experiment.bind(model, cut, scenario).scenario
         assert met.environment["air"].pressure.at(np.zeros(1))[0] == first
         assert met.boundaries["air"].at(np.zeros(1))[0] == pytest.approx(293.15 if cut is record else 303.15)
     with raises_code("record.does-not-apply", match=r"'log\.csv'"):
-        bind(model, record.shift_start(), scenario)
+        Experiment.bind(model, record.shift_start(), scenario)
     other = made(tmp_path, text, LOG.replace("101325", "101000"))  # another log counts from its own first sample
-    assert bind(model, record.trim("1120 [s]"), other).scenario.environment["air"].pressure.at(np.zeros(1))[0] == 101000.0
+    assert Experiment.bind(model, record.trim("1120 [s]"), other).scenario.environment["air"].pressure.at(np.zeros(1))[0] == 101000.0

@@ -32,6 +32,7 @@ from thermid.values.store import (
     DISTRIBUTIONS,
     Cut,
     Distribution,
+    Filed,
     LaterTable,
     LeftOut,
     Logarithm,
@@ -41,7 +42,6 @@ from thermid.values.store import (
     State,
     Store,
     ValueOrigin,
-    filed,
     hand_values,
     load_store,
     load_values,
@@ -204,7 +204,7 @@ def test_the_values_of_a_fit_are_read_back_by_every_reader(tmp_path: Path, name:
     assert load_store(file)[0] == fit.store
     value = fit["strap.conductance"].value
     assert load_values(file)["strap.conductance"].value == value
-    laid = filed(file, model)
+    laid = Filed.read(file, model)
     assert laid.gone == ()
     assert laid.model.at("strap.conductance").expression.literal.value == value
     assert hand_values(file, model, "s", "here")["strap.conductance"].value == value

@@ -23,7 +23,7 @@ from thermid.bench.bench_files import load_programme, load_sensors
 from thermid.bench.guide import ice_point as guided_ice_point, name_sensors
 from thermid.bench.logger import Logger, Settings
 from thermid.bench.port import check_port, find_port
-from thermid.measure.records import ICE, MIN_JUDGED_WINDOW, Channel, Record, StabilityRule, channel_stability, rule_of
+from thermid.measure.records import ICE, MIN_JUDGED_WINDOW, Channel, Record, StabilityRule
 from thermid.qualify.steadiness import MIN_FORECAST_READINGS, Forecast, forecast
 
 _SHARE = 0.1
@@ -192,7 +192,7 @@ class Judge:
     """
 
     def __init__(self, log: Logger, rule: str) -> None:
-        self.rule: StabilityRule = rule_of(rule)
+        self.rule: StabilityRule = StabilityRule.named(rule)
         if self.rule.stored:
             raise RecordError(
                 f"'{self.rule.name}' is about stored heat, which readings alone do not show. Give a rule on the rate.",
@@ -249,7 +249,7 @@ class Judge:
         channel = Channel.from_array(source, celsius - offset, unit="degC", column=source, resolution=step)
         record = Record.from_arrays(log.store.path.name, times, {source: channel}, synthetic=False)
         try:
-            stability = channel_stability(record, source, self.rule)
+            stability = self.rule.of_channel(record, source)
         except RecordError:  # the rule looks further back than the readings go
             return Outlook(None, None, "too early")
         enough = ahead and times.size >= MIN_FORECAST_READINGS and times[-1] - times[0] >= MIN_JUDGED_WINDOW

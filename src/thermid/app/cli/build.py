@@ -42,7 +42,7 @@ from thermid.app.cli.options import (
 from thermid.base.errors import DeckError, SolverError, extension, refuse_unknown
 from thermid.base.files import FileKinds, file_kinds, json_schema, read_toml
 from thermid.base.units import ICE_POINT
-from thermid.model.tree import literal, load_model, worst
+from thermid.model.tree import Standing, literal, load_model
 from thermid.simulation import runs as transient
 from thermid.simulation.runs import Options, margin_lines, margins, output_times, steady
 
@@ -132,7 +132,7 @@ def simulate(
     lines.append("  time constants: " + ", ".join(f"{c:.6g} s" for c in solution.time_constants))
     balance = solution.heat_balance()
     lines.append(f"  heat: loads {balance.loads:.6g} J, to boundaries {balance.boundaries:.6g} J, stored {balance.stored:.6g} J")
-    whole = worst([standing, *solution.doubts])
+    whole = Standing.worst([standing, *solution.doubts])
     say(as_json, {**solution.to_dict(final, times), "standing": whole.to_dict()}, standing.over("\n".join(lines)))
     leave(whole)
 

@@ -22,7 +22,7 @@ from thermid.app.cli.options import (
     pairs,
     say,
 )
-from thermid.base.files import FileKinds, check_ending, write_text
+from thermid.base.files import FileKinds
 from thermid.base.units import Kelvin
 from thermid.campaign.stages import Limits, compare_models, size, worst_case
 from thermid.model.tree import UNJUDGED, load_model
@@ -117,6 +117,6 @@ def diagram(
 
     A map with every node once; --fold draws a submodel as a single mass.
     """
-    check_ending(to, FileKinds.DRAWING)
-    write_text(to, network_map(load_model(deck), folded=fold) + "\n", FileKinds.DRAWING)
+    FileKinds.DRAWING.check_ending(to)
+    FileKinds.DRAWING.save_text(to, network_map(load_model(deck), folded=fold) + "\n")
     typer.echo(f"diagram: {to}")

@@ -32,7 +32,7 @@ from thermid.app.cli.options import (
 )
 from thermid.app.cli.screen import show
 from thermid.base.errors import DeckError, OutputError, refuse_unknown, require
-from thermid.base.files import FileKind, FileKinds, read_bytes, write_bytes, write_text
+from thermid.base.files import FileKind, FileKinds, read_bytes
 from thermid.base.units import counted
 from thermid.interop.c99 import to_c
 from thermid.interop.decks import NetworkFile, agreement, balance, printed_temperatures, read_esatan, read_sinda, to_esatan, to_sinda
@@ -52,7 +52,7 @@ To = Annotated[Path | None, typer.Option("--to", help="The file to write; standa
 def _say(text: str, to: Path | None, as_json: bool, kind: FileKind, comment: str, **more: Any) -> None:
     """Write a text to its file or to standard output."""
     if to is not None:
-        write_text(to, text, kind, comment)
+        kind.save_text(to, text, comment)
     if as_json:
         shown = {"file": to.name} if to is not None else {"text": text}
         say(True, {**shown, **more}, "")
@@ -106,7 +106,7 @@ def import_file(
     if to is not None:
         save_model(model, to)
     if case is not None:
-        write_text(case, toml_text(network.case()), FileKinds.SCENARIO)
+        FileKinds.SCENARIO.save_text(case, toml_text(network.case()))
     shown = {
         "nodes": len(network.nodes),
         "conductors": len(network.conductors),
@@ -146,7 +146,7 @@ def write_back(
     if targets:
         to.mkdir(parents=True, exist_ok=True)
     for target, text in targets.items():
-        write_bytes(target, text.encode("latin-1"), FileKinds.COPY)
+        FileKinds.COPY.save_bytes(target, text.encode("latin-1"))
     lines = [f"written: {target}" for target in targets]
     if not targets:
         lines = ["no file was written" if rest else "nothing differs from the deck: no file was written"]

@@ -43,11 +43,12 @@ from thermid.app.cli.screen import Progress, show, working
 from thermid.app.cli.summary import campaign_progress, check_target, named_page, show_campaign, staged
 from thermid.app.objects import calibration_object, campaign_object, campaign_standing, retune_object
 from thermid.base.errors import ScenarioError, SolverError, ThermidError
-from thermid.base.files import FileKinds, kind_of_text, may_write, read_bytes
+from thermid.base.files import FileKinds, kind_of_text, read_bytes
 from thermid.campaign import stages as origins
 from thermid.campaign.stages import (
     Campaign,
     CampaignPrediction,
+    CampaignSource,
     campaign_predictions,
     check_replacement,
     file_name,
@@ -56,14 +57,13 @@ from thermid.campaign.stages import (
     new_logs,
     plain_readings,
     plan_retune,
-    read_campaign,
     scenario_of,
     survey,
 )
 from thermid.fit.calibration import Calibration
 from thermid.fit.error_model import SIZES
 from thermid.fit.estimation import estimated
-from thermid.model.tree import UNJUDGED, literal, load_model, save_model, worst
+from thermid.model.tree import UNJUDGED, Standing, literal, load_model, save_model
 from thermid.prediction import bands as prediction
 from thermid.prediction.bands import Knowledge, predict_record
 from thermid.prediction.members import load_hold
@@ -81,8 +81,8 @@ def _run(
 ) -> tuple[Campaign, list[Path]]:
     """Run a campaign with progress, taking finished stages from the results folder."""
     folder = to if to is not None else path.parent / "results"
-    for stage in read_campaign(path).content.stages if folder.is_dir() else ():
-        may_write(folder / f"{file_name(stage.name)}.values.toml", FileKinds.VALUES.titled(stage.name))
+    for stage in CampaignSource.read(path).content.stages if folder.is_dir() else ():
+        FileKinds.VALUES.titled(stage.name).may_write(folder / f"{file_name(stage.name)}.values.toml")
     campaign = staged(path, data, folder, accept, fresh=fresh, executor=executor)
     return campaign, campaign.save(folder)
 
@@ -440,7 +440,7 @@ def _refuse_options_of_scenario(campaign: Path, of_records: bool, options: Mappi
         cure = "Give --scenario FILE instead of --record." if of_records else "Give --scenario FILE or --record NAME too."
         words = f"{', '.join(given)} {'is' if len(given) == 1 else 'are'} not for {what}. {cure}"
         raise ScenarioError(words, "command line", code="command.not-understood")
-    content = read_campaign(campaign).content
+    content = CampaignSource.read(campaign).content
     if not (of_records or content.predictions):
         words = 'nothing to predict: give --scenario FILE or --record NAME, or write [predictions.hot] with scenario = "hot.toml".'
         raise ScenarioError(words, content.title, code="command.not-understood")
@@ -453,7 +453,7 @@ def _predict_named(campaign: Campaign, as_json: bool, verbose: bool, executor: W
     if not predictions:
         raise next(iter(failed.values()))
     heads = ["\n".join(_heads(predictions if len(predictions) > 1 else (), failed))] if failed or len(predictions) > 1 else []
-    standing = worst(p.prediction.standing for p in predictions)  # told once, above all of them
+    standing = Standing.worst(p.prediction.standing for p in predictions)  # told once, above all of them
     bare = [replace(p, prediction=replace(p.prediction, causes={}, standing=UNJUDGED)) for p in predictions]
     causes: dict[str, str] = {}  # each told once; of its widest band also what would narrow it
     for cause, words in (item for p in predictions for item in p.prediction.causes.items()):
@@ -490,7 +490,7 @@ def _predict_without_scenario(
     if not patterns:
         _predict_named(stages, as_json, verbose, executor)
         return
-    source, fit = read_campaign(campaign, data), stages[name]
+    source, fit = CampaignSource.read(campaign, data), stages[name]
     stage = next(s for s in source.content.stages if s.name == name)
     scores = []
     for run in source.pick(patterns, "--record"):

@@ -10,7 +10,7 @@ import typer
 
 from thermid.app.cli.options import Force, Json, say
 from thermid.base.errors import RecordError
-from thermid.base.files import FileKinds, check_ending, write_text
+from thermid.base.files import FileKinds
 from thermid.measure import looks as measured
 from thermid.measure.readers import parts_between_restarts
 from thermid.reporting.looks import log_drawing
@@ -42,18 +42,18 @@ def look(
     if cut is not None:
         logs = _cut(logs[0], cut)
     if to is not None:
-        check_ending(to, FileKinds.DRAWING)
+        FileKinds.DRAWING.check_ending(to)
     looks = [measured.look(log, time=time, separator=separator, decimal=decimal, clock=clock, unit=unit) for log in logs]
     if not all(file_look.problem for file_look in looks):  # options of one log's clock are not those of another
         looks = [measured.look(file_look.path) if file_look.problem else file_look for file_look in looks]
     looks = measured.named_apart(looks)
     if to is not None:
-        write_text(to, log_drawing(looks[0]) + "\n", FileKinds.DRAWING)
+        FileKinds.DRAWING.save_text(to, log_drawing(looks[0]) + "\n")
     bad, clocks = any(file_look.problem for file_look in looks), measured.clocks_of(looks)
     parts = ["\n".join(file_look.lines(shutil.get_terminal_size((110, 24)).columns)) for file_look in looks]
     parts += [f"{len(logs)} parts between restarts, each on a clock of its own, written to {cut}"] if cut is not None else []
     if join is not None:
-        write_text(join, looks[0].joined(looks[1:], offset or [measured.stated_offset(c) for c in clocks]), FileKinds.LOG)
+        FileKinds.LOG.save_text(join, looks[0].joined(looks[1:], offset or [measured.stated_offset(c) for c in clocks]))
     lines = measured.clock_lines(looks, clocks) if cut is None else []
     first = [lines.pop(0)] if lines and lines[0].startswith("check: ") else []
     parts = [*first, *parts, *(["\n".join(lines)] if lines else [])]
@@ -76,5 +76,5 @@ def _cut(log: Path, folder: Path) -> list[Path]:
     folder.mkdir(parents=True, exist_ok=True)
     paths = [folder / f"{log.stem}_{k}.csv" for k in range(1, len(parts) + 1)]
     for path, text in zip(paths, parts, strict=True):
-        write_text(path, text, FileKinds.LOG)
+        FileKinds.LOG.save_text(path, text)
     return paths

@@ -16,11 +16,11 @@ import typer
 from thermid.app.cli.screen import show
 from thermid.app.texts import add_codes, mark_codes, pairs as pairs, with_unit as with_unit
 from thermid.base.errors import NameNotFoundError, ScenarioError, require
-from thermid.base.files import FileKinds, command, may_write
+from thermid.base.files import FileKinds, command
 from thermid.base.results import clean
 from thermid.model.tree import Model, Standing, literal, load_model
 from thermid.simulation.runs import KeptTasks, Scenario, Workers as Workers, load_scenario
-from thermid.values.store import Filed, filed
+from thermid.values.store import Filed
 
 Deck = Annotated[Path, typer.Argument(help="A deck (TOML).")]
 CampaignPath = Annotated[Path, typer.Argument(help="A campaign (TOML).")]
@@ -143,7 +143,7 @@ def writable(*files: tuple[Path | None, Any]) -> None:
         if path is not None:
             if kind.name in NEEDS:
                 require(NEEDS[kind.name], f"writing '{path.name}'")
-            may_write(path, kind)
+            kind.may_write(path)
 
 
 def fitted_model(deck: Path, values: Path | None, keep: bool | None = False, param: Sequence[str] = ()) -> Model:
@@ -166,7 +166,7 @@ def filled_model(model: Model, values: Path, keep: bool | None = False, at: str 
     """
     part, _, file = ("", "", str(values)) if values.is_file() else str(values).rpartition("=")
     try:
-        filled = filed(Path(file), model, at=part or at, keep=bool(keep))
+        filled = Filed.read(Path(file), model, at=part or at, keep=bool(keep))
     except NameNotFoundError as error:
         name = next((n for n in model.submodels if not (part or at)), "")
         raise error.reworded(f"{error.message} If they are of a part, name it: --values {name}={file}.") if name else error from None

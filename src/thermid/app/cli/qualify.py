@@ -35,7 +35,7 @@ from thermid.campaign import stages as correlation
 from thermid.measure.readers import log_cells, name_and_unit, read_record
 from thermid.measure.records import Record
 from thermid.model.tree import load_model
-from thermid.qualify.plans import check_delivery, deliver as write_delivery, load_plan, lock_plan, lock_status, pre_test, run_plan
+from thermid.qualify.plans import check_delivery, deliver as write_delivery, load_plan, pre_test, run_plan
 from thermid.qualify.profiles import ThermalProfile, load_profile, profile_names, profile_of, run_profile, typed
 from thermid.reporting import pictures as trust
 from thermid.reporting.pages import correlation_report, qualification_report
@@ -67,8 +67,8 @@ def plan(
     planned = load_plan(file, data)
     predictions, standing = pre_test(planned), planned.knowledge.standing.accept(accept or ())
     if lock:
-        lock_plan(planned, clean(predictions))
-    status = lock_status(planned)
+        planned.lock(clean(predictions))
+    status = planned.lock_status()
     seal = {"state": status.state, "sha256": status.sha256, "locked": status.date, "looked": status.looked}
     shown = {**seal, "changed": list(status.changed)}
     counts = ((planned.tests, "test"), (planned.content.sensors, "sensor"), (planned.limits, "reference point"))

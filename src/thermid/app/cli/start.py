@@ -33,9 +33,9 @@ from thermid.campaign.start import (
 )
 from thermid.fit.calibration import Calibration
 from thermid.inference.criticism import EVALUATIONS, criticise as criticised, plausibility as ranges_of
-from thermid.model.tree import STANDARD, load_model, standard_parts, worst
+from thermid.model.tree import STANDARD, Standing, load_model, standard_parts
 from thermid.physics.finishes import FINISHES
-from thermid.physics.materials import NOT_CHECKED, materials
+from thermid.physics.materials import NOT_CHECKED, Material
 
 Stage = Annotated[str, typer.Option("--stage", help="One stage; all that were fitted to logs without it.")]
 
@@ -236,7 +236,7 @@ def _parts_listed() -> tuple[dict[str, object], str]:
 
 def _materials_listed() -> tuple[dict[str, object], str]:
     """Return materials and finishes, each with its figures and its source."""
-    library = materials()
+    library = Material.table()
     rows = [{k: getattr(m, k) for k in ("name", "density", "specific_heat", "conductivity", "source", "read")} for m in library.values()]
     finishes = [{"name": f.name, "emissivity": f.typical, "low": f.low, "high": f.high, "basis": f.basis} for f in FINISHES.values()]
     unread = sum(not m.read for m in library.values())
@@ -289,7 +289,7 @@ def criticise(
         with searching(f"missing elements of stage {name}") as progress:
             criticisms[name] = criticised(fit, executor=executor, progress=progress)
     say(as_json, {"stages": {n: c.to_dict() for n, c in criticisms.items()}}, "\n\n".join(map(str, criticisms.values())), verbose)
-    leave(worst(f.standing for f in fits.values()))
+    leave(Standing.worst(f.standing for f in fits.values()))
 
 
 @add_worker_options
@@ -313,4 +313,4 @@ def plausibility(
     fits = _fits(campaign, stage, data, results, executor)
     checks = {name: ranges_of(fit, weights=weights) for name, fit in fits.items()}
     say(as_json, {"stages": {n: p.to_dict() for n, p in checks.items()}}, "\n\n".join(map(str, checks.values())), verbose)
-    leave(worst(f.standing for f in fits.values()), 0 if all(p.physical for p in checks.values()) else 1)
+    leave(Standing.worst(f.standing for f in fits.values()), 0 if all(p.physical for p in checks.values()) else 1)

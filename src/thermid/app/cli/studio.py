@@ -13,7 +13,7 @@ from thermid.app.studio.project import Project
 from thermid.app.studio.room import Room
 from thermid.app.studio.server import serve
 from thermid.base.errors import DeckError, require
-from thermid.base.files import FileKinds, scratch, write_text
+from thermid.base.files import FileKinds, scratch
 
 
 def studio(
@@ -42,6 +42,6 @@ def studio(
             if browser:
                 # a page in a private folder that leads to an address: the arguments of a browser are seen by every user of the machine
                 page = f'<!doctype html><meta charset="utf-8"><title>studio</title><meta http-equiv="refresh" content="0; url={address}">\n'
-                webbrowser.open(write_text(folder / "studio.html", page, FileKinds.PAGE).as_uri())
+                webbrowser.open(FileKinds.PAGE.save_text(folder / "studio.html", page).as_uri())
 
         serve(room, port, ready)

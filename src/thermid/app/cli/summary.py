@@ -13,7 +13,7 @@ from thermid.app.cli.screen import SCREEN, Progress, console, folded, severity, 
 from thermid.base.errors import NameNotFoundError, refuse_unknown, require, spoken
 from thermid.base.results import VERDICTS
 from thermid.base.units import counted, digits, short
-from thermid.campaign.stages import Campaign, Check, Verdict, read_campaign, run_stages
+from thermid.campaign.stages import Campaign, CampaignSource, Check, Verdict, run_stages
 from thermid.fit.calibration import FIRST, LOUD, Calibration
 from thermid.measure.records import open_questions
 from thermid.reporting.pages import check_page
@@ -72,7 +72,7 @@ class CampaignProgress(Progress):
 
 def campaign_progress(path: Path) -> CampaignProgress:
     """Return the progress of a campaign's fits."""
-    return CampaignProgress({stage.name: 1.0 + len(stage.free) for stage in read_campaign(path).content.stages})
+    return CampaignProgress({stage.name: 1.0 + len(stage.free) for stage in CampaignSource.read(path).content.stages})
 
 
 def staged(
@@ -96,7 +96,7 @@ def staged(
     RecordError         When it has no record of a name or pattern; before anything is fitted.
     """
     folder = results if results is not None else path.parent / "results"
-    source = read_campaign(path, data)
+    source = CampaignSource.read(path, data)
     refuse_unknown([stage] if stage else [], [s.name for s in source.content.stages], path.name, "no stage '{}'.", NameNotFoundError)
     source.pick(records, "--record")
     with campaign_progress(path) as progress:

@@ -32,9 +32,9 @@ from thermid.app.texts import add_codes
 from thermid.base.errors import RecordError, refuse_unknown
 from thermid.base.results import clean
 from thermid.base.units import TEMPERATURE, amount, duration_text
-from thermid.campaign.stages import RunningTest, running_test
+from thermid.campaign.stages import RunningTest
 from thermid.measure.readers import read_record, temperature_columns
-from thermid.measure.records import Record, rule_of
+from thermid.measure.records import Record, StabilityRule
 from thermid.model.tree import UNJUDGED, Standing, literal, load_model
 from thermid.qualify.steadiness import Forecast, forecast, stability
 from thermid.qualify.watch import BoundColumns, GrowingLog, TemperatureLimit, Watcher, WatchLook, WatchRequest, replayed
@@ -98,7 +98,9 @@ def watch(
     stated = scenario_of(scenario, boundary, [], None, None) if boundary or scenario is not None else None
     read = pairs(reading, "--read")
     refuse_unknown(read, READ_KEYS, "--read")
-    test = None if campaign is None else running_test(staged(campaign, data, results, records=[record] if record else []), record)
+    test = (
+        None if campaign is None else RunningTest.of_campaign(staged(campaign, data, results, records=[record] if record else []), record)
+    )
     if test is None:
         columns = BoundColumns(*_column_bindings(channel), None if model is None else fitted_model(model, values, None), read)
     else:
@@ -163,7 +165,7 @@ def _request(
     decided = tuple(TemperatureLimit(n, False, kelvin) for n, kelvin in limits.items())
     longest = None if slowest is None else with_unit(slowest, "s")
     conditions = None if test is None else test.conditions
-    return WatchRequest(columns, rule_of(rule), width, decided, longest, begin, stated, conditions)
+    return WatchRequest(columns, StabilityRule.named(rule), width, decided, longest, begin, stated, conditions)
 
 
 def _growing(log: GrowingLog, step: float, since: str) -> Iterator[Record]:
@@ -210,7 +212,7 @@ def settle(
     begin = with_unit(since, "s")
     deck = None if model is None else load_model(model)
     conditions = None if scenario is None else load_scenario(scenario)
-    run = simulate(deck, conditions) if deck is not None and conditions is not None and rule_of(rule).stored else None
+    run = simulate(deck, conditions) if deck is not None and conditions is not None and StabilityRule.named(rule).stored else None
     stable = stability(record, rule, names, since=begin, run=run)
     ends: dict[str, Forecast | str] = {}
     for name in names:

@@ -31,7 +31,7 @@ from thermid.app.studio.shapes import (
 from thermid.app.studio.work import Jobs, JobState
 from thermid.app.texts import with_unit
 from thermid.base.errors import DeckError, MissingDataError, NameNotFoundError, ThermidError, quoted, refuse_unknown
-from thermid.base.files import FileKinds, read_bytes, read_toml, resolve_inside, write_bytes
+from thermid.base.files import FileKinds, read_bytes, read_toml, resolve_inside
 from thermid.base.units import from_si, short
 from thermid.campaign.stages import Criteria, request_of
 from thermid.campaign.start import ACCURACY, VERDICT_NOISES, VERDICT_SHARE_OF_RANGE, word
@@ -711,7 +711,7 @@ class Building:
             target = folder / (plain if k == 1 else f"{stem}_{k}{dot}{ending}")
             self._inside(f"logs/{target.name}")
             if not target.exists():
-                write_bytes(target, data, FileKinds.RESULTS_FILE)
+                FileKinds.RESULTS_FILE.save_bytes(target, data)
             if target.is_file() and read_bytes(target) == data:
                 return f"logs/{target.name}"
         raise DeckError("there are too many logs of this name.", "log", code="studio.not-now")

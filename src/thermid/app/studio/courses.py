@@ -17,7 +17,7 @@ from thermid.base.units import ICE_POINT, duration_text
 from thermid.campaign.stages import LimitCheck, Limits, Margin, check_limits, margins, read_limits, spans
 from thermid.model.tree import UNJUDGED, Standing
 from thermid.prediction.bands import Band, Knowledge, foresee
-from thermid.qualify.plans import Qualification, Trial, load_plan, lock_status, run_plan
+from thermid.qualify.plans import Qualification, Trial, load_plan, run_plan
 from thermid.qualify.profiles import ProfileRun, ThermalProfile, load_profile, profile_names, profile_of, run_profile, typed
 from thermid.simulation.runs import Solution, compile_network, simulate
 
@@ -114,7 +114,7 @@ class Shelf:
         """
         if file not in self._qualified:
             plan, begun = load_plan(file), 0
-            unread = lock_status(plan).state == "open" and any(t.log is not None for t in plan.tests)
+            unread = plan.lock_status().state == "open" and any(t.log is not None for t in plan.tests)
             if unread:
                 tests = [t.model_copy(update={"log": None}) for t in plan.tests]
                 plan = replace(plan, content=plan.content.model_copy(update={"tests": tests}))

@@ -11,8 +11,8 @@ from pathlib import Path
 from typing import Any, Final
 
 from thermid.base.errors import DeckError, ThermidError
-from thermid.base.files import FileKinds, command, line_numbers, read_bytes, read_text, read_toml, write_bytes
-from thermid.campaign.stages import CampaignSource, campaign_of
+from thermid.base.files import FileKinds, command, line_numbers, read_bytes, read_text, read_toml
+from thermid.campaign.stages import CampaignSource
 from thermid.model.tree import DeckDocument, Edit, Model, model_beside
 
 DECK, CAMPAIGN, VIEW = "deck", "campaign", "view"
@@ -23,7 +23,7 @@ PLACES: Final = "places"
 def _campaign(path: Path, content: Mapping[str, Any]) -> None:
     """Refuse what is no campaign; one that has no record yet waits for its first."""
     if content.get("records"):
-        campaign_of(path, content)
+        CampaignSource.of_content(path, content)
 
 
 def _view(path: Path, content: Mapping[str, Any]) -> None:
@@ -95,7 +95,7 @@ class Draft:
     def source(self) -> CampaignSource:
         """The campaign that it is."""
         document = self.documents[CAMPAIGN]
-        return campaign_of(document.path, document.content, line_numbers(document.text))
+        return CampaignSource.of_content(document.path, document.content, line_numbers(document.text))
 
     def edited(self, edits: Mapping[str, Sequence[Edit]]) -> Draft:
         """Return it after edits of its documents, which are undone together.
@@ -241,7 +241,7 @@ def keep(draft: Draft) -> None:
     steps = {"past": draft.past, "future": draft.future, "base": draft.base}
     text = json.dumps({"documents": documents, **steps, "typed": draft.typed, "waiting": bool(draft.to_save() or draft.typed)})
     with command(force=True):
-        write_bytes(journal_of(draft.deck.path), text.encode(), FileKinds.RESULTS_FILE)
+        FileKinds.RESULTS_FILE.save_bytes(journal_of(draft.deck.path), text.encode())
 
 
 def recalled(path: Path, stage: int = -1) -> tuple[Draft, str]:

@@ -16,10 +16,10 @@ from thermid.base.errors import DeckError, MissingDataError, RecordError, Thermi
 from thermid.base.files import project_root, resolve_inside
 from thermid.base.results import clean
 from thermid.base.units import ICE_POINT, TEMPERATURE, Array, Bools, unit
-from thermid.campaign.stages import Campaign, running_test
+from thermid.campaign.stages import Campaign, RunningTest
 from thermid.measure.looks import look
 from thermid.measure.readers import log_cells, name_and_unit, read_record
-from thermid.measure.records import RULES, Channel, ChannelStability, Record, StabilityRule, channel_stability, rule_of, since_when
+from thermid.measure.records import RULES, Channel, ChannelStability, Record, StabilityRule
 from thermid.model.tree import UNJUDGED, Model, literal
 from thermid.qualify.steadiness import Forecast, Stability, forecast
 from thermid.qualify.watch import BoundColumns, TemperatureLimit, Watcher, WatchRequest, read_whole_lines, roles_of_paths
@@ -194,7 +194,7 @@ def _by_names(path: Path, model: Model, stated: Scenario | None, bare: WatchRequ
 
 
 def _like_a_record(path: Path, campaign: Campaign, stated: Scenario | None, bare: WatchRequest, told: Tables) -> _Bound:
-    """Return what a log is watched by where it has the columns of a record of a campaign: as `running_test` says."""
+    """Return what a log is watched by where it has the columns of a record of a campaign: as `RunningTest.of_campaign` says."""
     written = log_cells(path).header
     header = {*written, *(name_and_unit(cell)[0] for cell in written)}
     records = campaign.source.content.records if campaign.source is not None else {}
@@ -209,7 +209,7 @@ def _like_a_record(path: Path, campaign: Campaign, stated: Scenario | None, bare
         return _without_model(bare, "the log has not the columns of one of the campaign's records. Bind the columns")
     last = next(s.records for s in campaign.source.content.stages if s.name == list(campaign)[-1]) if campaign.source is not None else ()
     like = max(alike, key=lambda name: (name in last, len(records[name].channels)))  # whose columns are those of the model
-    test = running_test(campaign, like)
+    test = RunningTest.of_campaign(campaign, like)
     # what was bound on the page stands in place of the record's own; noise and the like stay
     written_tables = {n: t for n in told if isinstance(t := test.table.channels.get(n), dict)}
     tables: dict[str, Any] = {
@@ -313,7 +313,7 @@ class Follower:
         ------
         ThermidError    When the file is none of the project's, or rule, channel or time make no sense.
         """
-        path, rule = self._path(str(query.get("file") or "")), rule_of(str(query.get("rule") or "3 C/h"))
+        path, rule = self._path(str(query.get("file") or "")), StabilityRule.named(str(query.get("rule") or "3 C/h"))
         try:
             stat = path.stat()
         except OSError:
@@ -364,10 +364,10 @@ class Follower:
         first = float(record.times[0]) if since is None else since
         for n in names:
             try:
-                stabilities[n] = channel_stability(record, n, rule, since=first)
+                stabilities[n] = rule.of_channel(record, n, since=first)
             except RecordError as error:
                 why[n] = error.message
-        when = {n: since_when(record, n, rule, first) if c.verdict == "stable" else None for n, c in stabilities.items()}
+        when = {n: rule.since_when(record, n, first) if c.verdict == "stable" else None for n, c in stabilities.items()}
         whole = Stability(record.name, rule, float(record.times[-1]), stabilities, {}, when, None) if stabilities else None
         focus = str(query.get("channel") or "") or (whole.slowest if whole else names[0])
         cached = self._forecasts(record, sorted(names, key=lambda n: n != focus), rule, query)

@@ -22,10 +22,8 @@ from thermid.campaign.stages import (
     errors_kept,
     file_name,
     joint,
-    judge,
     keyed,
     plan_retune,
-    read_campaign,
     recall,
     remember,
     request_of,
@@ -74,7 +72,7 @@ class Project:
 
     def _read(self) -> tuple[CampaignSource | None, str]:
         """Return the campaign, None for a deck, and the title."""
-        source = read_campaign(self.path, self._data) if "stages" in read_toml(self.path)[0] else None
+        source = CampaignSource.read(self.path, self._data) if "stages" in read_toml(self.path)[0] else None
         return source, source.content.title if source is not None else load_model(self.path).title
 
     def read_again(self, changed: Collection[Path]) -> None:
@@ -209,7 +207,7 @@ class Project:
         try:
             if whole and (write or (self.results / "joint.fit.json").is_file()):
                 campaign = replace(campaign, joint=joint(campaign, notice=notice, cache=self.results))
-            campaign = judge(campaign, self.results, notice)
+            campaign = campaign.judged(self.results, notice)
         except ThermidError as error:
             self.not_judged = str(error)
         self.campaign = campaign

@@ -25,7 +25,7 @@ from thermid.app.studio.follow import Follower, LiveWatch
 from thermid.app.studio.project import Project
 from thermid.app.studio.work import Work
 from thermid.base.errors import DeckError, ThermidError, refuse_unknown
-from thermid.base.files import FileKinds, command, read_text, state_folder, write_bytes
+from thermid.base.files import FileKinds, command, read_text, state_folder
 from thermid.base.results import clean
 from thermid.base.units import ICE_POINT, Array
 from thermid.campaign.start import word
@@ -379,7 +379,7 @@ class Room:
         try:
             _recents().parent.mkdir(parents=True, exist_ok=True)
             with command(force=True):
-                write_bytes(_recents(), json.dumps([str(f) for f in files]).encode(), FileKinds.RESULTS_FILE)
+                FileKinds.RESULTS_FILE.save_bytes(_recents(), json.dumps([str(f) for f in files]).encode())
         except (OSError, ThermidError):
             return
 

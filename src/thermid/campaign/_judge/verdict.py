@@ -19,7 +19,7 @@ import numpy as np
 
 from thermid.base.arguments import takes_objects
 from thermid.base.errors import IdentificationError, ScenarioError, nearest, refuse_unknown
-from thermid.base.files import FileKinds, Places, by_grammar, read_json, write_text
+from thermid.base.files import FileKinds, Places, by_grammar, read_json
 from thermid.base.results import VERDICTS, PlottedTrace, Result, Row, check_mark, weigh
 from thermid.base.units import ICE_POINT, Array, amount, counted, short, some
 from thermid.fit.calibration import FIRST, Calibration, Request, SensorStatistics, SensorTrace, fit
@@ -503,7 +503,7 @@ def look(folder: Path | None, record: str, sha256: str, stage: str, key: str, pa
     now = RecordedLook(record, sha256, stage, key, passed, datetime.now(UTC).date().isoformat())
     if all((one.sha256, one.key, one.passed) != (sha256, key, passed) for one in looks):
         folder.mkdir(parents=True, exist_ok=True)
-        write_text(folder / FILE, json.dumps([asdict(one) for one in (*looks, now)], indent=1), FileKinds.RESULTS_FILE)
+        FileKinds.RESULTS_FILE.save_text(folder / FILE, json.dumps([asdict(one) for one in (*looks, now)], indent=1))
     return earlier
 
 

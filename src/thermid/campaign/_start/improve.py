@@ -11,9 +11,9 @@ import tomlkit
 from tomlkit.items import AoT
 
 from thermid.base.errors import DeckError, IdentificationError, ThermidError, refuse_unknown
-from thermid.base.files import may_write, read_text, unsealed, write_text
+from thermid.base.files import read_text, unsealed
 from thermid.base.units import short
-from thermid.campaign._file import CampaignSource, read_campaign
+from thermid.campaign._file import CampaignSource
 from thermid.campaign._stages import run_stages
 from thermid.campaign._start.project import TEMPLATE
 from thermid.fit.calibration import Calibration, Request, fit
@@ -189,11 +189,11 @@ def _stage_to_improve(
     DeckError     When there is no such stage, or it fits nothing.
     OutputError   When a file is there that thermid did not write.
     """
-    source = read_campaign(path, data)
+    source = CampaignSource.read(path, data)
     names = [s.name for s in source.content.stages]
     name = stage or names[-1]
     refuse_unknown([name], names, path.name, "no stage '{}'.", DeckError)
-    may_write(path.with_name(f"{path.stem}_{NEXT}.toml"), TEMPLATE.titled(f"{path.stem}_{NEXT}"))  # refused before the search
+    TEMPLATE.titled(f"{path.stem}_{NEXT}").may_write(path.with_name(f"{path.stem}_{NEXT}.toml"))  # refused before the search
     before = run_stages(source.unjudged, cache=results or path.parent / "results", executor=executor).stages[name]
     if (request := before.request) is None or not request.records:
         raise DeckError(
@@ -323,7 +323,7 @@ def _written(path: Path, stage: str, before: Request, after: Request, delays: Se
     folder.mkdir(exist_ok=True)
     model = replace(after.model, title=f"{after.model.title} {NEXT}")
     save_model(model, deck)
-    write_text(campaign, tomlkit.dumps(document), TEMPLATE.titled(campaign.stem))
+    TEMPLATE.titled(campaign.stem).save_text(campaign, tomlkit.dumps(document))
     return [deck, campaign]
 
 

@@ -14,23 +14,12 @@ import numpy as np
 import tomlkit
 
 from thermid.base.errors import NameNotFoundError, RecordError, ThermidError, nearest
-from thermid.base.files import (
-    FileKind,
-    FileKinds,
-    by_grammar,
-    file_kinds,
-    json_schema,
-    may_write,
-    parse_toml,
-    read_text,
-    write_bytes,
-    write_text,
-)
+from thermid.base.files import FileKind, FileKinds, by_grammar, file_kinds, json_schema, parse_toml, read_text
 from thermid.campaign._start.proposal import Proposal
 from thermid.campaign._start.switching import instants_text, with_instants
 from thermid.fit.calibration import LocalSpec, Request
 from thermid.measure.records import Record, thinned_step
-from thermid.model.tree import model_text, parameter
+from thermid.model.tree import Parameter, model_text
 
 SCHEMA: Final = FileKind("JSON Schema", endings=(".json",))
 FOLDER: Final = "schema"
@@ -57,7 +46,7 @@ def may_write_schemas(folder: Path, kinds: Iterable[str]) -> None:
     OutputError   When a file is there that thermid did not write.
     """
     for kind in kinds if (folder / FOLDER).is_dir() else ():
-        may_write(folder / _place(kind), SCHEMA.titled(kind))
+        SCHEMA.titled(kind).may_write(folder / _place(kind))
 
 
 def write_schemas(folder: Path, kinds: Iterable[str]) -> list[Path]:
@@ -68,7 +57,7 @@ def write_schemas(folder: Path, kinds: Iterable[str]) -> list[Path]:
     OutputError   When a file is there that thermid did not write.
     """
     (folder / FOLDER).mkdir(exist_ok=True)
-    return [write_text(folder / _place(k), json.dumps(json_schema(k), indent=2), SCHEMA.titled(k)) for k in sorted(set(kinds))]
+    return [SCHEMA.titled(k).save_text(folder / _place(k), json.dumps(json_schema(k), indent=2)) for k in sorted(set(kinds))]
 
 
 def head_copies(folder: Path, files: Sequence[Path]) -> list[Path]:
@@ -86,7 +75,7 @@ def head_copies(folder: Path, files: Sequence[Path]) -> list[Path]:
     kind_of_file = {file: kind for file, text in texts.items() if (kind := kind_of(text))}
     for file, kind in kind_of_file.items():
         file.unlink()
-        write_bytes(file, headed(texts[file], kind, len(file.relative_to(folder).parents) - 1).encode(), FileKinds.COPY)
+        FileKinds.COPY.save_bytes(file, headed(texts[file], kind, len(file.relative_to(folder).parents) - 1).encode())
     return write_schemas(folder, kind_of_file.values()) if kind_of_file else []
 
 
@@ -211,9 +200,9 @@ def write_template(name: str, folder: Path) -> tuple[str, list[Path]]:
     kinds = {file: FileKinds.DECK.titled(Path(file).stem) if file == deck else TEMPLATE.titled(Path(file).stem) for file in files}
     grammars = {file: "deck" if file == deck else "scenario" for file in files}
     for file, kind in kinds.items():
-        may_write(folder / file, kind)
+        kind.may_write(folder / file)
     may_write_schemas(folder, grammars.values())
-    written = [write_text(folder / file, headed(text, grammars[file]), kinds[file]) for file, text in files.items()]
+    written = [kinds[file].save_text(folder / file, headed(text, grammars[file])) for file, text in files.items()]
     written += [*write_schemas(folder, grammars.values()), *_write_root(folder)]
     return f"thermid simulate {folder / deck} --scenario {folder / 'scenario.toml'}", written
 
@@ -221,7 +210,7 @@ def write_template(name: str, folder: Path) -> tuple[str, list[Path]]:
 def _write_root(folder: Path) -> list[Path]:
     """Write the file that marks the root of a project, where none is there, and return it."""
     marker = folder / "thermid.toml"
-    return [] if marker.exists() else [write_text(marker, ROOT, TEMPLATE.titled("root"))]
+    return [] if marker.exists() else [TEMPLATE.titled("root").save_text(marker, ROOT)]
 
 
 FITTED, HOLDOUT_NAME = 0.7, "holdout"
@@ -314,7 +303,7 @@ def may_write_project(folder: Path, title: str) -> dict[str, tuple[str, FileKind
     kinds = {f"{title}.toml": ("deck", FileKinds.DECK.titled(title))}  # in the order in which they are written
     kinds |= {f"{k}.toml": (k, TEMPLATE.titled(k)) for k in ("scenario", "campaign")}
     for name, (_, kind) in kinds.items() if folder.exists() and [*folder.iterdir()] else ():
-        may_write(folder / name, kind)
+        kind.may_write(folder / name)
     may_write_schemas(folder, (grammar for grammar, _ in kinds.values()))
     return kinds
 
@@ -353,7 +342,7 @@ def write_project(
         replace(record, channels={n: c for n, c in record.channels.items() if n not in shares}).to_csv(logs / f"{record.name}.csv")
         files.append(logs / f"{record.name}.csv")
     for (name, (grammar, kind)), text in zip(kinds.items(), texts, strict=True):
-        write_text(folder / name, headed(text, grammar), kind)
+        kind.save_text(folder / name, headed(text, grammar))
     files += [*write_schemas(folder, (grammar for grammar, _ in kinds.values())), *_write_root(folder)]
     return Written(folder, tuple(files), proposal, fixed, left_out, tuple(masked))
 
@@ -422,7 +411,7 @@ def _ambient(proposal: Proposal, record: Record) -> float:
         channel = record[roles.surroundings]
         return float(np.median(channel.values[channel.valid])) - 273.15
     if roles.surroundings:
-        return float(parameter(roles.surroundings).expression.literal.value) - 273.15  # type: ignore[union-attr]
+        return float(Parameter.read(roles.surroundings).expression.literal.value) - 273.15  # type: ignore[union-attr]
     return min(float(record[c].values[record[c].valid][0]) for c in roles.parts if c in record.channels) - 273.15
 
 

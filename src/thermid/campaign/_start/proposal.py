@@ -31,8 +31,8 @@ from thermid.inference.criticism import (
     search_structure,
 )
 from thermid.measure.records import Record
-from thermid.model.tree import Model, ParameterSet, literal, model_from_dict, parameter
-from thermid.physics.materials import materials as all_materials
+from thermid.model.tree import Model, Parameter, ParameterSet, literal, model_from_dict
+from thermid.physics.materials import Material
 from thermid.simulation.runs import Scenario
 
 LEAST_HEAT = 0.5e6
@@ -102,9 +102,9 @@ def known_masses(masses: Mapping[str, str], materials: Mapping[str, str]) -> dic
     for part, text in masses.items():
         weight = amount(text, "kg", f"--mass {part}")
         named = materials.get(part, "")
-        heats = [m.specific_heat for name, m in all_materials().items() if named and name.lower().startswith(named.lower())]
+        heats = [m.specific_heat for name, m in Material.table().items() if named and name.lower().startswith(named.lower())]
         if named and not heats:
-            families = ", ".join(dict.fromkeys(name.partition(",")[0] for name in all_materials()))
+            families = ", ".join(dict.fromkeys(name.partition(",")[0] for name in Material.table()))
             raise ThermidError(f"no material '{named}'. Known: {families}. Or leave it out.", f"--material {part}", code="name.unknown")
         low, high = (min(heats), max(heats)) if heats else SPECIFIC_HEAT
         out[part] = KnownMass(weight, low, high, MATERIAL_SD if heats else ANY_SD)
@@ -859,7 +859,7 @@ def first_fit_of(one: FittedStructure, boundary: str = SURROUNDINGS) -> FirstFit
     slight = _slight(one, one.errors(), boundary)
     model = replace(one.request.model, conductors={n: c for n, c in one.request.model.conductors.items() if n not in slight})
     units = {u.name: u.unit for u in one.problem.unknowns}
-    texts = {n: parameter(f"{v:.4g} [{units[n]}]", n) for n, v in one.values.items() if n.partition(".")[0] not in slight}
+    texts = {n: Parameter.read(f"{v:.4g} [{units[n]}]", n) for n, v in one.values.items() if n.partition(".")[0] not in slight}
     model = model.with_values(texts, "thermid init")
     free = [n for n in one.request.free if n.partition(".")[0] not in slight]
     fixed: list[str] = []

@@ -13,7 +13,7 @@ from typing import Any, Final
 import numpy as np
 
 from thermid.base.errors import IdentificationError
-from thermid.base.linear_algebra import covariance, finite, pseudo_inverse
+from thermid.base.linear_algebra import covariance, pseudo_inverse
 from thermid.base.results import Result
 from thermid.base.units import Array, counted, from_si, short, unit, value_of
 from thermid.fit._calibration import Calibration
@@ -27,15 +27,15 @@ from thermid.fit._error_model.courses import (
     point_of,
 )
 from thermid.fit._error_model.own_values import OWN_VALUES, own_values_of
-from thermid.fit._minimisation import Fit, covariances, ended
+from thermid.fit._minimisation import Fit, covariances, finite
 from thermid.fit._problem.request import Request, known_before
 from thermid.fit._problem.residuals import Bench, Influence, Problem, Unknown
 from thermid.fit._uncertainty.information import Opened, opened_jacobian
-from thermid.fit._uncertainty.noise import Autocorrelation, Binned, binned, score_excess
+from thermid.fit._uncertainty.noise import Autocorrelation, Binned, score_excess
 from thermid.model.tree import FlatConductor, identity_of
 from thermid.physics.gas import GASES, REFERENCE
 from thermid.simulation.runs import Media, Network
-from thermid.values.store import FittedValues, RangedValue, Source, ranged_values
+from thermid.values.store import FittedValues, RangedValue, Source
 
 MIN_CONTACT_GAP: Final = 10e-6
 """Effective distance of machined surfaces that touch, from which the most that gas can carry follows. Yovanovich has 1.53 s (P/H)^-0.097,
@@ -290,12 +290,12 @@ def assumed_moves(request: Request, problem: Problem, minimum: Fit, noise: Autoc
             moves = inherited.rows[:, column_of[source.name]] / (share * r.sd_left(more[r.path].start, below))
             pulled[-len(inherited.root) :, list(more).index(r.path)] = -inherited.root @ moves
     level, wide_priors = noise.variance_factor, np.concatenate([priors, pulled], axis=1)
-    weights = finite(covariances(ended(problem, at, request.loss), level)[2])
+    weights = finite(covariances(Fit.ended(problem, at, request.loss), level)[2])
     of_unknowns, of_opened = opened_jacobian(
         Opened(wide, wide_at, at.size), request.loss
     )  # of every reading, as the weights: not of means over stretches
     moved = dict(zip(more, -(weights @ (of_unknowns.T @ of_opened / level + priors.T @ pulled)).T, strict=True))
-    of_assumed = _said_of(list(more), residuals, wide_priors, binned(wide, wide_at, request.loss), noise)
+    of_assumed = _said_of(list(more), residuals, wide_priors, Binned.of_problem(wide, wide_at, request.loss), noise)
     first, columns = told_first([below, of_assumed]), []
     for r in ranges.values():
         move = np.sum([moved[p] for p in (r.path, *r.also)], axis=0) * r.sd_left(more[r.path].start, first)
@@ -324,7 +324,7 @@ def _opened_in(request: Request, problem: Problem, at: Array, runs: Sequence[int
     acting = {t.name: u.to_value(float(x)) for u, x in zip(problem.unknowns, at, strict=True) for t in u.targets if t.experiment in runs}
     taken = {*acting, *(p for s in request.store.states.values() for p in s.acts)}
     taken |= {p for e in experiments for p in e.scenario.driven(e.network.flat)}
-    ranged = ranged_values(experiments[0].model, deck, taken)
+    ranged = RangedValue.of_fit(experiments[0].model, deck, taken)
     assumed = (p for p, e in deck.table.items() if e.parameter.source == "assumed" and e.parameter.is_literal and p not in taken)
     paths = dict.fromkeys([*(p for r in ranged for p in (r.path, *r.also)), *assumed])
     values = network.numbers({p: x for p, x in acting.items() if p in deck.table}).values

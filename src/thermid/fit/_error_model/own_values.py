@@ -11,7 +11,6 @@ import numpy as np
 from thermid.base.linear_algebra import symmetric_inverse
 from thermid.fit._calibration import Calibration
 from thermid.fit._problem.experiment import Experiment
-from thermid.fit._problem.gather import wired
 from thermid.fit._problem.request import Request
 
 OWN_VALUES: Final = "own"
@@ -130,7 +129,7 @@ def own_value(own_values: Sequence[OwnValue], name: str, start: str = "") -> Own
 
 def _found_in(fit: Calibration, request: Request, e: Experiment) -> dict[tuple[str, str], float]:
     """Return (name, text of its stated start) -> found less start, of the rooms and starts of a record. [K]"""
-    find = {wired(e, n): n for n in request.locals_of(e.record)}
+    find = {e.wired(n): n for n in request.locals_of(e.record)}
     out = {}
     for i in (i for i in fit.local if i.record == e.record.name):
         fitted_value = fit.fitted[f"{i.record}: {i.name}"]

@@ -93,34 +93,36 @@ class PowerCourse:
         power = f"{self.name}.power"
         return replace(request, model=self.in_model(request.model), free=(*request.free, power), of_logs=(*request.of_logs, power))
 
+    @staticmethod
+    def recovered(
+        request: Request, name: str, into: str, *, shapes: Sequence[str] = tuple(SHAPES), power: float = 1.0, begin: float = 0.0
+    ) -> PowerCourse:
+        """Return the course that meets the readings of a request best: shape and time on the profile of the fit's cost.
 
-def recovered(
-    request: Request, name: str, into: str, *, shapes: Sequence[str] = tuple(SHAPES), power: float = 1.0, begin: float = 0.0
-) -> PowerCourse:
-    """Return the course that meets the readings of a request best: shape and time on the profile of the fit's cost.
+        Parameters
+        ----------
+        request : Request   The fit without the course.
+        name, into : str    Of the load that it becomes, and the node that it heats.
+        shapes : sequence   Shapes that are tried.
+        power : float       Where its power starts. [W]
+        begin : float       When it begins, after each record does. [s]
 
-    Parameters
-    ----------
-    request : Request   The fit without the course.
-    name, into : str    Of the load that it becomes, and the node that it heats.
-    shapes : sequence   Shapes that are tried.
-    power : float       Where its power starts. [W]
-    begin : float       When it begins, after each record does. [s]
-
-    Raises
-    ------
-    IdentificationError   When no course can be run with these records.
-    """
-    refuse_unknown(shapes, SHAPES, f"course {name}", "unknown shape '{}' of a course. Use one of {known}.", IdentificationError)
-    span = min(float(np.ptp(r.times)) for r in request.records)
-    step = max(r.step for r in request.records)
-    tried = [_profiled(request, PowerCourse(name, into, s, 0.1 * span, power, begin=begin), 3.0 * step, 0.5 * span) for s in shapes]
-    cost, course = min(tried, key=lambda attempt: attempt[0])
-    if not np.isfinite(cost):
-        raise IdentificationError(
-            f"no course of a power at '{into}' can be run with these records.", request.name or request.model.title, code="fit.model-fails"
-        )
-    return course
+        Raises
+        ------
+        IdentificationError   When no course can be run with these records.
+        """
+        refuse_unknown(shapes, SHAPES, f"course {name}", "unknown shape '{}' of a course. Use one of {known}.", IdentificationError)
+        span = min(float(np.ptp(r.times)) for r in request.records)
+        step = max(r.step for r in request.records)
+        tried = [_profiled(request, PowerCourse(name, into, s, 0.1 * span, power, begin=begin), 3.0 * step, 0.5 * span) for s in shapes]
+        cost, course = min(tried, key=lambda attempt: attempt[0])
+        if not np.isfinite(cost):
+            raise IdentificationError(
+                f"no course of a power at '{into}' can be run with these records.",
+                request.name or request.model.title,
+                code="fit.model-fails",
+            )
+        return course
 
 
 def _profiled(request: Request, course: PowerCourse, low: float, high: float) -> tuple[float, PowerCourse]:

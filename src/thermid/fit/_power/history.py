@@ -19,7 +19,7 @@ from thermid.fit._problem.experiment import on_the_clock_of
 from thermid.fit._problem.gather import build_problem
 from thermid.fit._problem.request import Request, priors_of
 from thermid.fit._problem.residuals import Influence, Problem, SensorTrace, Unknown
-from thermid.fit._uncertainty.noise import MIN_LIKELIHOOD_GAIN, Binned, TraceNoise, answers_to_inputs, binned, covariance_of_means
+from thermid.fit._uncertainty.noise import MIN_LIKELIHOOD_GAIN, Binned, TraceNoise, answers_to_inputs, covariance_of_means
 from thermid.measure.records import Record
 from thermid.model.tree import Constant, HeatLoad, Model, TableSignal, literal, model_from_dict
 from thermid.simulation.runs import Scenario, compile_network, simulate
@@ -669,7 +669,7 @@ class Colour:
 def _rows(problem: Problem, x: Array, colour: Colour | None) -> tuple[Array, Array]:
     """Return derivatives (rows, unknowns) and residuals (rows,) of the data at values `x`, whitened by `colour`, else compressed."""
     if colour is not None:
-        return colour.rows(binned(problem, x, bins=MAX_WEIGHED_STRETCHES))
+        return colour.rows(Binned.of_problem(problem, x, bins=MAX_WEIGHED_STRETCHES))
     compressed_problem = problem.compressed(x)
     return compressed_problem.slopes, compressed_problem.rows
 
@@ -687,7 +687,7 @@ def solved(problem: Problem, knots: Array, pins: Pins, base: float, priors: Sequ
     solution = _in_rounds(problem, _with_heat(problem, knots, pins, base, priors[0]), knots, pins, base, priors, None)
     if not all(o.noise is not None for o in problem.observations()):
         problem = replace(problem, noise=_residual_noise(problem, solution))
-    pieces = binned(problem, solution.x, bins=MAX_WEIGHED_STRETCHES)
+    pieces = Binned.of_problem(problem, solution.x, bins=MAX_WEIGHED_STRETCHES)
     inputs = answers_to_inputs(problem, solution.x, pieces)
     best, remarks = _colour(problem, solution, knots, pins, base, pieces, inputs)
     if best is None:

@@ -805,6 +805,76 @@ class Experiment:
         lags = {o.lag: f"{fitted_values[o.lag]!r} [s]" for o in self.observations if o.lag in fitted_values}
         return attached(model, self.record)[0].with_values(lags, "found by the fit"), scenario
 
+    def wired(self, raw: str) -> str:
+        """Return the name in the wiring of a boundary or of ``initial.<node>``."""
+        head, _, node = raw.partition(".")
+        return f"initial.{self.network.find(node)}" if head == "initial" and node else self.network.find(raw)
+
+    @staticmethod
+    def bind(
+        model: Model,
+        record: Record,
+        scenario: Scenario | None = None,
+        window: float = 0.0,
+        weights: Mapping[str, float] | None = None,
+        errors: Mapping[str, float] | None = None,
+    ) -> Experiment:
+        """Return a record bound to a model.
+
+        Parameters
+        ----------
+        model : Model           The model.
+        record : Record         The log; its channels are bound to nodes, boundaries, loads or commands by their role and target.
+        scenario : Scenario     What the log does not say: unlogged boundaries, the start. Where a temperature is the name of a channel, its
+                                first reading stands there; ``start = "measured"`` starts every observed node at its first reading.
+        window : float          First readings are medians over this time. [s]
+        weights : dict          Sensor -> weight of its residuals, 1 where none is given.
+        errors : dict           Channel -> error of a logged boundary [K] or power [-], reading minus truth; if given, none is looked for.
+
+        Raises
+        ------
+        RecordError   When a channel is bound to nothing, or no channel observes a node.
+        """
+        base = on_the_clock_of(record, in_gas_of(record, scenario or Scenario(record.name)))
+        prescribed = [c.target or c.name for c in record.channels.values() if c.role == "prescribed"]
+        whole, seats = attached(model, record)
+        network = compile_network(whole, media=base.media(), prescribed=(*base.prescribed, *prescribed))
+        zero, last = record.ends
+        inputs = Inputs(
+            {t: dict(getattr(base, t)) for t in DRIVEN} | {"boundaries": {network.find(k): v for k, v in base.boundaries.items()}}
+        )
+        observed: list[tuple[Channel, str]] = []
+        for channel in record.channels.values():
+            role, path = role_and_target(record, channel, network)
+            if role == "node":
+                observed.append((_read_within(channel, record), path))
+            else:
+                role = _driving(channel, role, record)
+                inputs.take(channel, role, path, signal_of(record, channel, role, zero), errors)
+        network = network.with_powers_alone(inputs.metered)
+        if not observed:
+            words = f"no channel observes a node of {network.title}, so no reading can be compared. Bind one with node = '...'."
+            raise RecordError(words, record.name, code="record.does-not-apply")
+        grid = np.flatnonzero(np.any([c.valid for c, _ in observed], axis=0))
+        times = record.times[grid] - zero
+        observations = tuple(
+            _observation(c, seats.get(c.name, Seat(path, path)), grid, times, (weights or {}).get(c.name, 1.0)) for c, path in observed
+        )
+        begun = first_readings(record, observations, window)
+        first = {node: float(np.mean(list(readings_of_node.values()))) for node, readings_of_node in begun.items()}
+        start, initial, readings, loose = starts_of(record, base, network, first, begun, window)
+        tips = {o.node: o.seat for o in observations if o.node != o.seat}
+        initial |= {tip: initial[seat] for tip, seat in tips.items() if seat in initial and tip not in initial}
+        instants = _instants(record, inputs) if model.runner is None else ()
+        ticks = tuple(_ticks(clock, zero, inputs, tuple(c.name for c, _ in observed)) for clock in record.clocks)
+        full = replace(
+            base, title=record.name, **inputs.tables, start=start, initial=initial, duration=last - zero, metered=(*inputs.metered,)
+        )
+        hidden = _hidden_starts(full, network, first, record, inputs.driven, observations, tips) if base.start == "" else {}
+        full = replace(full, initial={**full.initial, **{n: Kelvin(h.mean) for n, h in hidden.items()}})
+        notes = (inputs.noisy, inputs.means, hidden, instants)
+        return Experiment(record, model, network, full, times, observations, inputs.shared, readings, loose, tips, ticks, *notes)
+
 
 def role_and_target(record: Record, channel: Channel, network: Network) -> tuple[str, str]:
     """Return role and canonical target of a channel."""
@@ -842,67 +912,6 @@ def role_and_target(record: Record, channel: Channel, network: Network) -> tuple
             code="record.does-not-apply",
         )
     return role, path
-
-
-def bind(
-    model: Model,
-    record: Record,
-    scenario: Scenario | None = None,
-    window: float = 0.0,
-    weights: Mapping[str, float] | None = None,
-    errors: Mapping[str, float] | None = None,
-) -> Experiment:
-    """Return a record bound to a model.
-
-    Parameters
-    ----------
-    model : Model           The model.
-    record : Record         The log; its channels are bound to nodes, boundaries, loads or commands by their role and target.
-    scenario : Scenario     What the log does not say: unlogged boundaries, the start. Where a temperature is the name of a channel, its
-                            first reading stands there; ``start = "measured"`` starts every observed node at its first reading.
-    window : float          First readings are medians over this time. [s]
-    weights : dict          Sensor -> weight of its residuals, 1 where none is given.
-    errors : dict           Channel -> error of a logged boundary [K] or power [-], reading minus truth; if given, none is looked for.
-
-    Raises
-    ------
-    RecordError   When a channel is bound to nothing, or no channel observes a node.
-    """
-    base = on_the_clock_of(record, in_gas_of(record, scenario or Scenario(record.name)))
-    prescribed = [c.target or c.name for c in record.channels.values() if c.role == "prescribed"]
-    whole, seats = attached(model, record)
-    network = compile_network(whole, media=base.media(), prescribed=(*base.prescribed, *prescribed))
-    zero, last = record.ends
-    inputs = Inputs({t: dict(getattr(base, t)) for t in DRIVEN} | {"boundaries": {network.find(k): v for k, v in base.boundaries.items()}})
-    observed: list[tuple[Channel, str]] = []
-    for channel in record.channels.values():
-        role, path = role_and_target(record, channel, network)
-        if role == "node":
-            observed.append((_read_within(channel, record), path))
-        else:
-            role = _driving(channel, role, record)
-            inputs.take(channel, role, path, signal_of(record, channel, role, zero), errors)
-    network = network.with_powers_alone(inputs.metered)
-    if not observed:
-        words = f"no channel observes a node of {network.title}, so no reading can be compared. Bind one with node = '...'."
-        raise RecordError(words, record.name, code="record.does-not-apply")
-    grid = np.flatnonzero(np.any([c.valid for c, _ in observed], axis=0))
-    times = record.times[grid] - zero
-    observations = tuple(
-        _observation(c, seats.get(c.name, Seat(path, path)), grid, times, (weights or {}).get(c.name, 1.0)) for c, path in observed
-    )
-    begun = first_readings(record, observations, window)
-    first = {node: float(np.mean(list(readings_of_node.values()))) for node, readings_of_node in begun.items()}
-    start, initial, readings, loose = starts_of(record, base, network, first, begun, window)
-    tips = {o.node: o.seat for o in observations if o.node != o.seat}
-    initial |= {tip: initial[seat] for tip, seat in tips.items() if seat in initial and tip not in initial}
-    instants = _instants(record, inputs) if model.runner is None else ()
-    ticks = tuple(_ticks(clock, zero, inputs, tuple(c.name for c, _ in observed)) for clock in record.clocks)
-    full = replace(base, title=record.name, **inputs.tables, start=start, initial=initial, duration=last - zero, metered=(*inputs.metered,))
-    hidden = _hidden_starts(full, network, first, record, inputs.driven, observations, tips) if base.start == "" else {}
-    full = replace(full, initial={**full.initial, **{n: Kelvin(h.mean) for n, h in hidden.items()}})
-    notes = (inputs.noisy, inputs.means, hidden, instants)
-    return Experiment(record, model, network, full, times, observations, inputs.shared, readings, loose, tips, ticks, *notes)
 
 
 def _hidden_starts(

@@ -21,7 +21,6 @@ from thermid.fit._problem.experiment import (
     SWITCH,
     UNKNOWN_START_SD,
     Experiment,
-    bind,
     first_reading,
     gain_of,
     lag_of,
@@ -56,7 +55,8 @@ def build_problem(request: Request) -> Problem:
             f"a scenario is given for '{name}', which is not a record of this fit.{nearest(name, names)}", where, code="name.unknown"
         )
     experiments = tuple(
-        bind(request.model, r, request.scenario(r), request.window, request.weights, request.held_errors) for r in request.records
+        Experiment.bind(request.model, r, request.scenario(r), request.window, request.weights, request.held_errors)
+        for r in request.records
     )
     sensors = {o.sensor for e in experiments for o in e.observations}
     for sensor, weight in request.weights.items():
@@ -155,7 +155,7 @@ def _locals(request: Request, experiments: Sequence[Experiment]) -> list[Unknown
     for i, experiment in enumerate(experiments):
         named = set()
         for raw, spec in request.locals_of(experiment.record).items():
-            name = wired(experiment, raw)
+            name = experiment.wired(raw)
             if isinstance(experiment.scenario.boundaries.get(name), TableSignal):
                 raise IdentificationError(
                     f"'{raw}' follows a channel of {experiment.record.name}, so it has no local value. "
@@ -220,12 +220,6 @@ def _tips(experiment: Experiment, name: str) -> list[str]:
     return [f"initial.{tip}" for tip, seat in experiment.tips.items() if name == f"initial.{seat}"]
 
 
-def wired(experiment: Experiment, raw: str) -> str:
-    """Return the name in the wiring of a boundary or of ``initial.<node>``."""
-    head, _, node = raw.partition(".")
-    return f"initial.{experiment.network.find(node)}" if head == "initial" and node else experiment.network.find(raw)
-
-
 def _nuisances(request: Request, experiments: Sequence[Experiment]) -> list[Unknown]:
     """Return the constant errors of sensors, and those of logged boundaries and powers, one per instrument: reading minus truth.
 
@@ -268,10 +262,10 @@ def _starts(request: Request, experiment: Experiment) -> dict[str, _Start]:
     readings: dict[str, tuple[tuple[str, ...], str]] = {f"initial.{node}": ((sensor,), "") for node, sensor in experiment.readings.items()}
     if not request.fit_start:
         readings |= {f"initial.{node}": (sensors, "") for node, sensors in experiment.loose.items()}
-    readings |= {wired(experiment, raw): ((r.channel,), r.offset) for raw, r in request.readings.items()}
+    readings |= {experiment.wired(raw): ((r.channel,), r.offset) for raw, r in request.readings.items()}
     readings |= {tip: readings[name] for name in tuple(readings) for tip in _tips(experiment, name)}
     for raw in request.locals_of(experiment.record):
-        for name in (wired(experiment, raw), *_tips(experiment, wired(experiment, raw))):
+        for name in (experiment.wired(raw), *_tips(experiment, experiment.wired(raw))):
             readings.pop(name, None)
     out = {}
     parameters = experiment.network.flat.parameters
@@ -323,7 +317,7 @@ def _read_starts(request: Request, experiments: Sequence[Experiment], unknowns: 
     for i, e in enumerate(experiments):
         for raw, spec in request.locals_of(e.record).items():
             if math.isfinite(spec.sd):
-                names = (wired(e, raw), *_tips(e, wired(e, raw)))
+                names = (e.wired(raw), *_tips(e, e.wired(raw)))
                 acts = more.setdefault(spec.start, [])
                 acts += [Influence(i, n, 0.0, -1.0) for n in names]
     instruments_of = {u.name.removeprefix("sensor ").removesuffix(" error"): u for u in unknowns if u.kind in ("sensor", INPUT)}

@@ -34,7 +34,7 @@ from thermid.model.tree import (
     local_identities,
 )
 from thermid.simulation.runs import Options, Scenario
-from thermid.values.store import AS_FITTED, EXPECTED, Source, State, Store, ranged_values
+from thermid.values.store import AS_FITTED, EXPECTED, RangedValue, Source, State, Store
 
 FITTING = Options(error=1e-3)
 """A fit needs no more than a fraction of the noise of a sensor: ten times the error of a run."""
@@ -480,7 +480,7 @@ def known_before(request: Request, unknowns: Sequence[Unknown]) -> KnownBefore:
         rows[i, first : first + count] = store.rows([state.path])[0] * form(state, u)
     at = np.array([k for k, _, _ in inherited], dtype=np.int64)
     free = {t.name for u in unknowns for t in u.targets}
-    ranges = ranged_values(request.model, ParameterSet(request.model), free) if inherited else ()
+    ranges = RangedValue.of_fit(request.model, ParameterSet(request.model), free) if inherited else ()
     held = np.isin([s.name for s in store.sources], [s.name for r in ranges for s, _ in r.columns])
     moves, fits = ([k for k, s in enumerate(sources) if part in s.name] for part in (EXPECTED, AS_FITTED))
     mean = np.array([u.to_fitted(state.value) for _, u, state in inherited]) + rows[:, moves].sum(axis=1)

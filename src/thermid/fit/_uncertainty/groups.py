@@ -96,6 +96,42 @@ class Group:
             text = f"{who} can hardly be separated: {' or '.join(_percents(m) for m in self.moves)} stays within the noise"
         return text + (f". Known: {'; '.join(map(str, self.known))}" if self.known else "")
 
+    @staticmethod
+    def all_structural(here: Information, there: Information | None) -> tuple[Group, ...]:
+        """Return the groups of unknowns of which the readings see combinations only, and unknowns that no reading sees.
+
+        Parameters
+        ----------
+        here, there : Information   At two sets of values: a law that binds a group holds at both, an accident of the first does not.
+        """
+        rows = np.concatenate([here.data, here.nuisance])
+        length = np.linalg.norm(rows, axis=0)
+        dead = np.flatnonzero(length <= 1e-12 * length.max())
+        out = [Group((here.names[k],), True, "unseen", ({here.names[k]: 1.0},), ()) for k in dead]
+        for at in _blocks(null_space(rows) * length):
+            out.append(_structural(here, there or here, at))
+        return tuple(out)
+
+    @staticmethod
+    def all_practical(info: Information, tell: float) -> tuple[Group, ...]:
+        """Return the groups of parameters that this log can hardly separate.
+
+        A parameter belongs to one when its relative error exceeds `tell`, is more than twice what it would be with all others known, and
+        goes with that of another (correlation above 0.8).
+        """
+        covariance = info.covariance()
+        error = np.sqrt(np.diag(covariance)) / info.sizes
+        loose = [k for k in info.parameters if np.isfinite(error[k]) and error[k] > tell and error[k] > 2.0 * info.alone[k]]
+        finite = [k for k in info.parameters if np.isfinite(error[k]) and error[k] > 0]
+        scale = np.sqrt(np.where(np.isfinite(np.diag(covariance)), np.diag(covariance), 1.0))
+        correlation = covariance / np.outer(scale, scale)
+        sets: list[set[int]] = []
+        for k in loose:
+            mine = {k, *(j for j in finite if j != k and abs(correlation[k, j]) > MIN_GROUP_CORRELATION)}
+            touching = [s for s in sets if s & mine]
+            sets = [s for s in sets if not s & mine] + [mine.union(*touching)]
+        return tuple(_practical(info, sorted(s), covariance, tell) for s in sets if len(s) > 1)
+
 
 def percent(relative: float) -> str:
     """Return a relative error as a reader takes it in.
@@ -138,22 +174,6 @@ MEANINGS: Mapping[tuple[float, ...], str] = {
     (0.0, 0.0, 1.0): "the heat loss",
 }
 INNER = tuple(unit(u).dimension for u in ("W/K", "K/W", "W/(m^2 K)", "W/(m K)", "m^2", "m"))
-
-
-def structural_groups(here: Information, there: Information | None) -> tuple[Group, ...]:
-    """Return the groups of unknowns of which the readings see combinations only, and unknowns that no reading sees.
-
-    Parameters
-    ----------
-    here, there : Information   At two sets of values: a law that binds a group holds at both, an accident of the first does not.
-    """
-    rows = np.concatenate([here.data, here.nuisance])
-    length = np.linalg.norm(rows, axis=0)
-    dead = np.flatnonzero(length <= 1e-12 * length.max())
-    out = [Group((here.names[k],), True, "unseen", ({here.names[k]: 1.0},), ()) for k in dead]
-    for at in _blocks(null_space(rows) * length):
-        out.append(_structural(here, there or here, at))
-    return tuple(out)
 
 
 def _blocks(scaled: Array) -> list[list[int]]:
@@ -309,26 +329,6 @@ def _unit(used: Sequence[tuple[str, float, float, str]]) -> str:
     dimension = tuple(sum(w * d[k] for w, d in parts) for k in range(len(parts[0][1])))
     more = ("K", "s", "1/s")
     return next((t for t in (*NAMES, *more) if unit(t).dimension == dimension and t != "1"), "")
-
-
-def practical_groups(info: Information, tell: float) -> tuple[Group, ...]:
-    """Return the groups of parameters that this log can hardly separate.
-
-    A parameter belongs to one when its relative error exceeds `tell`, is more than twice what it would be with all others known, and goes
-    with that of another (correlation above 0.8).
-    """
-    covariance = info.covariance()
-    error = np.sqrt(np.diag(covariance)) / info.sizes
-    loose = [k for k in info.parameters if np.isfinite(error[k]) and error[k] > tell and error[k] > 2.0 * info.alone[k]]
-    finite = [k for k in info.parameters if np.isfinite(error[k]) and error[k] > 0]
-    scale = np.sqrt(np.where(np.isfinite(np.diag(covariance)), np.diag(covariance), 1.0))
-    correlation = covariance / np.outer(scale, scale)
-    sets: list[set[int]] = []
-    for k in loose:
-        mine = {k, *(j for j in finite if j != k and abs(correlation[k, j]) > MIN_GROUP_CORRELATION)}
-        touching = [s for s in sets if s & mine]
-        sets = [s for s in sets if not s & mine] + [mine.union(*touching)]
-    return tuple(_practical(info, sorted(s), covariance, tell) for s in sets if len(s) > 1)
 
 
 def _practical(info: Information, at: list[int], covariance: Array, tell: float) -> Group:

@@ -9,9 +9,9 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from thermid.base.errors import SolverError
-from thermid.base.linear_algebra import RANK_TOLERANCE, covariance, finite, scaled
+from thermid.base.linear_algebra import RANK_TOLERANCE, covariance, scaled
 from thermid.base.units import Array, Bools
-from thermid.fit._minimisation import Fit, ended
+from thermid.fit._minimisation import Fit, finite
 from thermid.fit._problem.gather import build_problem, problem_of
 from thermid.fit._problem.request import Request, form, known_before
 from thermid.fit._problem.residuals import Problem, Unknown
@@ -119,26 +119,25 @@ class Information:
         others = [k for k in range(rows.shape[1]) if k not in self.parameters]
         return rank(rows[:, list(self.parameters)], rows[:, others])
 
+    def elsewhere(self, problem: Problem, spread: float = 1.0) -> Information | None:
+        """Return the information with every parameter shifted, by 0.1 to 0.3 of its size, each by another part, away from the nearer bound.
 
-def elsewhere(problem: Problem, info: Information, spread: float = 1.0) -> Information | None:
-    """Return the information with every parameter shifted, by 0.1 to 0.3 of its size, each by another part, away from the nearer bound.
+        `spread` as of `Information.of_problem`; other unknowns stay. At most half the way to the bound; None where the model cannot be run.
 
-    `spread` as of `Information.of_problem`; other unknowns stay. At most half the way to the bound; None where the model cannot be run.
-
-    What binds parameters by law binds them there too; an accident of the first values does not.
-    """
-    # no two shifts alike, or a sum would look like a product
-    shift = (0.1 + 0.2 * (0.618034 * np.arange(len(info.unknowns)) % 1.0)) * info.sizes
-    moved = info.at.copy()
-    for k in info.parameters:
-        low, high = info.unknowns[k].fitted_bounds()
-        room = high - info.at[k] > info.at[k] - low
-        step = min(shift[k], 0.5 * max(high - info.at[k], info.at[k] - low))
-        moved[k] += step if room else -step
-    try:
-        return Information.of_problem(problem, moved, spread)
-    except SolverError:
-        return None
+        What binds parameters by law binds them there too; an accident of the first values does not.
+        """
+        # no two shifts alike, or a sum would look like a product
+        shift = (0.1 + 0.2 * (0.618034 * np.arange(len(self.unknowns)) % 1.0)) * self.sizes
+        moved = self.at.copy()
+        for k in self.parameters:
+            low, high = self.unknowns[k].fitted_bounds()
+            room = high - self.at[k] > self.at[k] - low
+            step = min(shift[k], 0.5 * max(high - self.at[k], self.at[k] - low))
+            moved[k] += step if room else -step
+        try:
+            return Information.of_problem(problem, moved, spread)
+        except SolverError:
+            return None
 
 
 @dataclass(frozen=True, eq=False)
@@ -216,7 +215,7 @@ def opened_jacobian(at: Opened, loss: str = "linear", loss_scale: float = 1.0) -
     Both have the same rows, in as few as hold the same information (`Fit.jacobian`); the weights of a robust loss are in them. With A and B
     the two, an error dq of the opened values moves the fit by ``-C A'B dq``, C the covariance that its weights stand for.
     """
-    jacobian = ended(at.problem, at.fitted, loss, loss_scale).jacobian
+    jacobian = Fit.ended(at.problem, at.fitted, loss, loss_scale).jacobian
     return jacobian[:, : at.own], jacobian[:, at.own :]
 
 

@@ -16,7 +16,7 @@ from thermid.fit._minimisation import Fit
 from thermid.fit._problem.request import Request, form, known_before
 from thermid.fit._problem.residuals import Problem, Unknown
 from thermid.fit._uncertainty.information import Opened, covering, opened_at
-from thermid.fit._uncertainty.noise import Weighed, binned, weighed
+from thermid.fit._uncertainty.noise import Binned, Weighed, weighed
 from thermid.model.tree import Model
 from thermid.values.store import FittedValue, FittedValues, State, Store
 
@@ -545,7 +545,7 @@ def _test_moves(request: Request, opened: Opened, inherited: _Inherited, at: Arr
     unknowns = opened.problem.unknowns
     start = opened.fitted.copy()
     start[list(inherited.at)] = inherited.mean
-    pieces = binned(opened.problem, at, request.loss, request.loss_scale, STRETCHES_PER_TRACE)
+    pieces = Binned.of_problem(opened.problem, at, request.loss, request.loss_scale, STRETCHES_PER_TRACE)
     here = [replace(b, mean=b.mean + b.slopes @ (start - at)) for b in pieces.values()]
     priors, pulls = _other_priors(opened.problem, start, inherited.at)
     data = weighed(here, priors, pulls, level)

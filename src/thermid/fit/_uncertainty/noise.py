@@ -13,9 +13,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from thermid.base.linear_algebra import finite, square_root
+from thermid.base.linear_algebra import square_root
 from thermid.base.units import Array, Indices
-from thermid.fit._minimisation import Fit, covariances
+from thermid.fit._minimisation import Fit, covariances, finite
 from thermid.fit._problem.experiment import SCALE, Experiment, InputNoise, Observation
 from thermid.fit._problem.residuals import Bench, Problem, SensorTrace, loss_of
 from thermid.measure.records import blur_of, shared_rounding, unrounded
@@ -74,6 +74,29 @@ class Binned:
             self, mean=self.mean[is_before], count=self.count[is_before], times=self.times[is_before], slopes=self.slopes[is_before], **cut
         )
 
+    @staticmethod
+    def of_problem(
+        problem: Problem, fitted: Array, loss: str = "linear", loss_scale: float = 1.0, bins: int = MAX_STRETCHES
+    ) -> dict[tuple[str, str], Binned]:
+        """Return (record, sensor) -> its residuals in so many stretches of time at most; a trace of up to 160 samples as it is."""
+        out: dict[tuple[str, str], Binned] = {}
+        blocks = iter(problem.blocks(fitted))
+        for i, experiment in enumerate(problem.experiments):
+            times = experiment.times
+            each_sample, count = times.size <= 2 * MAX_STRETCHES, min(bins, times.size // 2)
+            edges = times if each_sample else np.linspace(times[0], times[-1], count + 1)[:-1]
+            centres = times if each_sample else edges + 0.5 * (times[-1] - times[0]) / count
+            slopes = problem.slopes(i, fitted, centres)
+            for k, o in enumerate(experiment.observations):
+                block = next(blocks)
+                z = block.weighted
+                weighed = z if loss == "linear" else loss_of(z**2, loss, loss_scale)[1] * z
+                place = np.searchsorted(edges, times[o.index], side="right") - 1
+                rounding = rounding_of(block, o, place, centres.size)
+                trace = binned_trace(z, weighed, place, centres, slopes[:, k, :], o.effective_share, rounding)
+                out[block.record, o.sensor] = trace if each_sample else replace(trace, width=float(times[-1] - times[0]) / count)
+        return out
+
 
 def stretch_means(values: Array, place: Indices, size: int) -> Array:
     """Return the means of samples over each of so many stretches, `place` saying in which one a sample lies; zero of an empty one."""
@@ -118,29 +141,6 @@ def rounding_of(block: SensorTrace, o: Observation, place: Indices, size: int) -
     blur = o.blur if o.blur is not None else blur_of(path, block.measured, o.step)
     columns, own_variance = shared_rounding(path, o.step, blur, place, size)
     return columns / block.noise, own_variance / block.noise**2, stretch_means((path - path[0]) / o.step, place, size)
-
-
-def binned(
-    problem: Problem, fitted: Array, loss: str = "linear", loss_scale: float = 1.0, bins: int = MAX_STRETCHES
-) -> dict[tuple[str, str], Binned]:
-    """Return (record, sensor) -> its residuals in so many stretches of time at most; a trace of up to 160 samples as it is."""
-    out: dict[tuple[str, str], Binned] = {}
-    blocks = iter(problem.blocks(fitted))
-    for i, experiment in enumerate(problem.experiments):
-        times = experiment.times
-        each_sample, count = times.size <= 2 * MAX_STRETCHES, min(bins, times.size // 2)
-        edges = times if each_sample else np.linspace(times[0], times[-1], count + 1)[:-1]
-        centres = times if each_sample else edges + 0.5 * (times[-1] - times[0]) / count
-        slopes = problem.slopes(i, fitted, centres)
-        for k, o in enumerate(experiment.observations):
-            block = next(blocks)
-            z = block.weighted
-            weighed = z if loss == "linear" else loss_of(z**2, loss, loss_scale)[1] * z
-            place = np.searchsorted(edges, times[o.index], side="right") - 1
-            rounding = rounding_of(block, o, place, centres.size)
-            trace = binned_trace(z, weighed, place, centres, slopes[:, k, :], o.effective_share, rounding)
-            out[block.record, o.sensor] = trace if each_sample else replace(trace, width=float(times[-1] - times[0]) / count)
-    return out
 
 
 ROUNDING_DECAY = 0.5
@@ -413,7 +413,7 @@ def autocorrelation(problem: Problem, minimum: Fit, loss: str = "linear", loss_s
     along directions in which this trace alone decides, its residuals say nothing; where other records or priors decide they do.
     Gaps need no care, since the times of the stretches are what they are. A trace that wanders no more than chance would adds nothing.
     """
-    pieces = binned(problem, minimum.fitted, loss, loss_scale)
+    pieces = Binned.of_problem(problem, minimum.fitted, loss, loss_scale)
     inputs = answers_to_inputs(problem, minimum.fitted, pieces)
     weights = finite(covariances(minimum)[2])
     # directions without information count as decided by each trace alone

@@ -10,7 +10,7 @@ import numpy as np
 from thermid.base.errors import DeckError, RecordError
 from thermid.base.results import Result
 from thermid.base.units import ICE_POINT, Array, Kelvin, short, value_of
-from thermid.fit.calibration import Calibration, attached, bind, role_and_target
+from thermid.fit.calibration import Calibration, Experiment, attached, role_and_target
 from thermid.inference._explain.thresholds import BALANCE_STEP
 from thermid.measure.records import Record, SteadyPoint, SteadyValue
 from thermid.model.tree import Constant, FlatControl, Model
@@ -167,7 +167,7 @@ class _Case:
             *(replace(c, part=replace(part, lag=0.0, lag_accuracy=0.0, capacitance=0.0)) for c, part in parts.items())
         )
         self.model = attached(model, record)[0]
-        experiment = bind(model, record, scenario)
+        experiment = Experiment.bind(model, record, scenario)
         network, self.base = experiment.network, experiment.scenario
         self.prescribed: list[str] = []
         self.slots: list[tuple[str, str]] = []

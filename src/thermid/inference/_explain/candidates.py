@@ -32,7 +32,7 @@ from thermid.inference._explain.thresholds import (
     WRONG_HOURS,
     SizedValue,
 )
-from thermid.model.tree import Conductor, Curve, HeatLoad, Model, Node, parameter
+from thermid.model.tree import Conductor, Curve, HeatLoad, Model, Node, Parameter
 from thermid.simulation.runs import Network, Scenario, compile_network
 
 ADDED = "suspected_link_"
@@ -105,7 +105,7 @@ def faults_of(model: Model, sensors: Mapping[str, str]) -> tuple[Model, tuple[Fa
     links, out = {}, []
     for k, (a, b) in enumerate(pairs):
         name = f"{ADDED}{k}"
-        links[name] = Conductor("conduction", (a, b), {"conductance": parameter("0 [W/K]", name)})
+        links[name] = Conductor("conduction", (a, b), {"conductance": Parameter.read("0 [W/K]", name)})
         size = SIZES["contact"].spread * min(strength.get(n, np.inf) for n in (a, b) if n in held)
         is_linked = frozenset((a, b)) in joined
         text = f"link {a} - {b}" if is_linked else f"missing link {a} - {b}"
@@ -523,7 +523,7 @@ def _strengths(rows: Sequence[Any]) -> dict[str, float]:
 
 def _amount(value: float, unit: str, name: str) -> Any:
     """Return a new value to be fitted."""
-    return parameter(f"{value!r} [{unit}]", name)
+    return Parameter.read(f"{value!r} [{unit}]", name)
 
 
 def _word(path: str) -> str:
@@ -583,7 +583,7 @@ def _lag(request: Request, place: _Place) -> MissingElement:
     grow = _adding(
         "a lag of the sensor",
         (free,),
-        nodes={name: Node({"capacitance": parameter(f"{held!r} [J/K]", name)})},
+        nodes={name: Node({"capacitance": Parameter.read(f"{held!r} [J/K]", name)})},
         conductors={link: Conductor("conduction", (place.node, name), {"conductance": _amount(held / 30.0, "W/K", link)})},
     )
 
@@ -754,7 +754,9 @@ def _one_way(request: Request, place: _Place, other: str, words: str) -> Missing
     make = _adding(
         "a coupling in one direction",
         (free,),
-        conductors={name: Conductor("table", (place.node, other), {"scale": parameter({"value": size, "min": 1e-9}, name)}, curve=curve)},
+        conductors={
+            name: Conductor("table", (place.node, other), {"scale": Parameter.read({"value": size, "min": 1e-9}, name)}, curve=curve)
+        },
     )
 
     def judge(values: Any) -> tuple[str, bool]:
@@ -845,8 +847,8 @@ def _steeper_convection(request: Request, place: _Place) -> MissingElement:
     size = (START_SHARE * place.loss or 0.01) / (area * place.rise**0.25)
     fields = {
         "htc.coefficient": _amount(size, "W/(m^2 K)", name),
-        "htc.exponent": parameter("0.25", name),
-        "area": parameter(f"{area!r} [m^2]", name),
+        "htc.exponent": Parameter.read("0.25", name),
+        "area": Parameter.read(f"{area!r} [m^2]", name),
     }
     free = f"{name}.htc.coefficient"
     make = _adding("h that grows", (free,), conductors={name: Conductor("convection", (place.node, place.boundary), fields)})
@@ -874,7 +876,10 @@ def _radiation(request: Request, place: _Place) -> MissingElement:
     """Return radiation to the boundary of a place with a fitted exchange factor; over 1 m^2 where no area is stated."""
     name, area = _free_name(request, f"{place.word}_radiated"), place.area or 1.0
     start = min(max(START_SHARE * place.loss / (6.0 * area), 1e-6), 1.0)
-    fields = {"exchange_factor": parameter({"value": f"{start!r}", "min": 1e-6}, name), "area": parameter(f"{area!r} [m^2]", name)}
+    fields = {
+        "exchange_factor": Parameter.read({"value": f"{start!r}", "min": 1e-6}, name),
+        "area": Parameter.read(f"{area!r} [m^2]", name),
+    }
     free = f"{name}.exchange_factor"
     make = _adding("radiation", (free,), conductors={name: Conductor("radiation", (place.node, place.boundary), fields)})
 
@@ -950,11 +955,11 @@ def _growing_as_logged(structure: Fitted, place: _Place) -> MissingElement:
     first = [float(o.measured[0]) for e in structure.experiments for o in e.observations if o.measured.size and o.seat == place.node]
     cold = float(np.mean(first)) if first else DEFAULT_COLD_TEMPERATURE
     fields = {
-        "power": parameter("1 [W]", load),
-        "temperature_coefficient": parameter(
+        "power": Parameter.read("1 [W]", load),
+        "temperature_coefficient": Parameter.read(
             {"value": "0.0001 [1/K]", "min": "1e-9 [1/K]", "max": f"{1.5 * SIZES['growth'].high!r} [1/K]"}, load
         ),
-        "reference_temperature": parameter(f"{cold!r} [K]", load),
+        "reference_temperature": Parameter.read(f"{cold!r} [K]", load),
     }
 
     def make(request: Request) -> Request:
@@ -1003,8 +1008,8 @@ def _growing_power(structure: Fitted, place: _Place) -> MissingElement:
     # P (1 + 1/K (T - T_ref)), with T_ref one kelvin above 20 degC, is P/K (T - 20 degC)
     fields = {
         "power": _amount(start, "W", name),
-        "temperature_coefficient": parameter("1 [1/K]", name),
-        "reference_temperature": parameter("21 [degC]", name),
+        "temperature_coefficient": Parameter.read("1 [1/K]", name),
+        "reference_temperature": Parameter.read("21 [degC]", name),
     }
     free = f"{name}.power"
     make = _adding("power that grows", (free,), loads={name: HeatLoad(place.node, fields)})

@@ -30,7 +30,7 @@ from thermid.inference._explain.thresholds import (
     TELLING_DIFFERENCE,
     SizedValue,
 )
-from thermid.model.tree import FlatConductor, HeatLoad, TableSignal, parameter
+from thermid.model.tree import FlatConductor, HeatLoad, Parameter, TableSignal
 from thermid.simulation.runs import Scenario, Solution, prepare
 
 HEAT_NAME = "unlogged_heat_"
@@ -160,7 +160,7 @@ class Heat:
 def with_heats(request: Request, experiment: int, places: Mapping[str, str], tables: Mapping[str, TableSignal]) -> Request:
     """Return a request whose model has further loads, name -> node, with a course each in one of its records."""
     model = laid_open(request.model)
-    loads = {n: HeatLoad(node, {"power": parameter("0 [W]", n)}) for n, node in places.items()}
+    loads = {n: HeatLoad(node, {"power": Parameter.read("0 [W]", n)}) for n, node in places.items()}
     scenarios = {}
     for i, r in enumerate(request.records):
         base = request.scenarios.get(r.name, request.scenarios.get("*")) or Scenario(r.name)

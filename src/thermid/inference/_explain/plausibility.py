@@ -23,7 +23,7 @@ from thermid.inference._explain.thresholds import (
 )
 from thermid.model.tree import FlatConductor, literal
 from thermid.physics.air import dry_air
-from thermid.physics.materials import materials
+from thermid.physics.materials import Material
 from thermid.physics.plates import body_htc, conduction_floor
 from thermid.physics.radiation import linearised_htc
 from thermid.simulation.runs import Network, simulate
@@ -215,7 +215,7 @@ def _coefficient(fit: Calibration, network: Network, c: FlatConductor, v: Fitted
 
 def _ranged(network: Network, owners: Mapping[str, FittedValue]) -> Iterator[RangeCheck]:
     """Yield checks of fitted fields whose range does not depend on the element: emissivity, exchange factor, material properties."""
-    best = materials()["copper"].conductivity
+    best = Material.table()["copper"].conductivity
     ranges = {
         "emissivity": (
             *EMISSIVITY,

@@ -32,7 +32,6 @@ from thermid.fit.calibration import (
     Request,
     Unknown,
     build_problem,
-    ended,
     minimise,
     starting_point,
     white_rows,
@@ -57,7 +56,7 @@ from thermid.inference._explain.thresholds import (
     SizedValue,
 )
 from thermid.inference._explain.weighing import CauseScore, noise_of, seen_in_stretches, weighed_at, weighed_in_noise
-from thermid.model.tree import Constant, TableSignal, exact
+from thermid.model.tree import Constant, Parameter, TableSignal
 from thermid.simulation.runs import Scenario, Workers, in_tasks, simulate
 
 
@@ -222,7 +221,7 @@ class FittedStructure:
         (`Request.structural_errors`): readings that asked for one change seldom rule out all others.
         """
         units = {u.name: u.unit for u in self.problem.unknowns}
-        texts = {n: exact(v, units[n]) for n, v in self.values.items()}
+        texts = {n: Parameter.exact(v, units[n]) for n, v in self.values.items()}
         model = self.request.model.with_values(texts, "structure search")
         wide: dict[str, tuple[str, str]] = {}  # means and standard deviations whose 95 % are the bounds
         for u in _undetermined(self) if self.changes else ():
@@ -763,7 +762,7 @@ def _ended(
     loss = request.loss, request.loss_scale
     if noise is not None or not rounds:
         score, at = weighed_in_noise(problem, at, sizes, noise, *loss) if noise is not None else (weighed_at(problem, at, sizes, *loss), at)
-        return ended(problem, at, *loss), score.less(chosen)
+        return Fit.ended(problem, at, *loss), score.less(chosen)
     end = minimise(problem, *loss, at, budget.watch(request.name), SEARCH_DONE_STEP, rounds)
     budget.pace = min(budget.pace, (time.process_time() - begun) / max(end.evaluations, 1))
     if not np.isfinite(end.cost):

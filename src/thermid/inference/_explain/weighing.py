@@ -13,7 +13,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from thermid.base.units import Array
-from thermid.fit.calibration import Binned, Problem, binned, descend, evidences, wander_times, white_rows
+from thermid.fit.calibration import Binned, Problem, descend, evidences, wander_times, white_rows
 from thermid.inference._explain.thresholds import MAX_SEEN_STRETCHES, MOST_STEPS_IN_NOISE, NOISE_DONE_GAIN, NOISE_DONE_STEP, SizedValue
 
 
@@ -64,8 +64,8 @@ def weighed_at(
 
 
 def seen_in_stretches(problem: Problem, fitted: Array, loss: str, loss_scale: float) -> Sequence[Binned]:
-    """Return the traces of a problem at some values in stretches of time; see `binned`. `SolverError` when a record cannot be run."""
-    return [*binned(problem, fitted, loss, loss_scale, MAX_SEEN_STRETCHES).values()]
+    """Return the traces of a problem at some values in stretches of time. `SolverError` when a record cannot be run."""
+    return [*Binned.of_problem(problem, fitted, loss, loss_scale, MAX_SEEN_STRETCHES).values()]
 
 
 def weighed_in_noise(

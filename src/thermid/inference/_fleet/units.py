@@ -43,7 +43,7 @@ from thermid.inference._fleet.population import (
     weigh,
 )
 from thermid.measure.records import Record
-from thermid.model.tree import Model, Standing, worst
+from thermid.model.tree import Model, Standing
 from thermid.simulation.runs import Scenario, Workers, in_tasks
 from thermid.values.store import RANGE_OF
 
@@ -328,7 +328,7 @@ def checks_of(judged: Mapping[str, UnitJudgement]) -> tuple[str, ...]:
 
 def standing_of(judged: Mapping[str, UnitJudgement]) -> Standing:
     """Return the worst standing of the fits of units, with how many have it."""
-    first = worst(unit.standing for unit in judged.values())
+    first = Standing.worst(unit.standing for unit in judged.values())
     if first.fair:
         return first
     of_state = [name for name, unit in judged.items() if unit.standing.state == first.state]

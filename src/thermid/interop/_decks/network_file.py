@@ -18,7 +18,7 @@ import numpy as np
 
 from thermid.base.errors import DeckError, ThermidError, cap, raising
 from thermid.base.files import read_bytes
-from thermid.base.units import ICE_POINT, counted, parse
+from thermid.base.units import ICE_POINT, Expression, counted
 from thermid.interop._decks.emissivities import FileEmissivity
 from thermid.model.tree import Model, ParameterSet, model_from_dict
 from thermid.simulation.runs import Scenario
@@ -238,7 +238,7 @@ class NetworkFile:
                 inner.setdefault(node.submodel, {})[node.name] = node_table = _node(node)
                 key, unit = ("mass", "kg") if isinstance(node.capacitance, Mapping) else ("capacitance", "J/K")
                 text = node.capacitance[key] if isinstance(node.capacitance, Mapping) else node.capacitance
-                if isinstance(text, str) and parse(text).names:  # names are known at the top only
+                if isinstance(text, str) and Expression.parse(text).names:  # names are known at the top only
                     settings[f"{node.path}.{key}"], node_table[key] = node_table[key], f"1 [{unit}]"
         submodels = {
             name: {"use": model_from_dict({"title": name, "offers": list(nodes), "nodes": nodes})} for name, nodes in inner.items()
@@ -649,7 +649,7 @@ class DeckReading:
 
     def number(self, value: float | str) -> float:
         """Return the number of a value, with the names as the deck has them."""
-        return value if isinstance(value, float) else float(parse(value).evaluate(lambda name: self.numbers[name]))
+        return value if isinstance(value, float) else float(Expression.parse(value).evaluate(lambda name: self.numbers[name]))
 
     def value(self, text: str, where: TextSpan) -> float | str:
         """Return a number, or an expression of the deck's names as a model has it.
@@ -672,7 +672,7 @@ class DeckReading:
             pass
         written = re.sub(r"(?<![\w.])[A-Za-z_]\w*", lambda match: self._name(match[0], where), words)
         try:
-            expression = parse(written)
+            expression = Expression.parse(written)
         except ThermidError as error:
             raise DeckError(
                 f"'{shown}' is neither a number nor arithmetic of numbers and names: {error.message}",

@@ -17,7 +17,7 @@ from pathlib import Path, PurePosixPath
 from typing import Final
 
 from thermid.base.errors import ThermidError, cap, raising
-from thermid.base.files import FileKinds, command, read_bytes, read_text, state_folder, trusting, write_text
+from thermid.base.files import FileKinds, command, read_bytes, read_text, state_folder, trusting
 
 DESCRIPTION: Final = "modelDescription.xml"
 TRUSTED: Final = "trusted-fmus"
@@ -108,6 +108,6 @@ def check_trust(path: Path, digest: str, trust: bool) -> None:
     try:
         list_file.parent.mkdir(parents=True, exist_ok=True)
         with command(force=True):
-            write_text(list_file, f"{lines}{digest} {path.name!r}\n", FileKinds.RESULTS_FILE)
+            FileKinds.RESULTS_FILE.save_text(list_file, f"{lines}{digest} {path.name!r}\n")
     except OSError:  # where nothing can be kept it is asked again
         return

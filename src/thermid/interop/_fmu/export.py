@@ -17,7 +17,7 @@ import numpy as np
 
 from thermid import _kernel
 from thermid.base.errors import OutputError, ThermidError, refuse_unknown
-from thermid.base.files import FileKind, read_bytes, write_bytes
+from thermid.base.files import FileKind, read_bytes
 from thermid.base.units import DIMENSIONLESS, counted, unit, value_of
 from thermid.interop._fmu import image as told
 from thermid.interop._fmu.archive import DESCRIPTION
@@ -149,7 +149,7 @@ def to_fmu(model: Model, scenario: Scenario, to: str | Path, version: str = "3.0
     if version == "3.0":
         files["sources/buildDescription.xml"] = build_description(identifier, compiled).encode()
     packed = _packed(files)
-    write_bytes(to, packed, FMU)
+    FMU.save_bytes(to, packed)
     return ExportedFmu(model.title, version, draft.variables, draft.notes, len(packed))
 
 

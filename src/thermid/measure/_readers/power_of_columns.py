@@ -14,7 +14,7 @@ from typing import Any, Final
 import numpy as np
 
 from thermid.base.errors import ExpressionError, RecordError, errors_at, refuse_unknown
-from thermid.base.units import Unit, describe, in_si, parse, require, unit
+from thermid.base.units import Expression, Unit, describe, in_si, require, unit
 from thermid.measure._readers.headers import LETTERED
 from thermid.measure._record.channel import BoolArray, FloatArray
 
@@ -96,7 +96,7 @@ def _of_product(table: Mapping[str, Any], column: ColumnOf, times: FloatArray) -
             code="value.incomplete",
         )
     readings = {key: _slot(key, table, column) for key in (*factors, "duty", "share")}
-    values = parse(_PRODUCTS[factors]).evaluate(readings.__getitem__) * readings["duty"] * readings["share"]
+    values = Expression.parse(_PRODUCTS[factors]).evaluate(readings.__getitem__) * readings["duty"] * readings["share"]
     return PowerReadings(np.broadcast_to(np.asarray(values, dtype=float), times.shape).copy(), np.zeros(times.shape, dtype=bool))
 
 
@@ -106,7 +106,7 @@ def _slot(key: str, table: Mapping[str, Any], column: ColumnOf) -> Any:
         return 1.0
     text = str(table[key])
     if _NUMBER.match(text):
-        literal = parse(text).literal
+        literal = Expression.parse(text).literal
         if literal is None:
             raise RecordError(f"{key} = '{text}' is neither a column nor a number with a unit.", code="value.wrong-kind")
         require(literal.unit.dimension, _USUAL[key], text)
@@ -145,7 +145,7 @@ def _of_formula(text: str, column: ColumnOf, units: Mapping[str, str], times: Fl
     for place, name in quoted.items():
         plain = plain.replace(f"`{name}`", place)
     try:
-        expression = parse(plain)
+        expression = Expression.parse(plain)
     except ExpressionError as error:
         rule = "Write a column whose name holds a blank, a sign or a digit first in backticks: `CH1 Voltage` * `CH1 Current`."
         raise error.reworded(f"{error.message} {rule}") from None

@@ -26,7 +26,6 @@ from thermid.base.units import (
     format_value,
     from_si,
     in_si,
-    instant,
     positive_seconds,
     quantity,
     require_unit,
@@ -526,7 +525,7 @@ class Samples:
         if self.origin.start is None or self.moved.startswith("shift_start"):
             return None
         try:
-            return instant(self.origin.start)
+            return Stamp.read(self.origin.start)
         except UnitError:
             return None
 

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any, Final, NamedTuple
 import numpy as np
 
 from thermid.base.errors import RecordError, ThermidError, errors_at, optional, quoted, refuse_unknown
-from thermid.base.files import FileKinds, replacing
+from thermid.base.files import FileKinds
 from thermid.base.results import PlottedTrace, Result, Row
 from thermid.base.units import (
     DEVIATION_OF_MEDIAN,
@@ -674,7 +674,7 @@ class Record(Samples, Result):
             header.append(f"{channel.column if channel.column and taken.count(channel.column) == 1 else channel.name} [{channel.unit}]")
             cells = _texts(np.where(channel.valid, channel.values, 0.0), channel.unit)
             columns.append([cell if good else "" for cell, good in zip(cells, channel.valid.tolist(), strict=True)])
-        with replacing(path, FileKinds.LOG) as half, half.open("w", encoding="utf-8", newline="") as file:
+        with FileKinds.LOG.replacing(path) as half, half.open("w", encoding="utf-8", newline="") as file:
             file.write(f'"{self.origin.time} [s]"' + ("," if header else ""))
             writer = csv.writer(file, lineterminator="\n")
             writer.writerow(header)

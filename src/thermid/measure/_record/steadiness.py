@@ -61,6 +61,116 @@ class StabilityRule:
         """The rule with its source and mark."""
         return f"{self.name} ({self.source}; {self.mark})"
 
+    @staticmethod
+    def named(rule: str | StabilityRule) -> StabilityRule:
+        """Return a rule by its name, or one of the project's own: ``0.5 K/h``, ``0.3 C/h over 2 h``, ``1 K over 3 h``, ``stored 3 %``.
+
+        Raises
+        ------
+        RecordError   When it is neither.
+        """
+        if isinstance(rule, StabilityRule):
+            return rule
+        text = " ".join(str(rule).split())
+        if text in RULES:
+            return RULES[text]
+        stored = _STORED.match(text)
+        if stored is not None and 0.0 < float(stored["share"]) < 100.0:
+            return StabilityRule(text, float(stored["share"]) / 100.0, 0.0, "the project's own", "project", True)
+        rate = _RATE.match(text)
+        if rate is None or float(rate["size"]) <= 0.0 or not (rate["per"] or rate["span"]):
+            raise RecordError(
+                f"'{text}' is not a rule of stability. Known rules: {', '.join(RULES)}. Write another one like '0.5 K/h', "
+                f"'0.3 C/h over 2 h', '1 K over 3 h' or 'stored 3 %'.{nearest(text, RULES)}",
+                "stability",
+                code="value.wrong-kind",
+            )
+        span = float(rate["span"]) * (HOUR if rate["unit"] == "h" else MINUTE) if rate["span"] else 0.0
+        if rate["span"] and span <= 0.0:
+            raise RecordError(f"'{text}': the window has no length. Give one above zero.", "stability", code="value.outside-range")
+        per = span if not rate["per"] else HOUR if "h" in rate["per"] else MINUTE
+        same = next(
+            (r for r in RULES.values() if not r.stored and np.isclose(r.rate, float(rate["size"]) / per) and r.window == span), None
+        )
+        return same or StabilityRule(text, float(rate["size"]) / per, span, "the project's own", "project")
+
+    @staticmethod
+    def verdict(size: float, error: float, allowed: float) -> str:
+        """Return ``stable`` where |size| + 2 error <= allowed, ``not stable`` where |size| - 2 error > allowed, else ``cannot tell``."""
+        if abs(size) + DOUBT_IN_ERRORS * error <= allowed:
+            return "stable"
+        return "not stable" if abs(size) - DOUBT_IN_ERRORS * error > allowed else "cannot tell"
+
+    def of_channel(self, record: Samples, name: str, at: float | None = None, since: float = -np.inf) -> ChannelStability:
+        """Judge whether one channel is stable at a time by a rule on its rate.
+
+        A rule with a window takes the readings of that window. A rule without one takes the shortest window whose error lets the question
+        be answered, from 5 minutes on.
+
+        Parameters
+        ----------
+        record : Samples
+        name : str                  The channel.
+        at : float                  Time of the question; the last reading when None. [s]
+        since : float               Time at which conditions last changed; nothing before it counts. [s]
+
+        Raises
+        ------
+        RecordError   When the rule is one on stored heat, the channel is no temperature, or the window holds fewer than 8 readings.
+        """
+        channel, end = record.channel(name), float(record.times[-1] if at is None else at)
+        where = f"{record.name}, {name}"
+        if self.stored:
+            raise RecordError(
+                f"'{self.name}' is a rule on stored heat, which cannot be found from readings alone. Give a rule on the rate, or a model.",
+                where,
+                code="record.does-not-apply",
+            )
+        if channel.quantity != "temperature":
+            raise RecordError(
+                f"it is a {channel.quantity}; a rule of stability applies to temperatures only.", where, code="record.does-not-apply"
+            )
+        first = max(since, float(record.times[0]))
+        if self.window:
+            if end - self.window < first - 0.5 * record.step:
+                raise RecordError(
+                    f"'{self.name}' needs readings over {duration_text(self.window)}, but the log has {duration_text(end - first)}. Wait, "
+                    "or use a rule without a window.",
+                    where,
+                    code="record.too-short",
+                )
+            return _stability(record, name, self, end - self.window, end)
+        for span, last in spans(record, first, end):
+            judged = _stability(record, name, self, end - span, end)
+            if last or judged.verdict != "cannot tell":
+                break
+        return judged
+
+    def since_when(self, record: Samples, name: str, since: float = -np.inf) -> float | None:
+        """Return the earliest time from which a channel stays stable to the end of the record; None where it is not stable. [s]
+
+        It is found to a 120th of the record, looking back from its end.
+
+        Parameters
+        ----------
+        record, name, since   As in `of_channel`.
+        """
+        begin = max(since, float(record.times[0]))
+        first = begin + max(self.window, MIN_JUDGED_WINDOW, MIN_READINGS_OF_STRETCH * record.step)
+        if first > record.times[-1]:
+            return None
+        earliest: float | None = None
+        looks = min(120, int((record.times[-1] - first) / record.step) + 2)  # more often than there are readings says nothing more
+        for at in np.linspace(first, float(record.times[-1]), looks)[::-1]:
+            try:
+                verdict = self.of_channel(record, name, float(at), begin).verdict
+            except RecordError:
+                break
+            if verdict != "stable":
+                break
+            earliest = float(at)
+        return earliest
+
 
 RULES: Final[Mapping[str, StabilityRule]] = {
     r.name: r
@@ -82,37 +192,6 @@ _RATE = re.compile(
     rf"(?P<size>(?:{_DIGITS})(?:e-?\d+)?)\s*(?:C|K|degC)\s*(?P<per>/\s*h|/\s*min)?(?:\s+over\s+(?P<span>{_DIGITS})\s*(?P<unit>h|min))?\Z"
 )
 _STORED = re.compile(rf"stored\s+(?P<share>{_DIGITS})\s*%\Z")
-
-
-def rule_of(rule: str | StabilityRule) -> StabilityRule:
-    """Return a rule by its name, or parse one of the project's own: ``0.5 K/h``, ``0.3 C/h over 2 h``, ``1 K over 3 h``, ``stored 3 %``.
-
-    Raises
-    ------
-    RecordError   When it is neither.
-    """
-    if isinstance(rule, StabilityRule):
-        return rule
-    text = " ".join(str(rule).split())
-    if text in RULES:
-        return RULES[text]
-    stored = _STORED.match(text)
-    if stored is not None and 0.0 < float(stored["share"]) < 100.0:
-        return StabilityRule(text, float(stored["share"]) / 100.0, 0.0, "the project's own", "project", True)
-    rate = _RATE.match(text)
-    if rate is None or float(rate["size"]) <= 0.0 or not (rate["per"] or rate["span"]):
-        raise RecordError(
-            f"'{text}' is not a rule of stability. Known rules: {', '.join(RULES)}. Write another one like '0.5 K/h', "
-            f"'0.3 C/h over 2 h', '1 K over 3 h' or 'stored 3 %'.{nearest(text, RULES)}",
-            "stability",
-            code="value.wrong-kind",
-        )
-    span = float(rate["span"]) * (HOUR if rate["unit"] == "h" else MINUTE) if rate["span"] else 0.0
-    if rate["span"] and span <= 0.0:
-        raise RecordError(f"'{text}': the window has no length. Give one above zero.", "stability", code="value.outside-range")
-    per = span if not rate["per"] else HOUR if "h" in rate["per"] else MINUTE
-    same = next((r for r in RULES.values() if not r.stored and np.isclose(r.rate, float(rate["size"]) / per) and r.window == span), None)
-    return same or StabilityRule(text, float(rate["size"]) / per, span, "the project's own", "project")
 
 
 def effective_samples(residuals: FloatArray, fitted: int = 2) -> float:
@@ -144,13 +223,6 @@ def effective_samples(residuals: FloatArray, fitted: int = 2) -> float:
         positive_pairs = pairs[: int(ends[0])] if ends.size else pairs
         factor = float(min(max(1.0, 2.0 * positive_pairs.sum() - 1.0), n / 4.0))
     return n / factor
-
-
-def verdict_of(size: float, error: float, allowed: float) -> str:
-    """Return ``stable`` where |size| + 2 error <= allowed, ``not stable`` where |size| - 2 error > allowed, else ``cannot tell``."""
-    if abs(size) + DOUBT_IN_ERRORS * error <= allowed:
-        return "stable"
-    return "not stable" if abs(size) - DOUBT_IN_ERRORS * error > allowed else "cannot tell"
 
 
 def spans(record: Samples, first: float, end: float) -> Iterator[tuple[float, bool]]:
@@ -306,98 +378,25 @@ class ChannelStability:
             f": {self.verdict}" if self.verdict else ""
         )
 
+    @staticmethod
+    def drift(record: Samples, name: str, start: float, end: float) -> ChannelStability:
+        """Return how fast one channel drifts over a window, with its error, judged by no rule.
 
-def channel_stability(record: Samples, name: str, rule: StabilityRule, at: float | None = None, since: float = -np.inf) -> ChannelStability:
-    """Judge whether one channel is stable at a time by a rule on its rate.
-
-    A rule with a window takes the readings of that window. A rule without one takes the shortest window whose error lets the question be
-    answered, from 5 minutes on.
-
-    Parameters
-    ----------
-    record : Samples
-    name : str                  The channel.
-    rule : StabilityRule        A rule on the rate.
-    at : float                  Time of the question; the last reading when None. [s]
-    since : float               Time at which conditions last changed; nothing before it counts. [s]
-
-    Raises
-    ------
-    RecordError   When the rule is on stored heat, the channel is no temperature, or the window holds fewer than 8 readings.
-    """
-    channel, end = record.channel(name), float(record.times[-1] if at is None else at)
-    where = f"{record.name}, {name}"
-    if rule.stored:
-        raise RecordError(
-            f"'{rule.name}' is a rule on stored heat, which cannot be found from readings alone. Give a rule on the rate, or a model.",
-            where,
-            code="record.does-not-apply",
-        )
-    if channel.quantity != "temperature":
-        raise RecordError(
-            f"it is a {channel.quantity}; a rule of stability applies to temperatures only.", where, code="record.does-not-apply"
-        )
-    first = max(since, float(record.times[0]))
-    if rule.window:
-        if end - rule.window < first - 0.5 * record.step:
-            raise RecordError(
-                f"'{rule.name}' needs readings over {duration_text(rule.window)}, but the log has {duration_text(end - first)}. Wait, "
-                "or use a rule without a window.",
-                where,
-                code="record.too-short",
-            )
-        return _stability(record, name, rule, end - rule.window, end)
-    for span, last in spans(record, first, end):
-        judged = _stability(record, name, rule, end - span, end)
-        if last or judged.verdict != "cannot tell":
-            break
-    return judged
-
-
-def channel_drift(record: Samples, name: str, start: float, end: float) -> ChannelStability:
-    """Return how fast one channel drifts over a window, with its error, judged by no rule.
-
-    Raises
-    ------
-    RecordError   When the window holds fewer than 8 readings.
-    """
-    channel = record.channel(name)
-    inside = (record.times >= start - 1e-9) & (record.times <= end + 1e-9) & channel.valid
-    t, y = record.times[inside], channel.values[inside]
-    line = _line(t, y, 0.0, channel.step, channel.noise, f"{record.name}, {channel.name}", "rate")
-    return ChannelStability(channel.name, line.rate, line.rate_error, float(t[0]), float(t[-1]), int(y.size), "")
+        Raises
+        ------
+        RecordError   When the window holds fewer than 8 readings.
+        """
+        channel = record.channel(name)
+        inside = (record.times >= start - 1e-9) & (record.times <= end + 1e-9) & channel.valid
+        t, y = record.times[inside], channel.values[inside]
+        line = _line(t, y, 0.0, channel.step, channel.noise, f"{record.name}, {channel.name}", "rate")
+        return ChannelStability(channel.name, line.rate, line.rate_error, float(t[0]), float(t[-1]), int(y.size), "")
 
 
 def _stability(record: Samples, name: str, rule: StabilityRule, start: float, end: float) -> ChannelStability:
     """Return the stability of one channel over one window by a rule on the rate."""
-    drift = channel_drift(record, name, start, end)
-    return replace(drift, verdict=verdict_of(drift.rate, drift.error, rule.rate))
-
-
-def since_when(record: Samples, name: str, rule: StabilityRule, since: float = -np.inf) -> float | None:
-    """Return the earliest time from which a channel stays stable to the end of the record; None where it is not stable. [s]
-
-    It is found to a 120th of the record, looking back from its end.
-
-    Parameters
-    ----------
-    record, name, rule, since   As in `channel_stability`.
-    """
-    begin = max(since, float(record.times[0]))
-    first = begin + max(rule.window, MIN_JUDGED_WINDOW, MIN_READINGS_OF_STRETCH * record.step)
-    if first > record.times[-1]:
-        return None
-    earliest: float | None = None
-    looks = min(120, int((record.times[-1] - first) / record.step) + 2)  # more often than there are readings says nothing more
-    for at in np.linspace(first, float(record.times[-1]), looks)[::-1]:
-        try:
-            verdict = channel_stability(record, name, rule, float(at), begin).verdict
-        except RecordError:
-            break
-        if verdict != "stable":
-            break
-        earliest = float(at)
-    return earliest
+    drift = ChannelStability.drift(record, name, start, end)
+    return replace(drift, verdict=StabilityRule.verdict(drift.rate, drift.error, rule.rate))
 
 
 @dataclass(frozen=True)

@@ -17,7 +17,7 @@ from pydantic import Field
 
 from thermid.base.errors import DeckError, errors_at
 from thermid.base.grammar import StrictTable
-from thermid.base.units import parse, unit
+from thermid.base.units import Expression, unit
 from thermid.model._deck.fields import Raw, plain, value_table
 from thermid.model._deck.rows import Reader, rows_of_file
 from thermid.model._laws.signal import literal
@@ -81,7 +81,7 @@ class _Values:
     def _names(self, text: str, key: str) -> tuple[str, ...]:
         """Return the names in an expression."""
         with errors_at(self.where(key)):
-            return parse(text).names
+            return Expression.parse(text).names
 
 
 PACKAGE_UNITS: Final = {"theta_JC": "K/W", "theta_JB": "K/W", "psi_JT": "K/W", "psi_JB": "K/W", "capacitance": "J/K"} | {
@@ -249,7 +249,7 @@ def _rung(row: list[str], kind: str, where: str) -> tuple[float, float]:
     """Return resistance R [K/W] and capacitance C [J/K] of a row of texts; of a Foster row with a time tau, C = tau / R."""
     resistance = plain(row[0], "ladders.R", "K/W", where)
     with errors_at(where):
-        literal = parse(row[1]).literal
+        literal = Expression.parse(row[1]).literal
     timed = kind == "foster" and literal is not None and literal.unit.dimension == unit("s").dimension
     second = plain(row[1], "ladders.tau" if timed else "capacitance", "s" if timed else "J/K", where)
     return resistance, second / resistance if timed else second

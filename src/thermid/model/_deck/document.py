@@ -11,10 +11,10 @@ from pathlib import Path
 from typing import Any, Final
 
 from thermid.base.errors import DeckError, ThermidError
-from thermid.base.files import FileKinds, command, parse_toml, read_bytes, write_bytes
+from thermid.base.files import FileKinds, command, parse_toml, read_bytes
 from thermid.model._deck.modelfile import model_beside, place_of, toml_item
-from thermid.model._parts.parameter import parameter
-from thermid.model._tree.flat import flatten
+from thermid.model._parts.parameter import Parameter
+from thermid.model._tree.flat import Flat
 
 BOM: Final = "\ufeff"
 GONE: Final = object()
@@ -68,7 +68,7 @@ def _valid(path: Path, content: Mapping[str, Any]) -> None:
     ------
     ThermidError   With what is wrong, and where.
     """
-    flatten(model_beside(path, content))
+    Flat.of_model(model_beside(path, content))
 
 
 @dataclass(frozen=True)
@@ -179,7 +179,7 @@ class DeckDocument:
             old = _at(self.content, keys)
             if isinstance(old, Mapping):
                 more = {"source": "derived", "basis": basis} if basis else {}
-                outdated = ("spread", "min", "max") if parameter(old).is_range else ("spread",)
+                outdated = ("spread", "min", "max") if Parameter.read(old).is_range else ("spread",)
                 edits += [Edit((*keys, key)) for key in outdated if key in old]
                 edits += [Edit((*keys, key), text) for key, text in {"value": value, **more}.items()]
             else:
@@ -200,7 +200,7 @@ class DeckDocument:
         """
         if self.check_file() != self.text:
             with command(force=True):  # an input, but one that this document carries on
-                write_bytes(self.path, self.text.encode("utf-8"), FileKinds.RESULTS_FILE)
+                FileKinds.RESULTS_FILE.save_bytes(self.path, self.text.encode("utf-8"))
 
     def check_file(self) -> str | None:
         """Return the text of its file, which is a state of this document; None where there is none yet.

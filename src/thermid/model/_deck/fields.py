@@ -14,12 +14,12 @@ from thermid.base.grammar import Real, StrictTable, reads
 from thermid.model._laws.options import Source
 from thermid.model._laws.signal import literal
 from thermid.model._laws.stores import SLOPES, TABULATED, Curve, curve, tabulated
-from thermid.model._parts.parameter import Parameter, parameter
+from thermid.model._parts.parameter import Parameter
 from thermid.model._parts.ranges import RANGES, outside
 from thermid.model._tree.arrays import Use
 from thermid.model._tree.flat import allows
 from thermid.model._tree.model import Model
-from thermid.physics.materials import Material, material
+from thermid.physics.materials import Material
 
 NO_CONVECTION = "0 [W/(m^2 K)]"
 PROPERTIES: Final = {"specific_heat": "J/(kg K)", "conductivity": "W/(m K)"}
@@ -59,13 +59,13 @@ def _quantity(written: Any) -> Any:
     """Return a `Parameter` of a text, a number or a table of value and bounds; a power law, a correlation or points stay as they are."""
     if isinstance(written, PowerLawTable | Correlated | Property):
         return written
-    return parameter(written.table() if isinstance(written, ValueTable) else written)
+    return Parameter.read(written.table() if isinstance(written, ValueTable) else written)
 
 
 def _coefficient(written: Any) -> Any:
     """Return a coefficient of heat transfer as `_quantity` does; 0 (no convection on purpose) needs no unit."""
     if isinstance(written, ValueTable) and written.value in (0, "0"):
-        return parameter(written.table() | {"value": NO_CONVECTION})
+        return Parameter.read(written.table() | {"value": NO_CONVECTION})
     return _quantity(NO_CONVECTION if written in (0, "0") else written)
 
 
@@ -140,7 +140,7 @@ def property_of(entry: Material, name: str) -> Parameter | Property:
         return Property(points=[[f"{t:g} [K]", f"{v:g} [{of}]"] for t, v in pairs], source="datasheet", basis=entry.basis)
     value, share = getattr(entry, name), entry.range[name]
     low, high = (f"{value * (1.0 + side * share):.6g} [{of}]" for side in (-1.0, 1.0))
-    return parameter({"value": f"{value:g} [{of}]", "min": low, "max": high, "source": "datasheet", "basis": entry.basis})
+    return Parameter.read({"value": f"{value:g} [{of}]", "min": low, "max": high, "source": "datasheet", "basis": entry.basis})
 
 
 class ElementTable(StrictTable):
@@ -153,7 +153,7 @@ class ElementTable(StrictTable):
         if field in self.model_fields_set:
             return self.model_copy(update={"material": ""})
         try:
-            return self.model_copy(update={"material": "", field: property_of(material(name), field)})
+            return self.model_copy(update={"material": "", field: property_of(Material.named(name), field)})
         except NameNotFoundError as error:
             raise DeckError(error.message, where, code=error.code) from None
 

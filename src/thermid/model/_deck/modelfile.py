@@ -19,7 +19,6 @@ from thermid.base.files import (
     Places,
     by_grammar,
     grammar_of,
-    may_write,
     read_text,
     read_toml,
     refuse_another_kind,
@@ -27,14 +26,13 @@ from thermid.base.files import (
     toml_key,
     toml_value,
     unsealed,
-    write_text,
 )
-from thermid.base.units import RESERVED, parse
+from thermid.base.units import RESERVED, Expression
 from thermid.model._deck.rows import written_out
 from thermid.model._laws.stores import refuse_first
-from thermid.model._parts.parameter import Parameter, parameter
+from thermid.model._parts.parameter import Parameter
 from thermid.model._tree.arrays import Instances, made_instances, merged
-from thermid.model._tree.flat import flatten
+from thermid.model._tree.flat import Flat
 from thermid.model._tree.identity import definition_of, to_dict, written
 from thermid.model._tree.model import Model
 from thermid.model._tree.tree import TABLES, Submodel
@@ -168,7 +166,7 @@ def model_from_dict(
     """
     model = _built(data, file, lines or {}, use, read)
     try:
-        flat = flatten(model)
+        flat = Flat.of_model(model)
         faults = [f"{where}: {message}" for _, where, message in flat.impossible(flat.parameters.evaluate({}), flat.ranges)]
     except ThermidError:  # what does not fit together is said by `check` and by the first use, with all else that they find
         return model
@@ -258,7 +256,7 @@ def _assembled(name: str, assembly: Assembly, site: _Site, key: str) -> Instance
         lines = dict.fromkeys((*TABLES, "title", "needs", "parameters"), home)
         lines |= {f"parameters.{inner.removeprefix(key)[1:]}": line for inner, line in where.lines.items() if inner.startswith(f"{key}.")}
     part = _built(assembly.deck, where.file, lines, None, None)
-    settings = {f"{name}.{path}": parameter(raw, where(f"{key}.{path}")) for path, raw in assembly.values.items()}
+    settings = {f"{name}.{path}": Parameter.read(raw, where(f"{key}.{path}")) for path, raw in assembly.values.items()}
     return Instances({name: Submodel(part, assembly.bind, definition_of(part), made=key.partition(".")[0])}, settings, {})
 
 
@@ -356,9 +354,9 @@ def save_model(model: Model, path: str | os.PathLike[str], like: str | os.PathLi
     changed = target if pattern is not None and target.exists() and pattern.samefile(target) else None
     kinds = {file: FileKinds.RESULTS_FILE if file == changed else FileKinds.DECK.titled(part.title) for file, part in files.items()}
     for file, kind in kinds.items():
-        may_write(file, kind)
+        kind.may_write(file)
     for file, text in texts.items():
-        write_text(file, text, kinds[file])
+        kinds[file].save_text(file, text)
 
 
 def _part_names(model: Model, target: Path) -> dict[str, str]:
@@ -501,7 +499,7 @@ def _say_the_same(old: Any, new: Any) -> bool:
 def _same_value(a: Any, b: Any) -> bool:
     """Whether two texts of a point are one SI value of one dimension."""
     try:
-        one, other = parse(a).literal, parse(b).literal
+        one, other = Expression.parse(a).literal, Expression.parse(b).literal
     except (ThermidError, TypeError):
         return False
     return one is not None and other is not None and (one.value, one.unit.dimension) == (other.value, other.unit.dimension)

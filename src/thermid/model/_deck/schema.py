@@ -52,7 +52,7 @@ from thermid.model._parts.elements import (
     gap_scatter,
 )
 from thermid.model._parts.parameter import Parameter
-from thermid.physics.gas import GASES, gas_named
+from thermid.physics.gas import GASES, MolecularGas
 from thermid.physics.view_factors import SHAPES, PlacedFace, placed_factors
 
 LIQUID = "liquid"
@@ -742,7 +742,7 @@ class MadeInTable(StrictTable):
         """Return pressure, gravity, wind and gas in which a reduced deck was made. [SI]"""
         slots = {"pressure": "Pa", "gravity": "m/s^2", "wind": "m/s"}
         numbers = {name: plain(getattr(self, name), f"made_in.{name}", slot, where(name)) for name, slot in slots.items()}
-        return MadeIn(gas=gas_named(self.gas, where("")).name, **numbers)
+        return MadeIn(gas=MolecularGas.named(self.gas, where("")).name, **numbers)
 
 
 def _check_stream(fields: set[str], fluid: str, where: Where) -> None:

@@ -19,10 +19,10 @@ from thermid.base.units import (
     TEMPERATURE,
     THREE_WAYS,
     Array,
+    Expression,
     Quantity,
     Stamp,
     clocked,
-    parse,
     plain_numbers,
     quantity,
     require,
@@ -921,7 +921,7 @@ def own_signal(value: Any, where: str = "") -> Any:
     if first is None:
         return signal(value, "1", where)
     with errors_at(where):
-        of = parse(first).literal if isinstance(first, str) else stated(first)
+        of = Expression.parse(first).literal if isinstance(first, str) else stated(first)
     if of is None:
         return signal(value, "1", where)
     parsed = signal(value, TEMPERATURE if of.unit.absolute else of.unit.text, where)

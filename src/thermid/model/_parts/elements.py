@@ -21,7 +21,7 @@ from thermid.base.errors import DeckError
 from thermid.base.units import AMBIENT_DEFAULT, STANDARD_GRAVITY, STEFAN_BOLTZMANN, TEMPERATURE, Number, value_of
 from thermid.model._laws.signal import Signal, TableSignal, literal
 from thermid.model._laws.stores import Curve, Supercooling
-from thermid.model._parts.parameter import Parameter, parameter
+from thermid.model._parts.parameter import Parameter
 from thermid.physics import conduction, contact, convection, radiation
 from thermid.physics.correlations import GapLaw
 from thermid.physics.finishes import finish
@@ -181,14 +181,14 @@ def finish_emissivity(name: str, where: str) -> Parameter:
     """Return the emissivity of a named finish as a parameter: its typical value with low and high as range. [-]"""
     surface = finish(name, where)
     table = {"value": surface.typical, "min": surface.low, "max": surface.high}
-    return parameter(table | {"source": "assumed", "basis": surface.basis}, where)
+    return Parameter.read(table | {"source": "assumed", "basis": surface.basis}, where)
 
 
 def gap_scatter(words: Mapping[str, str], where: str) -> Parameter:
     """Return the factor on the convection of a closed gap: one, with the scatter of its correlation as bounds."""
     law = GapLaw(degrees(words["tilt"], where), literal(words["aspect"], "1", where))
     table = {"value": 1, "min": 1.0 - law.scatter, "max": 1.0 + law.scatter, "source": "published"}
-    return parameter(table | {"basis": f"scatter of {law.name} about their correlation"}, where)
+    return Parameter.read(table | {"basis": f"scatter of {law.name} about their correlation"}, where)
 
 
 @dataclass(frozen=True)
@@ -305,6 +305,11 @@ class MadeIn:
         weight = "" if abs(self.gravity / STANDARD_GRAVITY - 1.0) < 0.01 else f", {self.gravity:.4g} m/s^2"
         wind = f", {self.wind:.3g} m/s" if self.wind else ""
         return f"{self.gas} at {self.pressure:.6g} Pa{weight}{wind}"
+
+    def written(self) -> dict[str, str]:
+        """Return the table of the state of a gas in which a reduced model was made."""
+        numbers = {"pressure": f"{self.pressure!r} [Pa]", "gravity": f"{self.gravity!r} [m/s^2]", "wind": f"{self.wind!r} [m/s]"}
+        return numbers | {"gas": self.gas}
 
 
 @dataclass(frozen=True)

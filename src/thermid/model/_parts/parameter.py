@@ -8,9 +8,9 @@ from dataclasses import dataclass, field, replace
 from typing import Any, Final, Literal as OneOf, get_args
 
 from thermid.base.errors import DeckError, UnitError, errors_at, refuse_unknown
-from thermid.base.units import HALF_WIDTH_95, Dimension, Expression, Literal, describe, from_si, parse, unit
+from thermid.base.units import HALF_WIDTH_95, Dimension, Expression, Literal, describe, from_si, unit
 from thermid.model._laws.options import Source
-from thermid.physics.materials import materials
+from thermid.physics.materials import Material
 
 State = OneOf["credible", "unjudged", "not adequate", "incomplete", "not credible", "failed"]
 ORDER: tuple[State, ...] = get_args(State)
@@ -124,26 +124,26 @@ class Standing:
         out |= {"accepted": True} if self.accepted else {}
         return out | ({"beside": [s.to_dict(of) for s in self.causes[1:]]} if self.beside else {})
 
+    @staticmethod
+    def worst(standings: Iterable[Standing]) -> Standing:
+        """Return the worst of several standings with the other causes beside it; credible where there is none.
+
+        Of equals the one that is not accepted comes first, then the first one.
+        """
+        several = list(standings)
+        causes = list(dict.fromkeys(c for s in several for c in s.causes))
+        if not causes:
+            return replace(max(several, key=lambda s: s.rank, default=CREDIBLE), beside=())
+        first = max(causes, key=lambda s: (s.rank, not s.accepted))
+        taken: dict[tuple[str, str], Standing] = {}
+        for s in causes:
+            if s is not first and (s.state, s.stage) != (first.state, first.stage):
+                taken.setdefault((s.state, s.stage), s)
+        return replace(first, beside=tuple(sorted(taken.values(), key=lambda s: -s.rank)))
+
 
 CREDIBLE = Standing("credible")
 UNJUDGED = Standing("unjudged")
-
-
-def worst(standings: Iterable[Standing]) -> Standing:
-    """Return the worst of several standings with the other causes beside it; credible where there is none.
-
-    Of equals the one that is not accepted comes first, then the first one.
-    """
-    several = list(standings)
-    causes = list(dict.fromkeys(c for s in several for c in s.causes))
-    if not causes:
-        return replace(max(several, key=lambda s: s.rank, default=CREDIBLE), beside=())
-    first = max(causes, key=lambda s: (s.rank, not s.accepted))
-    taken: dict[tuple[str, str], Standing] = {}
-    for s in causes:
-        if s is not first and (s.state, s.stage) != (first.state, first.stage):
-            taken.setdefault((s.state, s.stage), s)
-    return replace(first, beside=tuple(sorted(taken.values(), key=lambda s: -s.rank)))
 
 
 CATALOGUE, FINISH, SCATTER = "catalogue: ", "finish '", "scatter of "
@@ -259,7 +259,7 @@ class Parameter:
         if self.basis.startswith(FINISH):
             name, alike = self.basis.removeprefix(FINISH).partition("'")[0], FINISH_CORRELATION
         else:
-            name, alike = (f"{material}, {self.text}", 1.0) if material in materials() else ("", 0.0)
+            name, alike = (f"{material}, {self.text}", 1.0) if material in Material.table() else ("", 0.0)
         return StatedRange(self.minimum, self.maximum, name, alike)
 
     @property
@@ -292,15 +292,56 @@ class Parameter:
         keeps_sign = low == -math.inf and any(dimension[:-1])
         return (low > 0 or keeps_sign) and value > 0, low, high
 
+    @staticmethod
+    def read(value: str | float | Mapping[str, Any] | Parameter, where: str = "") -> Parameter:
+        """Return a parameter from what a deck or a Python caller writes.
 
-def exact(value: float, unit_text: str, note: str = "") -> Parameter:
-    """Return an SI number as a parameter written in a unit; the float itself is kept, so that writing and reading do not change it."""
-    import ast
+        Parameters
+        ----------
+        value : str, number, table or Parameter
+            ``"2.168 [W]"``, ``"(1 - x)*area"``, ``0.3``, or a table with `value` and any of `min`, `max`, `source`, `note`, `basis`,
+            `spread`.
+        where : str     File and key path, for messages.
 
-    of = unit(unit_text)
-    plain = from_si(value, of)
-    tree = ast.parse(repr(abs(plain)), mode="eval").body
-    return Parameter(Expression(f"{plain!r} [{unit_text}]", (), Literal(value, of), tree), source="", note=note)
+        Raises
+        ------
+        ThermidError    When the text cannot be read, a bound is reversed or has another dimension, or a key is unknown.
+        """
+        if isinstance(value, Parameter):
+            return value
+        table: Mapping[str, Any] = value if isinstance(value, Mapping) else {"value": value}
+        with errors_at(where):
+            unknown = set(table) - {"value", "min", "max", "source", "note", "basis", "spread"}
+            if unknown or "value" not in table:
+                raise DeckError(
+                    "the keys of a parameter are value, min, max, source, note, basis and spread; given: "
+                    f"{', '.join(sorted(map(str, unknown))) or 'a table without value'}.",
+                    code="value.wrong-kind",
+                )
+            raw = table["value"]
+            expression = Expression.parse(raw if isinstance(raw, str) else _written_number(raw))
+            low, high = _bound(table.get("min"), expression), _bound(table.get("max"), expression)
+            if low is not None and high is not None and low > high:
+                raise DeckError(
+                    f"its minimum {table['min']} is above its maximum {table['max']}. Exchange the two bounds.", code="value.outside-range"
+                )
+            source = table.get("source", "")
+            refuse_unknown([source] if source else (), SOURCES, refusal="source '{}' is not one of {known}.", error=DeckError)
+            out = Parameter(expression, low, high, source, table.get("note", ""), table.get("basis", ""))
+            out = replace(out, spread=_spread(table["spread"], out)) if table.get("spread", "") != "" else out
+            if out.is_range and expression.literal is not None:
+                check_bounds(expression.literal.value, out, "")
+            return out
+
+    @staticmethod
+    def exact(value: float, unit_text: str, note: str = "") -> Parameter:
+        """Return an SI number as a parameter written in a unit; the float itself is kept, so that writing and reading do not change it."""
+        import ast
+
+        of = unit(unit_text)
+        plain = from_si(value, of)
+        tree = ast.parse(repr(abs(plain)), mode="eval").body
+        return Parameter(Expression(f"{plain!r} [{unit_text}]", (), Literal(value, of), tree), source="", note=note)
 
 
 def _bound(value: Any, expression: Expression, what: str = "bound") -> float | None:
@@ -308,7 +349,7 @@ def _bound(value: Any, expression: Expression, what: str = "bound") -> float | N
     if value is None:
         return None
     if isinstance(value, str):
-        literal = parse(value).literal
+        literal = Expression.parse(value).literal
         if literal is None:
             raise DeckError(f"the {what} '{value}' must be a number with a unit.", code="value.wrong-kind")
         if expression.literal is not None and literal.unit.dimension != expression.literal.unit.dimension:
@@ -321,12 +362,12 @@ def _bound(value: Any, expression: Expression, what: str = "bound") -> float | N
     if expression.literal is None or abs(number) == float("inf"):
         return number
     own_unit = expression.literal.unit
-    return parse(f"{number!r} [{own_unit.text}]").literal.value  # type: ignore[union-attr]  # a pure number is a literal
+    return Expression.parse(f"{number!r} [{own_unit.text}]").literal.value  # type: ignore[union-attr]  # a pure number is a literal
 
 
 def _deviation(spread: str, of: Literal) -> float:
     """Return the standard deviation that a spread states of a number, in per cent of it or with a unit; NaN where it states none. [SI]"""
-    number = parse(spread).literal
+    number = Expression.parse(spread).literal
     relative = number is not None and number.unit.text == "%"
     if number is None or number.unit.absolute or (relative and of.unit.absolute):
         return math.nan
@@ -360,47 +401,6 @@ def _written_number(value: Any) -> str:
     if math.isnan(number):
         raise DeckError(f"{value!r:.60} is not a value. Write a text with a unit, '2.5 [W]', or a number.", code="value.wrong-kind")
     return repr(number)
-
-
-def parameter(value: str | float | Mapping[str, Any] | Parameter, where: str = "") -> Parameter:
-    """Return a parameter from what a deck or a Python caller writes.
-
-    Parameters
-    ----------
-    value : str, number, table or Parameter
-        ``"2.168 [W]"``, ``"(1 - x)*area"``, ``0.3``, or a table with `value` and any of `min`, `max`, `source`, `note`, `basis`,
-        `spread`.
-    where : str     File and key path, for messages.
-
-    Raises
-    ------
-    ThermidError    When the text cannot be read, a bound is reversed or has another dimension, or a key is unknown.
-    """
-    if isinstance(value, Parameter):
-        return value
-    table: Mapping[str, Any] = value if isinstance(value, Mapping) else {"value": value}
-    with errors_at(where):
-        unknown = set(table) - {"value", "min", "max", "source", "note", "basis", "spread"}
-        if unknown or "value" not in table:
-            raise DeckError(
-                "the keys of a parameter are value, min, max, source, note, basis and spread; given: "
-                f"{', '.join(sorted(map(str, unknown))) or 'a table without value'}.",
-                code="value.wrong-kind",
-            )
-        raw = table["value"]
-        expression = parse(raw if isinstance(raw, str) else _written_number(raw))
-        low, high = _bound(table.get("min"), expression), _bound(table.get("max"), expression)
-        if low is not None and high is not None and low > high:
-            raise DeckError(
-                f"its minimum {table['min']} is above its maximum {table['max']}. Exchange the two bounds.", code="value.outside-range"
-            )
-        source = table.get("source", "")
-        refuse_unknown([source] if source else (), SOURCES, refusal="source '{}' is not one of {known}.", error=DeckError)
-        out = Parameter(expression, low, high, source, table.get("note", ""), table.get("basis", ""))
-        out = replace(out, spread=_spread(table["spread"], out)) if table.get("spread", "") != "" else out
-        if out.is_range and expression.literal is not None:
-            check_bounds(expression.literal.value, out, "")
-        return out
 
 
 def check_bounds(value: float, parameter: Parameter, where: str) -> None:

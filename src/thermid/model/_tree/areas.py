@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from thermid.base.units import value_of
 from thermid.model._parts.elements import exposed_area
-from thermid.model._tree.flat import flatten
+from thermid.model._tree.flat import Flat
 from thermid.model._tree.model import Model
 
 
@@ -37,7 +37,7 @@ def ledger(model: Model) -> tuple[LedgerLine, ...]:
     ------
     DeckError   When joints take more than a surface has.
     """
-    flat = flatten(model)
+    flat = Flat.of_model(model)
     values = flat.parameters.evaluate({})
     lines = []
     for surface, (path, takes) in flat.surfaces.items():

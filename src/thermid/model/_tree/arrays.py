@@ -9,7 +9,7 @@ from typing import Any, Final
 
 from thermid.base.errors import DeckError, nearest
 from thermid.model._parts.elements import Conductor
-from thermid.model._parts.parameter import Parameter, parameter
+from thermid.model._parts.parameter import Parameter
 from thermid.model._tree.model import Model
 from thermid.model._tree.tree import Submodel
 
@@ -134,7 +134,7 @@ def _value(raw: Any, k: int, place: Place, count: int, where: str) -> Parameter:
     table = dict(raw)
     if isinstance(table["value"], str):
         table["value"] = _placed(table["value"], place)
-    return parameter(table, where)
+    return Parameter.read(table, where)
 
 
 def _linked(
@@ -155,7 +155,7 @@ def _linked(
                 link_name = f"{name}_{link}_{'_'.join(map(str, place))}_to_{'_'.join(map(str, other))}"
                 between = (f"{here}.{conductor.between[0]}", f"{next_}.{conductor.between[1]}")
                 fields = {
-                    f: parameter(f"{first}.{f}") if first and field_value.is_literal else field_value
+                    f: Parameter.read(f"{first}.{f}") if first and field_value.is_literal else field_value
                     for f, field_value in conductor.fields.items()
                 }
                 yield link_name, replace(conductor, between=between, fields=fields)

@@ -318,6 +318,16 @@ class Flat:
             if not c.fluid and c.ends[0] in empty
         }
 
+    @staticmethod
+    def of_model(model: Tree) -> Flat:
+        """Return the tree laid flat, with every name resolved and every unit checked.
+
+        Raises
+        ------
+        ThermidError   With file and key path of the first thing that does not fit.
+        """
+        return model.memo.value("flat", lambda: _laid_flat(model))
+
 
 def allows(allowed: Range, number: Any) -> bool:
     """Return whether a number lies in a range; one with derivatives by its value, one of members if all of them do."""
@@ -325,18 +335,8 @@ def allows(allowed: Range, number: Any) -> bool:
     return bool(allowed.low <= value <= allowed.high) and not (allowed.nonzero and value == 0.0)
 
 
-def flatten(model: Tree) -> Flat:
-    """Return the tree laid flat, with every name resolved and every unit checked.
-
-    Raises
-    ------
-    ThermidError   With file and key path of the first thing that does not fit.
-    """
-    return model.memo.value("flat", lambda: _laid_flat(model))
-
-
 def _laid_flat(model: Tree) -> Flat:
-    """Return what `flatten` remembers."""
+    """Return what `Flat.of_model` remembers."""
     names, parameters = Names(model), ParameterSet(model)
     takes = _takes(model, names)
     enclosed, inside = _enclosures(model, names, takes)

@@ -16,9 +16,9 @@ from thermid.base.errors import DeckError, NameNotFoundError, nearest, refuse_un
 from thermid.base.units import from_si, in_si, unit
 from thermid.model._laws.stores import INTERPOLATIONS, OUTSIDE, SLOPES, TABULATED, Curve
 from thermid.model._parts.controls import Control
-from thermid.model._parts.elements import CONTROLS, KINDS, Conductor, HeatLoad, Joint, MadeIn, Node, Surface, finish_emissivity, gap_scatter
+from thermid.model._parts.elements import CONTROLS, KINDS, Conductor, HeatLoad, Joint, Node, Surface, finish_emissivity, gap_scatter
 from thermid.model._parts.enclosures import enclosure_to
-from thermid.model._parts.parameter import UNJUDGED, Parameter, parameter
+from thermid.model._parts.parameter import UNJUDGED, Parameter
 from thermid.model._tree.tree import Element, Entry, Layer, M, ParameterSet, Submodel, Tree, used_offers
 
 APART = "set for this instance"
@@ -64,13 +64,6 @@ def _hash(tables: Mapping[str, Any]) -> str:
     return hashlib.sha256(json.dumps(tables, sort_keys=True).encode()).hexdigest()[:16]
 
 
-def instances(model: Tree, prefix: str = "") -> Iterator[tuple[str, str]]:
-    """Yield prefix and definition of every submodel, at every depth."""
-    for name, part in model.submodels.items():
-        yield f"{prefix}{name}.", part.definition
-        yield from instances(part.model, f"{prefix}{name}.")
-
-
 def inside(path: str, place: str) -> bool:
     """Return whether `path` is `place` itself or begins with it and a dot."""
     return path == place or path.startswith(f"{place}.")
@@ -92,7 +85,7 @@ def _local_identities(model: Tree, owner: str) -> dict[str, Identity]:
     rows = _rows(model, owner)
     classes = _classes(rows)
     states = Counter(key[:2] for key in classes)
-    of = dict(instances(model))
+    of = dict(model.instances())
     copies = Counter(of.values())
     out: dict[str, Identity] = {}
     for (who, local, is_separated), paths in classes.items():
@@ -114,7 +107,7 @@ def lay_values(model: M, values: Mapping[str, Any], origin: str) -> M:
     for raw, value in values.items():
         path = model.canonical(raw)
         refuse_unknown([path], table, model.title, f"no parameter '{raw}'.", NameNotFoundError)
-        new = value.as_parameter() if hasattr(value, "as_parameter") else parameter(value, path)
+        new = value.as_parameter() if hasattr(value, "as_parameter") else Parameter.read(value, path)
         standing = getattr(value, "standing", None) or UNJUDGED
         layer[path] = replace(new.laid_over(table[path].parameter), standing=standing)
         if hasattr(value, "as_parameter"):
@@ -130,7 +123,7 @@ def cut(model: M, places: Sequence[str]) -> M:
     """Return a model in which some instances or values share with no other; see `Model.cut`."""
     if not places:
         return model
-    allowed = {*(prefix.removesuffix(".") for prefix, _ in instances(model)), *model.parameter_table()}
+    allowed = {*(prefix.removesuffix(".") for prefix, _ in model.instances()), *model.parameter_table()}
     cuts, layers = dict.fromkeys(model.cuts), model.layers
     for raw in places:
         place = model.canonical(raw)
@@ -151,7 +144,7 @@ def _laid_ties(model: Tree, layer: Mapping[str, Parameter], groups: Sequence[Seq
     layer : dict        Path -> value.
     groups : sequence   Paths of the layer that one fitted value stands for.
     """
-    definitions = Counter(definition for _, definition in instances(model))
+    definitions = Counter(definition for _, definition in model.instances())
     if not any(count > 1 for count in definitions.values()):
         return [], ()
     cuts: list[str] = []
@@ -217,7 +210,7 @@ def _set(rows: dict[str, _Row], model: Tree, owner: str, file: str) -> None:
     """Give the rows of a [set] to the deck that has it, equal ones under one name."""
     if not model.settings:
         return
-    of = dict(instances(model))
+    of = dict(model.instances())
     first: dict[Any, str] = {}
     for raw, value in model.settings.items():
         path = model.canonical(raw)
@@ -341,12 +334,6 @@ def _points_to(shape: Curve, slot: str) -> dict[str, Any]:
     return {"points": [list(point) for point in zip(*texts, strict=True)], **points}
 
 
-def made_to(state: MadeIn) -> dict[str, str]:
-    """Return the table of the state of a gas in which a reduced model was made."""
-    numbers = {"pressure": f"{state.pressure!r} [Pa]", "gravity": f"{state.gravity!r} [m/s^2]", "wind": f"{state.wind!r} [m/s]"}
-    return numbers | {"gas": state.gas}
-
-
 def _written_fields(c: Conductor) -> dict[str, Parameter]:
     """Return the fields of a conductor without the scatter that a closed gap has by itself."""
     scatter = gap_scatter(c.words, "") if "tilt" in c.words else None
@@ -462,7 +449,7 @@ def to_dict(model: Tree, bare: bool = False) -> dict[str, Any]:
         ]
         out["cuts"] = list(model.cuts)
     out["aliases"] = dict(model.aliases)
-    out["made_in"] = {gas: made_to(state) for gas, state in model.made_in.items()}
+    out["made_in"] = {gas: state.written() for gas, state in model.made_in.items()}
     return {k: v for k, v in out.items() if v not in ({}, [])}
 
 
@@ -561,7 +548,7 @@ def replaced(model: M, raw: str, new: M, keep: Sequence[str] = ()) -> tuple[M, R
     for k in lost:
         after = lay_values(after, {k: before[model.canonical(k)].parameter}, before[model.canonical(k)].origin)
     now = after.parameter_table()
-    own_values = {f"{path}.{p}": e for p, e in without_layers(old).parameter_table().items()}
+    own_values = {f"{path}.{p}": e for p, e in old.without_layers().parameter_table().items()}
     # what somebody above the part's own deck gave, or a stage of the part
     as_in_deck = {p: (e.parameter.text, e.origin) for p, e in own_values.items()}
     laid_values = {p: e for p, e in before.items() if inside(p, path) and as_in_deck.get(p) != (e.parameter.text, e.origin)}
@@ -600,11 +587,6 @@ def coefficients(model: Tree, values: ParameterSet, part: str) -> set[str]:
         paths = [f"{prefix}{name}.{coefficient}" for name in owner.surfaces for coefficient in COEFFICIENTS]
         numbers |= {values.literal_behind(path) for path in paths if path in values.table}
     return numbers
-
-
-def without_layers(model: Tree) -> Tree:
-    """Return a model without the values that were laid over it and its parts; what is cut from its twins stays so."""
-    return replace(model, layers=(), submodels={n: s.with_model(without_layers(s.model)) for n, s in model.submodels.items()})
 
 
 def _at(model: M, path: str, new: M, full: str, keep: frozenset[str], new_values: Mapping[str, Entry]) -> M:

@@ -16,7 +16,7 @@ from thermid.base.errors import CodedText, ThermidError, code_of, quoted
 from thermid.base.units import AMBIENT_DEFAULT, value_of
 from thermid.model._parts.controls import named_control
 from thermid.model._parts.elements import CARRIED_BY, exposed_area
-from thermid.model._tree.flat import Flat, FlatConductor, FlatLoad, FlatNode, flatten
+from thermid.model._tree.flat import Flat, FlatConductor, FlatLoad, FlatNode
 from thermid.model._tree.identity import APART, cuts_of, local_identities
 from thermid.model._tree.tree import Tree
 
@@ -127,7 +127,7 @@ def _refused(error: ThermidError, where: str) -> Finding:
 
 def _view(model: Tree, assigned: Mapping[str, float] | None = None) -> _View:
     """Return the view of a model with its own values, or with `assigned` (path -> SI) in their place."""
-    flat = flatten(model)
+    flat = Flat.of_model(model)
     values = flat.parameters.evaluate(assigned or {})
     impossible = {
         path: Finding("error", where, message, "value.outside-range") for path, where, message in flat.impossible(values, flat.ranges)
@@ -503,7 +503,7 @@ def _test_only(view: _View) -> Iterator[Finding]:
             "note", view.model.where(""), f"{count} marked test_only: {quoted(marked)}. Flight models leave them out.", "model.test-only"
         )
         try:
-            flatten(view.model.without_test_only())
+            Flat.of_model(view.model.without_test_only())
         except ThermidError as error:
             yield Finding(
                 "warning",

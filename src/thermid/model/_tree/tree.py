@@ -13,7 +13,7 @@ from thermid.base.units import Dimension, Memo
 from thermid.model._laws.stores import Curve
 from thermid.model._parts.controls import Control, named_control
 from thermid.model._parts.elements import KINDS, Conductor, Enclosure, HeatLoad, Joint, MadeIn, Node, Surface
-from thermid.model._parts.parameter import LEAST_EMISSIVITY, SHARES, UNJUDGED, Parameter, Standing, StatedRange, check_bounds, worst
+from thermid.model._parts.parameter import LEAST_EMISSIVITY, SHARES, UNJUDGED, Parameter, Standing, StatedRange, check_bounds
 
 Element = Node | Conductor | Surface | Joint | Enclosure | HeatLoad | Control
 TABLES = ("nodes", "surfaces", "conductors", "joints", "enclosures", "loads", "controls")
@@ -252,7 +252,7 @@ class Tree:
         """
         standings = [s for e in self.parameter_table().values() if (s := e.parameter.standing) is not None]
         standings += [Standing("incomplete", what) for what in self.missing_parts()]
-        return worst(standings) if standings else UNJUDGED
+        return Standing.worst(standings) if standings else UNJUDGED
 
     def missing_parts(self) -> Iterator[str]:
         """Yield what the model and its parts lack, each with its place."""
@@ -308,6 +308,16 @@ class Tree:
         for name, part in self.submodels.items():
             out |= part.model.own_tables(f"{prefix}{name}.")
         return out
+
+    def instances(self, prefix: str = "") -> Iterator[tuple[str, str]]:
+        """Yield prefix and definition of every submodel, at every depth."""
+        for name, part in self.submodels.items():
+            yield f"{prefix}{name}.", part.definition
+            yield from part.model.instances(f"{prefix}{name}.")
+
+    def without_layers(self) -> Tree:
+        """Return a model without the values that were laid over it and its parts; what is cut from its twins stays so."""
+        return replace(self, layers=(), submodels={n: s.with_model(s.model.without_layers()) for n, s in self.submodels.items()})
 
 
 def used_offers(model: Tree, part: str) -> set[str]:

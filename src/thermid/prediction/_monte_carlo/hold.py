@@ -23,7 +23,7 @@ from thermid.prediction._monte_carlo.chunks import Job, Limit, MemberRuns, Progr
 from thermid.prediction._monte_carlo.uncertain import SIDES, UncertainRuns, limits_of, members_of_plan, plan_runs
 from thermid.prediction._reduction.macro import macro_model
 from thermid.simulation.runs import JobFolder, Scenario, Workers, load_scenario
-from thermid.values.store import FittedValues, LeftOut, filed
+from thermid.values.store import Filed, FittedValues, LeftOut
 
 SAMPLING_PROBABILITY = 0.95
 """Two-sided probability of the intervals that say what the number of members leaves open. [-]"""
@@ -479,7 +479,7 @@ def load_hold(path: str | os.PathLike[str]) -> HoldQuestion:
     unit = content.unit
     (deck,) = files("model", content.model)
     model = macro_model(deck, at=unit) if unit else load_model(deck)
-    values = [filed(f, model, at=unit) for f in files("values", content.values)]
+    values = [Filed.read(f, model, at=unit) for f in files("values", content.values)]
     return HoldQuestion(
         model,
         tuple(load_scenario(f) for f in files("scenario", content.scenario)),

@@ -15,7 +15,7 @@ import numpy as np
 from thermid.base.errors import DeckError, ScenarioError
 from thermid.base.results import Result
 from thermid.base.units import STEFAN_BOLTZMANN, Array, amount, value_of
-from thermid.model.tree import KINDS, LOAD_SLOTS, FlatConductor, FlatLoad, Model, made_to, model_from_dict
+from thermid.model.tree import KINDS, LOAD_SLOTS, FlatConductor, FlatLoad, Model, model_from_dict
 from thermid.simulation.runs import (
     STEADY,
     ConductorRow,
@@ -559,7 +559,7 @@ def _deck(part_model: Model, ahead: str, network: Network, small: Condensed) -> 
     aliases |= {n.removeprefix(ahead): name[n] for n in small.inside if n in name}
     aliases |= {a: aliases[p] for a, t in part_model.aliases.items() if (p := part_model.canonical(t)) in aliases}
     gases = dict.fromkeys(c.gas for c in network.flat.conductors if c.path.startswith(ahead) and _in_gas(c))
-    states = {name.get(gas, "*"): made_to(network.media.made_in(gas)) for gas in gases}
+    states = {name.get(gas, "*"): network.media.made_in(gas).written() for gas in gases}
     return model_from_dict(
         {
             "title": f"{part_model.title} reduced to {len(small.masses)}",

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from thermid.base.errors import ScenarioError, SolverError, extension, refuse_unknown
 from thermid.base.units import ATMOSPHERE, ICE_POINT, Array, Kelvin, Memo, amount, duration_text
-from thermid.measure.records import StabilityRule, rule_of
+from thermid.measure.records import StabilityRule
 from thermid.model.tree import Constant, Model, Signal, TableSignal, multiplied
 from thermid.qualify._profile_runs.profile_run import Phase, ProfileRun, SettledWater
 from thermid.qualify._profiles.profile import ProfileStep, ThermalProfile, check_level_order
@@ -603,7 +603,7 @@ class _Course:
         self.state: Array = first.engine.started(first.assembled).initial
         self.last, self.ran = first, 0.0
         self.phases: list[Phase] = []
-        self.rule: StabilityRule | None = rule_of(profile.word("stable", "")) if profile.has("stable") else None
+        self.rule: StabilityRule | None = StabilityRule.named(profile.word("stable", "")) if profile.has("stable") else None
         self.level = start.chamber
         self.remarks: dict[str, None] = {}
 

@@ -14,10 +14,10 @@ from pathlib import Path
 from typing import Any, Final
 
 from thermid.base.errors import ScenarioError, ThermidError, cap, errors_at, look_up, nearest, raising, refuse_unknown
-from thermid.base.files import FileKinds, Places, by_grammar, grammar_of, read_toml, refuse_another_kind, toml_value, write_text
+from thermid.base.files import FileKinds, Places, by_grammar, grammar_of, read_toml, refuse_another_kind, toml_value
 from thermid.base.results import Result, check_mark, weakest
 from thermid.base.units import ATMOSPHERE, ICE_POINT, TEMPERATURE, Kelvin, Quantity, amount, si_value
-from thermid.measure.records import rule_of
+from thermid.measure.records import StabilityRule
 from thermid.model.tree import literal
 from thermid.qualify._profiles.numbers import SLOTS, USUAL, WORDS
 
@@ -438,7 +438,7 @@ class ThermalProfile(Result):
     def mark(self) -> str:
         """The weakest mark of its numbers, steps and rule of stability: read, project, secondary or memory."""
         marks = [n.mark for n in self.used.values()] + [row.get("mark", self.step_mark) for row in self.plan]
-        rule = rule_of(self.word("stable", "")) if self.has("stable") else None
+        rule = StabilityRule.named(self.word("stable", "")) if self.has("stable") else None
         return weakest([*marks, *([] if rule is None or self.numbers["stable"].mark == "project" else [rule.mark])])
 
     @property
@@ -513,7 +513,7 @@ class ThermalProfile(Result):
         """
         new = {k: number(k, v, "project", "", self.title) for k, v in numbers.items()}
         if "stable" in new:
-            rule_of(str(new["stable"].value))
+            StabilityRule.named(str(new["stable"].value))
         changed = replace(self, numbers={**self.numbers, **new}, title=title or self.title)
         if predicted is not None:
             changed = replace(changed, predicted=predicted_range(predicted, self.title))
@@ -527,7 +527,7 @@ class ThermalProfile(Result):
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write it as a profile file that `load_profile` reads, every number with its mark."""
-        write_text(path, as_toml(self), FileKinds.PROFILE)
+        FileKinds.PROFILE.save_text(path, as_toml(self))
 
     def __str__(self) -> str:
         """The profile as a table with clauses and marks."""
@@ -813,7 +813,7 @@ def profile_from(data: Mapping[str, Any], where: str | Callable[[str], str], ste
     mark = data.get("mark", "project")
     new = {k: number(k, v, mark, "", place) for k, v in numbers.items()}
     if "stable" in new:
-        rule_of(str(new["stable"].value))
+        StabilityRule.named(str(new["stable"].value))
     profile = replace(profile, numbers={**profile.numbers, **new})
     if "steps" in data:
         profile = replace(profile, plan=tuple(data["steps"]), step_mark=mark)

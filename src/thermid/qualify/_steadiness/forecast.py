@@ -19,7 +19,7 @@ import numpy as np
 from thermid.base.errors import CodedText, RecordError, ScenarioError
 from thermid.base.results import Result, Row
 from thermid.base.units import ICE_POINT, Bools, Memo, amount, duration_text, positive_seconds, short
-from thermid.measure.records import FloatArray, Record, StabilityRule, effective_samples, rule_of
+from thermid.measure.records import FloatArray, Record, StabilityRule, effective_samples
 from thermid.model.tree import Model
 from thermid.simulation.runs import Scenario, simulate
 
@@ -586,7 +586,7 @@ def forecast(
     """
     name, inside, times, kelvin = _readings(record, channel, since, until, level)
     span, step = float(times[-1] - times[0]), record.channel(name).step
-    constants, half, wanted = _model_time_constants(model, scenario), _half_width(within, record.name), rule_of(rule)
+    constants, half, wanted = _model_time_constants(model, scenario), _half_width(within, record.name), StabilityRule.named(rule)
     air = record.channel(reference) if reference else None
     room = None if air is None else (record.times[inside & air.valid], air.values[inside & air.valid])
     limit = _longest_time_constant(slowest, span, f"{record.name}, {name}, slowest")

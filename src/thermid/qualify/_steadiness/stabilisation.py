@@ -15,20 +15,7 @@ import numpy as np
 from thermid.base.errors import RecordError, quoted
 from thermid.base.results import Result
 from thermid.base.units import duration_text, positive_seconds, value_of
-from thermid.measure.records import (
-    DOUBT_IN_ERRORS,
-    TAU_ERROR,
-    ChannelStability,
-    FloatArray,
-    Record,
-    StabilityRule,
-    channel_drift,
-    channel_stability,
-    rule_of,
-    since_when,
-    spans,
-    verdict_of,
-)
+from thermid.measure.records import DOUBT_IN_ERRORS, TAU_ERROR, ChannelStability, FloatArray, Record, StabilityRule, spans
 from thermid.qualify._profile_runs.conduct import SIMULATED_WINDOW
 from thermid.qualify._profile_runs.profile_run import ProfileRun
 from thermid.qualify._steadiness.forecast import GUARD, MAX_UNSEEN_SLOWNESS, MIN_FORECAST_READINGS, approach
@@ -214,7 +201,7 @@ def stability(
     ------
     RecordError   When a rule or a name does not fit, readings are too few, or a rule on stored heat cannot be asked.
     """
-    wanted = rule_of(rule)
+    wanted = StabilityRule.named(rule)
     slow = None if tau is None else positive_seconds(tau, "tau")
     if isinstance(of, Record):
         return _of_record(of, wanted, tuple(channels), since, at, slow, reference, run, unit)
@@ -250,8 +237,8 @@ def _of_record(
     if rule.stored:
         stored, states = _stored_in_log(cut, wanted, rule, end, run, unit)
     else:
-        states = {n: channel_stability(cut, n, rule, end, begin) for n in wanted}
-    stable_since = {n: since_when(cut, n, rule, begin) if c.verdict == "stable" else None for n, c in states.items()}
+        states = {n: rule.of_channel(cut, n, end, begin) for n in wanted}
+    stable_since = {n: rule.since_when(cut, n, begin) if c.verdict == "stable" else None for n, c in states.items()}
     air = cut.channel(reference) if reference else None
     room = None if air is None else (cut.times[air.valid], air.values[air.valid])
     remaining = {}
@@ -365,7 +352,7 @@ def _stored_in_run(run: Solution, rule: StabilityRule, start: float, end: float,
     rates = {n: float(np.diff(run[n].at(np.array([start, end])))[0]) / (end - start) for n in capacities}
     nodes = {n: c * rates[n] for n, c in capacities.items()}
     watts, power = sum(nodes.values()), _mean_power(run, unit, start, end)
-    stored = Stored(watts, 0.0, power, start, end, verdict_of(watts, 0.0, rule.rate * power), nodes)
+    stored = Stored(watts, 0.0, power, start, end, StabilityRule.verdict(watts, 0.0, rule.rate * power), nodes)
     return stored, {n: ChannelStability(n, rate, 0.0, start, end, 2, "") for n, rate in rates.items()}
 
 
@@ -416,12 +403,12 @@ def _stored_in_log(
         )
     first, measured = float(record.times[0]), [name for n, names in sits.items() if n in capacities for name in names]
     for span, last in spans(record, first, end):
-        drift = {name: channel_drift(record, name, end - span, end) for name in measured}
+        drift = {name: ChannelStability.drift(record, name, end - span, end) for name in measured}
         nodes = {n: c * float(np.mean([drift[name].rate for name in sits[n]])) for n, c in capacities.items()}
         errors = [c * drift[name].error / len(sits[n]) ** 0.5 for n, c in capacities.items() for name in sits[n]]
         watts, error = sum(nodes.values()), float(np.sqrt(np.sum(np.square(errors))))
         power = _mean_power(run, unit, end - span, end)
-        verdict = verdict_of(watts, error, rule.rate * power)
+        verdict = StabilityRule.verdict(watts, error, rule.rate * power)
         if last or verdict != "cannot tell":
             break
     return Stored(watts, error, power, end - span, end, verdict, nodes), drift

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thermid.base.errors import MissingDataError, NameNotFoundError, RecordError
-from thermid.base.files import FileKinds, scratch, write_bytes
+from thermid.base.files import FileKinds, scratch
 from thermid.base.units import Array, Bools
 from thermid.measure.readers import UNFINISHED, is_bench_log
 from thermid.measure.records import Channel, Record, usual_step
@@ -475,7 +475,7 @@ class GrowingLog:
         """Return the record of a piece of the log; None where it is too short for one."""
         with scratch() as folder:
             try:
-                return self._read(write_bytes(folder / self.path.name, text, FileKinds.COPY))
+                return self._read(FileKinds.COPY.save_bytes(folder / self.path.name, text))
             except NameNotFoundError:
                 raise
             except RecordError:

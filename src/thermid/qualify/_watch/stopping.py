@@ -24,9 +24,9 @@ import numpy as np
 from thermid.base.errors import RecordError, SolverError
 from thermid.base.linear_algebra import covariance
 from thermid.base.units import ICE_POINT, Array, duration_text, short
-from thermid.fit.calibration import Bench, Compressed, Experiment, Prior, Unknown, bind, minimise
+from thermid.fit.calibration import Bench, Compressed, Experiment, Prior, Unknown, minimise
 from thermid.inference.criticism import WATCHED
-from thermid.measure.records import MIN_INDEPENDENT_SHARE, Record, StabilityRule, channel_stability, effective_samples
+from thermid.measure.records import MIN_INDEPENDENT_SHARE, Record, StabilityRule, effective_samples
 from thermid.model.tree import Model
 from thermid.qualify._steadiness.forecast import MIN_FORECAST_READINGS, EndForecast, Forecast, IntervalEstimate, forecast
 from thermid.qualify._watch.growing import MIN_NOISE
@@ -146,7 +146,7 @@ class LiveFit:
         SolverError, RecordError   When the model cannot be run under the inputs of the record.
         """
         enough = all(np.count_nonzero(record.channel(n).valid) >= MIN_READINGS_TO_FIT for n in channels)
-        new_fit = _Fit(bind(self.model, record, self._until(record), errors={}), record, self.values) if enough else None
+        new_fit = _Fit(Experiment.bind(self.model, record, self._until(record), errors={}), record, self.values) if enough else None
         if new_fit is not None:
             new_fit.run()
             self.values = new_fit.deviations()
@@ -506,7 +506,7 @@ class Stopping:
     def _rule_is_met(self, record: Record, names: tuple[str, ...]) -> bool:
         """Whether the readings of every channel meet the plan's rule beyond two standard errors."""
         try:
-            return all(channel_stability(record, n, self.rule, since=self.changed).verdict == "stable" for n in names)
+            return all(self.rule.of_channel(record, n, since=self.changed).verdict == "stable" for n in names)
         except RecordError:
             return False
 

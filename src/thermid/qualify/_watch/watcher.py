@@ -16,7 +16,7 @@ import numpy as np
 
 from thermid.base.errors import RecordError, SolverError
 from thermid.base.units import HALF_WIDTH_95, ICE_POINT, Array, Bools, duration_text, short, value_of
-from thermid.fit.calibration import Bench, Experiment, bind
+from thermid.fit.calibration import Bench, Experiment
 from thermid.fit.estimation import WIENER, At, Belief, Dynamics, Passing, ProcessNoise
 from thermid.measure.records import Channel, Record
 from thermid.model.tree import Constant, Model
@@ -427,7 +427,7 @@ class Watcher:
     def _steady_temperatures(self, record: Record) -> dict[str, float]:
         """Return channel -> steady temperature of the model with the inputs as they are now. [K]"""
         assert self.model is not None
-        experiment = bind(self.model, record, self.scenario, errors={})
+        experiment = Experiment.bind(self.model, record, self.scenario, errors={})
         engine = Bench.of_experiment(experiment, ()).engine
         a = engine.started(engine.wiring.assemble(gradients=False))
         last = float(experiment.times[-1])
@@ -591,7 +591,7 @@ class _Window:
         values : dict               Deviations of values from the model, as `LiveFit.values`.
         wander : dict               Sensor -> factor on its noise, because its residuals are correlated.
         """
-        experiment = bind(model, record, scenario, errors={})
+        experiment = Experiment.bind(model, record, scenario, errors={})
         free, base, _, relative = unknowns_with_priors(experiment)
         keep = np.array([not n.startswith("initial.") for n in free])
         names = tuple(n for n, keeps in zip(free, keep, strict=True) if keeps)

@@ -24,7 +24,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
 from thermid.base.errors import MissingExtraError, ScenarioError, ThermidError, missing
-from thermid.base.files import FileKinds, check_ending, may_write, scratch, write_bytes, write_text
+from thermid.base.files import FileKinds, scratch
 from thermid.base.results import MARKS
 
 if TYPE_CHECKING:
@@ -543,7 +543,7 @@ class Sheets:
         if self.files:
             self.folder.mkdir(parents=True, exist_ok=True)
         for name, text in self.files.items():
-            write_text(self.folder / name, text, FileKinds.SHEET)
+            FileKinds.SHEET.save_text(self.folder / name, text)
 
 
 def csv_of(table: Table) -> str:
@@ -628,7 +628,7 @@ def check_page(to: str | os.PathLike[str]) -> Path:
     if kind is FileKinds.PAPER:
         browser()
     # the folder of a page is made where it is missing
-    return check_ending(target, kind) if not target.parent.is_dir() else may_write(target, kind) and target
+    return kind.check_ending(target) if not target.parent.is_dir() else kind.may_write(target) and target
 
 
 def write_page(name: str, to: str | os.PathLike[str], *, sheets: Sheets | None = None, **values: object) -> Path:
@@ -654,9 +654,9 @@ def write_page(name: str, to: str | os.PathLike[str], *, sheets: Sheets | None =
     target.parent.mkdir(parents=True, exist_ok=True)
     if target.suffix.lower() == ".pdf":
         with scratch() as folder:
-            page_to_pdf(write_text(folder / "page.html", content, FileKinds.PAGE), target)
+            page_to_pdf(FileKinds.PAGE.save_text(folder / "page.html", content), target)
     else:
-        write_text(target, content, FileKinds.PAGE)
+        FileKinds.PAGE.save_text(target, content)
     files.write()
     return target
 
@@ -742,7 +742,7 @@ def page_to_pdf(page: str | os.PathLike[str], to: str | os.PathLike[str], *, sec
     """
     program, source, target = browser(), Path(page).resolve(strict=True), Path(to)
     target.parent.mkdir(parents=True, exist_ok=True)
-    may_write(target, FileKinds.PAPER)
+    FileKinds.PAPER.may_write(target)
     with scratch() as folder:
         pdf = folder / "page.pdf"
         # the browser's sandbox does not run for root; the page's policy permits no script but its own
@@ -758,4 +758,4 @@ def page_to_pdf(page: str | os.PathLike[str], to: str | os.PathLike[str], *, sec
             complaints = run.stderr.decode(errors="replace").strip().splitlines()
             why = f" It said: {complaints[-1][:200]}" if complaints else ""
             raise NoBrowserError(f"'{Path(program).name}' made no PDF of '{source.name}'.{why}")
-    return write_bytes(target, printed, FileKinds.PAPER)
+    return FileKinds.PAPER.save_bytes(target, printed)

@@ -23,7 +23,7 @@ from thermid.campaign.stages import Campaign, CampaignPrediction, Check, JointFi
 from thermid.fit.calibration import MOVED, NOT_REJECTED, UNDECIDED, Calibration, Move, SensorTrace
 from thermid.inference.criticism import criticise, energy_balance
 from thermid.inference.intervals import identifiability
-from thermid.model.tree import Model, Names, flatten
+from thermid.model.tree import Flat, Model, Names
 from thermid.reporting._blocks.content import (
     DASH,
     SAME_AS_ABOVE,
@@ -122,7 +122,7 @@ def drive_of(c: Calibration, run: Solution | None) -> RecordDrive | None:
     """Return ambient temperatures and the sum of all powers over the run of a record."""
     if run is None:
         return None
-    ambient = {b: run[b].kelvin for b in flatten(c.given_model).names.boundaries if b in run.nodes}
+    ambient = {b: run[b].kelvin for b in Flat.of_model(c.given_model).names.boundaries if b in run.nodes}
     return RecordDrive(run.times, ambient, total_power(run))
 
 
@@ -244,7 +244,7 @@ def _network(decisive: Decisive, run: Solution | None) -> Plot | None:
     if run is None:
         return None
     model = decisive.fit.model
-    flat = flatten(model)
+    flat = Flat.of_model(model)
     nodes = [n.path for n in flat.nodes]
     inside = {*nodes, *flat.names.boundaries}  # a sensor that lags has a node in the run, and none in the model
     k = hottest_moment(run, nodes)
@@ -435,7 +435,7 @@ def _stage(key: str, c: Calibration, campaign: Campaign, sheets: Sheets) -> Part
         "model": c.given_model,
         "facts": facts,
         "warnings": c.warnings,
-        "diagram": picture if whole or len(flatten(c.model).nodes) > 1 else "",
+        "diagram": picture if whole or len(Flat.of_model(c.model).nodes) > 1 else "",
         "oversized": "sheet" if oversized(picture) else "column" if not whole and oversized(picture, BRIEF_MAP) else "",
         "traces": _traces(c.blocks, f"{key}-trace", sheets.audience, fits={id(b): c for b in c.blocks}, most=BRIEF),
         "tables": shown,

@@ -16,7 +16,7 @@ from thermid.base.units import HALF_WIDTH_95, ICE_POINT, counted, from_si, si_un
 from thermid.campaign.stages import Campaign, CampaignPrediction, Check, Verdict, metric
 from thermid.fit.calibration import MOVED, Calibration
 from thermid.measure.records import Record
-from thermid.model.tree import Model, ParameterSet, flatten, ledger
+from thermid.model.tree import Flat, Model, ParameterSet, ledger
 from thermid.reporting._blocks.content import (
     DASH,
     SAME_AS_ABOVE,
@@ -409,7 +409,7 @@ def models(campaign: Campaign) -> Table:
     ]
     rows: list[Line] = []
     for stage, c in campaign.stages.items():
-        flat, provenance = flatten(c.given_model), c.values.provenance
+        flat, provenance = Flat.of_model(c.given_model), c.values.provenance
         identity, key = str(provenance.get("model", DASH)), campaign.keys.get(stage, "")
         sizes = [str(len(flat.nodes)), str(len(flat.conductors)), str(c.evaluations)]
         code = Cell(identity[:12], identity, "code")

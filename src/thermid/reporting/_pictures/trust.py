@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from thermid.base.errors import ThermidError
-from thermid.base.files import FileKinds, check_ending, write_bytes, write_text
+from thermid.base.files import FileKinds
 from thermid.base.units import ICE_POINT, from_si, unit
 from thermid.inference.criticism import Criticism
 from thermid.inference.intervals import Profile
@@ -49,19 +49,19 @@ def picture(thing: Profile | Criticism | Hold | ProfileRun | Look, to: str | os.
     MissingExtraError   When matplotlib is not installed.
     """
     if isinstance(thing, Look):
-        return write_text(check_ending(to, FileKinds.DRAWING), log_drawing(thing) + "\n", FileKinds.DRAWING)
+        return FileKinds.DRAWING.save_text(FileKinds.DRAWING.check_ending(to), log_drawing(thing) + "\n")
     drawers: dict[type, Any] = {Profile: _profile, Criticism: _criticism, Hold: draw_hold, ProfileRun: draw_run}
     if type(thing) not in drawers:
         raise ThermidError(
             f"a {type(thing).__name__} has no picture. There are pictures of {', '.join(t.__name__ for t in (*drawers, Look))}.",
             code="value.wrong-kind",
         )
-    target = check_ending(to, FileKinds.PICTURE)
+    target = FileKinds.PICTURE.check_ending(to)
     with _canvas() as figure:
         drawers[type(thing)](figure, thing)
         drawn = BytesIO()
         figure.savefig(drawn, format=target.suffix.lower()[1:], dpi=144, metadata={"Date": None} if target.suffix == ".svg" else None)
-    return write_bytes(target, drawn.getvalue(), FileKinds.PICTURE)
+    return FileKinds.PICTURE.save_bytes(target, drawn.getvalue())
 
 
 @contextmanager

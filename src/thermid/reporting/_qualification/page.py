@@ -12,7 +12,7 @@ import numpy as np
 from thermid.base.results import VERDICTS, weigh
 from thermid.base.units import ICE_POINT, counted
 from thermid.campaign.stages import Correlation, Limits, heading, spans
-from thermid.model.tree import flatten
+from thermid.model.tree import Flat
 from thermid.qualify.plans import Qualification, Trial
 from thermid.reporting._blocks.content import (
     DASH,
@@ -227,7 +227,7 @@ def _configuration(q: Qualification) -> list[PageBlock]:
     """Return the blocks on the unit as tested and as flown: differences and size of the model."""
     configuration = q.plan.content.configuration
     rows: list[Line] = [[d.what, d.effect or DASH] for d in configuration.differences]
-    flat = flatten(q.knowledge.model)
+    flat = Flat.of_model(q.knowledge.model)
     size = (("model", q.knowledge.model.title), ("nodes", str(len(flat.nodes))), ("conductors", str(len(flat.conductors))))
     table = Table.of_rows([Head("difference", wrapped=True), Head("effect", wrapped=True)], rows)
     return [
@@ -368,7 +368,7 @@ def _assumed(q: Qualification) -> list[PageBlock]:
 def _delivery(q: Qualification) -> Table:
     """Return the table of what is delivered: model, identity, sizes, plan, lock, fitted values."""
     model = q.knowledge.model
-    flat = flatten(model)
+    flat = Flat.of_model(model)
     sizes = f"{len(flat.nodes)}, {len(flat.conductors)}, {len(flat.loads)}"
     rows: list[Line] = [["model", model.title], ["identity", Cell(model.identity(), "hash of the model's content", "code")]]
     rows += [["nodes, conductors, loads", sizes], ["plan", Cell(q.lock.sha256[:16], q.lock.sha256, "code")], ["lock", str(q.lock)]]

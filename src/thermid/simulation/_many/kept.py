@@ -16,7 +16,7 @@ from zipfile import BadZipFile
 import numpy as np
 from numpy.typing import NDArray
 
-from thermid.base.files import FileKinds, replacing, sweep
+from thermid.base.files import FileKinds, sweep
 from thermid.base.units import Memo
 
 
@@ -88,7 +88,7 @@ class JobFolder:
 
     def save(self, name: str, arrays: Mapping[str, Any]) -> None:
         """Save arrays by name under the name of a task; the file appears when it is whole."""
-        with replacing(self.place / f"{name}.npz", FileKinds.RESULTS_FILE) as half:
+        with FileKinds.RESULTS_FILE.replacing(self.place / f"{name}.npz") as half:
             np.savez(half, **arrays)
 
 

@@ -10,7 +10,7 @@ from typing import Any
 from thermid.base.errors import ScenarioError
 from thermid.base.units import ATMOSPHERE, STANDARD_GRAVITY
 from thermid.model.tree import Constant, Signal, literal, signal
-from thermid.physics.gas import gas_named
+from thermid.physics.gas import MolecularGas
 
 ONE_ATMOSPHERE = Constant(ATMOSPHERE)
 CALM = Constant(0.0)
@@ -56,7 +56,7 @@ class Environment:
         for name in ("gas", "vented"):
             if not isinstance(getattr(self, name), str):
                 raise ScenarioError(f"it takes a name, not {getattr(self, name)!r}.", f"environment, {name}", code="value.wrong-kind")
-        gas_named(self.gas, "environment")
+        MolecularGas.named(self.gas, "environment")
         (low, high), humidity = self.pressure.bounds, self.humidity
         for broken, message, code in (
             (

@@ -32,7 +32,7 @@ from thermid.model.tree import (
 )
 from thermid.physics.convection import duct_nusselt, fin_efficiency
 from thermid.physics.correlations import forced_plate_nusselt, gap_nusselt_table, nusselt_table
-from thermid.physics.gas import MolecularGas, free_molecular_htc, gas_named
+from thermid.physics.gas import MolecularGas
 from thermid.physics.plates import DISC_SHAPE_FACTOR
 from thermid.physics.radiation import radiation_coefficient
 from thermid.simulation._network.environment import GROUND, Environment
@@ -237,9 +237,9 @@ def gap_rows(c: FlatConductor, law: Law, state: GasState) -> tuple[ConductorRow,
     holds area [m^2], distance [m], accommodation and a factor on the convection [-].
     """
     area, distance, share, factor = law.coefficients
-    gas = gas_named(c.words["gas"], c.where) if "gas" in c.words else state.gas
+    gas = MolecularGas.named(c.words["gas"], c.where) if "gas" in c.words else state.gas
     inside = GasState(gas, state.pressure, state.natural, key=state.key)
-    molecular = (share / (2.0 - share)) * free_molecular_htc(gas, ANCHOR, 1.0) * distance / gas.k(ANCHOR)
+    molecular = (share / (2.0 - share)) * gas.free_molecular_htc(ANCHOR, 1.0) * distance / gas.k(ANCHOR)
     still = _rest(c, area * gas.k(ANCHOR) / distance, molecular, inside)
     if "tilt" not in c.words:
         return (still,)
@@ -273,7 +273,7 @@ def correlation_rows(c: FlatConductor, law: Law, state: GasState) -> tuple[Condu
         curve = Curve("difference", x, y, None, film, interpolation="smooth")
         signal = f"{state.gust} {k}" if state.gust else ""
         moving.append(ConductorRow(c.path, c.ends, Law("natural", (scale, root)), curve, signal, state.named("natural")))
-    molecular = ACCOMMODATION * free_molecular_htc(gas, ANCHOR, 1.0) * length / (gas.k(ANCHOR) * least)
+    molecular = ACCOMMODATION * gas.free_molecular_htc(ANCHOR, 1.0) * length / (gas.k(ANCHOR) * least)
     still = _rest(c, scale * least, molecular, state)
     return still, *moving
 
@@ -325,7 +325,7 @@ def rarefied_rows(c: FlatConductor, law: Law, area: Number, state: GasState) -> 
         least = first
     if value_of(least) == 0.0:
         return (fitted,)
-    still = _rest(c, least, ACCOMMODATION * free_molecular_htc(gas, ANCHOR, 1.0) * area / least, state, state.named("rest"))
+    still = _rest(c, least, ACCOMMODATION * gas.free_molecular_htc(ANCHOR, 1.0) * area / least, state, state.named("rest"))
     return fitted, replace(still, law=still.law.scaled(1.0 if state.key else 1.0 - state.natural))
 
 
@@ -433,7 +433,7 @@ class Media:
         """Return a gas node as the rows of its conductors need it: constants, or names of inputs where pressure or wind change."""
         key, environment = self._key(gas), self._environment(gas)
         p = self._pressure(key, environment)
-        kind = gas_named(environment.gas, where)
+        kind = MolecularGas.named(environment.gas, where)
         steady, wind = isinstance(p, Constant), environment.wind
         base = (
             GasState(kind, p.value, float(environment.natural(p.value))) if isinstance(p, Constant) else GasState(kind, 1.0, 1.0, key=key)
@@ -493,7 +493,7 @@ class Media:
         `temperature` (times,) is the mean of the gas [K] at `times` (times,) [s].
         """
         environment = self._environment(c.gas)
-        gas = gas_named(c.words.get("gas", environment.gas), c.where)
+        gas = MolecularGas.named(c.words.get("gas", environment.gas), c.where)
         at = gas.at(temperature, np.maximum(self.pressure(c.gas).at(times), 1e-30))
         return np.asarray(environment.gravity * at.expansion_at(temperature) / (at.kinematic_viscosity * at.thermal_diffusivity()))
 

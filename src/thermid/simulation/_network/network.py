@@ -18,20 +18,7 @@ import numpy as np
 
 from thermid.base.errors import CodedText, DeckError, errors_at
 from thermid.base.units import Memo, Number, value_of
-from thermid.model.tree import (
-    COMPLEMENT,
-    Curve,
-    Flat,
-    FlatConductor,
-    FlatLoad,
-    FlatNode,
-    HeatStore,
-    Law,
-    Model,
-    exposed_area,
-    flatten,
-    streams_of,
-)
+from thermid.model.tree import COMPLEMENT, Curve, Flat, FlatConductor, FlatLoad, FlatNode, HeatStore, Law, Model, exposed_area, streams_of
 from thermid.simulation._network.controls import PHASE, ControlRow, control_names, control_row, phase_row, state_of
 from thermid.simulation._network.irradiation import absorbers
 from thermid.simulation._network.medium import TRACE, Media, check_gas_laws, conductors_with_trace
@@ -379,7 +366,7 @@ KEPT_NETWORKS: Final = 8
 
 def _compiled(model: Model, media: Media | None, prescribed: tuple[str, ...]) -> Network:
     """Return what `compile_network` does, made anew."""
-    flat = flatten(model)
+    flat = Flat.of_model(model)
     if media is not None and media.irradiation:
         flat = replace(flat, loads=(*flat.loads, *absorbers(flat, media.irradiation)))
     driven = tuple(flat.names.find(p) for p in prescribed)

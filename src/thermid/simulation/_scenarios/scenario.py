@@ -8,7 +8,7 @@ from typing import Any
 
 from thermid.base.errors import CodedText, ScenarioError, errors_at, refuse_unknown
 from thermid.base.results import Shown
-from thermid.base.units import TEMPERATURE, amount, instant, kelvin
+from thermid.base.units import TEMPERATURE, Stamp, amount, kelvin
 from thermid.model.tree import Constant, Flat, Signal, TableSignal, check_span, in_run, literal, own_signal, signal
 from thermid.simulation._network.environment import Environment
 from thermid.simulation._network.irradiation import Irradiation, Sky
@@ -147,7 +147,7 @@ class Scenario(Shown):
         stamps = {place: s.stamp for place, s in self.signals() if isinstance(s, TableSignal) and s.stamp is not None}
         if self.begins is None and not stamps:
             return
-        begins = min(stamps.values()) if self.begins is None else instant(self.begins, f"{self.title}, begins")
+        begins = min(stamps.values()) if self.begins is None else Stamp.read(self.begins, f"{self.title}, begins")
         other = next((place for place, stamp in stamps.items() if stamp.zoned != begins.zoned), "")
         if other:
             one = "begins" if self.begins is not None else next(iter(stamps))

@@ -2,12 +2,18 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any, ClassVar, Literal
+from typing import Annotated, Any, ClassVar, Literal, TypeAlias
 
 from pydantic import Field
 
 from thermid.base.errors import ScenarioError, ThermidError
-from thermid.base.grammar import Amount, Finite, Flag, SignalField, StrictTable, Whole, in_form
+from thermid.base.grammar import Amount, ColumnTable, Finite, Flag, SineTable, StrictTable, TimesTable, Whole, in_form
+
+SignalField: TypeAlias = Annotated[
+    Any, in_form(Amount, (ColumnTable, ("file", "column")), (SineTable, ("mean", "amplitude")), (TimesTable, ()))
+]
+"""What may change with time in a scenario file: as `CourseField`, or a column of a log."""
+
 
 Share = Annotated[float, Field(strict=True, ge=0.0, le=1.0)]
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from thermid.campaign._file import CampaignSource, read_campaign
+from thermid.campaign._file import CampaignSource
 
 from .conftest import Call
 
@@ -37,7 +37,7 @@ def test_noise_needs_no_element(fitted_campaign: Path, call: Call, monkeypatch: 
     assert said.code == 0
     assert "1 of 1" in said.out
     assert "candidates, each alone" not in said.out
-    assert [v.record for v in read_campaign(fitted_campaign).content.verdicts] == ["pair_two"]
+    assert [v.record for v in CampaignSource.read(fitted_campaign).content.verdicts] == ["pair_two"]
     assert opened == {"box_bench", "pair_one"}
     found = call("criticise", fitted_campaign, "--stage", "box", "--json").object["stages"]["box"]
     assert (found["suggested"], found["candidates"], found["traces"][0]["white"]) == (None, [], True)
@@ -138,7 +138,7 @@ def test_the_lines_printed_for_the_parts_of_a_log_can_be_joined(tmp_path: Path, 
     (tmp_path / "cut.toml").write_text(PARTS + lines)
     checked = call("check", tmp_path / "cut.toml")
     assert checked.code == 0, checked.out
-    record = read_campaign(tmp_path / "cut.toml").record("room")
+    record = CampaignSource.read(tmp_path / "cut.toml").record("room")
     assert sorted(record.channels) == ["ROOM", "T_1", "T_1_2", "T_1_2_2", "T_1_2_3", "T_1_3", "T_1_4"]
     assert [record.channels[n].target for n in ("T_1", "T_1_3", "T_1_4", "T_1_2_3")] == ["T_1", "T_1", "T_1", "T_1_2"]
     printed = re.findall(r'node = "T_1", noise = "(.*?) \[K\]"', said)

@@ -20,7 +20,7 @@ from thermid.base.errors import RecordError
 from thermid.bench._wire import sealed
 from thermid.bench.bench_files import MappedSensor
 from thermid.bench.logger import Logger
-from thermid.measure.records import ICE, SensorCertificate, channel_stability, rule_of
+from thermid.measure.records import ICE, SensorCertificate, StabilityRule
 from thermid.qualify.steadiness import forecast
 
 pytestmark = pytest.mark.skipif(os.name != "posix", reason="a log is locked by posix means")
@@ -75,7 +75,7 @@ def test_it_says_what_settle_would_say_of_the_log(warm: Fed) -> None:
     for k, name in enumerate(("part 0", "part 1")):
         found = warm.judge.outlook(warm.roms[k])
         assert found is not None
-        whole = channel_stability(record, name, rule_of("3 C/h"))
+        whole = StabilityRule.named("3 C/h").of_channel(record, name)
         assert found.verdict == whole.verdict
         assert found.rate == pytest.approx(whole.rate, abs=1e-9)
         assert found.error == pytest.approx(whole.error, rel=0.02)

@@ -16,13 +16,13 @@ from thermid.app.cli.app import app
 from thermid.app.studio.follow import Follower, LiveWatch
 from thermid.app.studio.project import Project
 from thermid.base.errors import RecordError, ThermidError, code_of
-from thermid.measure.records import rule_of
+from thermid.measure.records import StabilityRule
 from thermid.model.tree import Model
 from unit.fit.estimation.rig import Array, logged, rig, run
 
 pytestmark = pytest.mark.usefixtures("values_alone")
 
-RULE = rule_of("3 C/h")
+RULE = StabilityRule.named("3 C/h")
 STEP = 10.0
 """Between readings of the logs. [s]"""
 DECK = """
@@ -110,7 +110,7 @@ def test_the_studio_says_what_the_command_prints(tmp_path: Path, count: int) -> 
             courses["case"][-40:] = 273.15  # a sensor that fell off
         path, (known, asked, given) = write(tmp_path / f"log{k}.csv", courses, k), list(ways.values())[k % len(ways)]
         rule, within = ("3 C/h", "1 K over 4 h")[k % 2], (1.0, 0.3)[k // 2 % 2]
-        told = LiveWatch(known).look(path, rule_of(rule), {**asked, "within": within})
+        told = LiveWatch(known).look(path, StabilityRule.named(rule), {**asked, "within": within})
         assert [told.pop(n) for n in ("unused", "model", "like")] == ["", "rig" if given else "", "warm" if k % 3 == 1 else ""]
         told.pop("bound")
         assert told == printed(str(path), *given, "--rule", rule, "--within", f"{within} [K]")

@@ -26,7 +26,7 @@ from thermid.app.studio.work import Work
 from thermid.base.errors import DeckError
 from thermid.base.results import clean
 from thermid.inference.criticism import Mistakes
-from thermid.values.store import filed, load_store
+from thermid.values.store import Filed, load_store
 from two_masses import write_plan
 
 from .test_stages import laid
@@ -200,7 +200,7 @@ def saved(project: Project, name: str, values: dict[str, float]) -> float:
     assert project.source is not None
     assert desk.problem is not None
     deck = next(s.model for s in project.source.content.stages if s.name == name)
-    laid_ = filed(file, td.load_model(project.path.parent / deck))
+    laid_ = Filed.read(file, td.load_model(project.path.parent / deck))
     assert not laid_.gone
     states = load_store(file)[0].states
     found = {} if desk.calibration is None else {p: v.value for p, v in desk.calibration.values.items() if v.kind != "parameter"}

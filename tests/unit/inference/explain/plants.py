@@ -9,7 +9,7 @@ import numpy as np
 
 import thermid as td
 from thermid.inference._explain.candidates import laid_open
-from thermid.model.tree import Conductor, parameter
+from thermid.model.tree import Conductor, Parameter
 
 GROUPS = ("boundary or reference", "power", "link", "sensor", "capacitance")
 NOISE, ACCURACY, VISIBLE = 0.05, 0.2, 0.8
@@ -108,7 +108,7 @@ def _fault(
             break
     size = float(np.exp(rng.uniform(np.log(0.03), np.log(0.6))))
     grown = laid_open(model)
-    link = Conductor("conduction", (a, b), {"conductance": parameter(f"{size!r} [W/K]", "planted")})
+    link = Conductor("conduction", (a, b), {"conductance": Parameter.read(f"{size!r} [W/K]", "planted")})
     return replace(grown, conductors={**grown.conductors, "planted": link}), f"link {a} - {b} {size:.2f} W/K", {}, 0.0
 
 

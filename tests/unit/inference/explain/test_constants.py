@@ -18,7 +18,7 @@ from thermid.inference._explain.criticism import Candidate, Criticism, TraceCrit
 from thermid.inference._explain.diagnosis import Diagnosis, Suspect
 from thermid.inference._explain.plausibility import RangeCheck
 from thermid.model.tree import TableSignal
-from thermid.physics.materials import materials
+from thermid.physics.materials import Material
 from thermid.simulation.runs import compile_network
 from unit.fit.bench import HTC, MASS, box, log, pair
 
@@ -79,7 +79,7 @@ class TestRanges:
     def test_solids_hold_what_metals_to_plastics_hold(self) -> None:
         """The lightest of the table of materials, and 1500 J/(kg K) of plastics; 1 kg of them beside 900 J/(kg K)."""
         found = plausible([MASS], weights={"case": "1 [kg]"})[MASS]
-        assert (found.low, found.high) == pytest.approx((materials()["copper"].specific_heat / 900.0, 1500.0 / 900.0))
+        assert (found.low, found.high) == pytest.approx((Material.table()["copper"].specific_heat / 900.0, 1500.0 / 900.0))
 
     def test_a_loss_grows_by_five_times_copper_at_most(self) -> None:
         grows = {"loads/heat/temperature_coefficient": {"value": "0.004 [1/K]", "min": -1}, "loads/heat/reference_temperature": "20 [degC]"}

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from thermid.fit.calibration import binned, build_problem, evidences, starting_point
+from thermid.fit.calibration import Binned, build_problem, evidences, starting_point
 from thermid.inference._explain.thresholds import SIZES, SizedValue
 from thermid.inference._explain.weighing import CauseScore, noise_of, shares, weighed_at, weighed_in_noise
 from unit.fit.bench import HTC, MASS, box, log
@@ -32,7 +32,7 @@ def likeliest(mean: np.ndarray, slopes: np.ndarray, times: np.ndarray, prior: np
 def test_evidence_is_that_of_dense_normal_distributions(wander: float) -> None:
     problem = build_problem(_asked())
     at = starting_point(problem.unknowns)
-    (b,) = binned(problem, at).values()
+    (b,) = Binned.of_problem(problem, at).values()
     assert (b.count == 1.0).all()
     rng = np.random.default_rng(2)
     slow = wander * np.linalg.cholesky(np.exp(-np.abs(b.times[:, None] - b.times) / 3000.0) + 1e-9 * np.eye(b.times.size))

@@ -16,7 +16,7 @@ from by_code import raises_code
 from thermid.app.cli.app import app
 from thermid.base.errors import NameNotFoundError
 from thermid.prediction.bands import Knowledge
-from thermid.values.store import filed
+from thermid.values.store import Filed
 
 G = "loss.conductance"
 DECK = """
@@ -146,7 +146,7 @@ def test_of_a_part_a_set_above_wins_and_a_line_says_so(folder: Path) -> None:
         'title = "rig"\nneeds = ["air"]\n[submodels.p]\nuse = "plate.toml"\nbind = { air = "air" }\n'
         '[set]\n"p.loss.conductance" = "1 [W/K]"\n'
     )
-    found = filed(folder / "fit.toml", td.load_model(folder / "rig.toml"), at="p")
+    found = Filed.read(folder / "fit.toml", td.load_model(folder / "rig.toml"), at="p")
     assert found.model.at(f"p.{G}").text == "1 [W/K]"
     (line,) = found.lines
     assert line.startswith(f"'p.{G}' is 1 [W/K] by")
@@ -241,7 +241,7 @@ def test_a_stated_range_is_one_source_wherever_its_deck_stands(tmp_path: Path) -
     fitted(rig, "room", {"T": "p.body", "S": "stand"}, "foot.conductance", inherit={"p": below}).save(tmp_path / "rig.values.toml")
     hot = td.Scenario("hot", boundaries={"room": "60 [degC]"}, start="60 [degC]", duration=9000.0)
     errors = [
-        td.predict(Knowledge.of_file(filed(tmp_path / "rig.values.toml", model)), hot)["p.body"].final.error
+        td.predict(Knowledge.of_file(Filed.read(tmp_path / "rig.values.toml", model)), hot)["p.body"].final.error
         for model in (rig, written(f"# a remark\n{SKIN}"), written(SKIN, "copy.toml"))
     ]
     assert errors[1:] == pytest.approx(2 * errors[:1], rel=1e-9)

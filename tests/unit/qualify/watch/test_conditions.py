@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import thermid as td
-from thermid.measure.records import Channel, Record, rule_of
+from thermid.measure.records import Channel, Record, StabilityRule
 from thermid.model.tree import TableSignal, model_from_dict
 from thermid.qualify._watch import growing
 from thermid.qualify._watch.growing import (
@@ -68,7 +68,7 @@ def log_of(kind: str, every: float = EVERY) -> tuple[td.Model, td.Scenario, Reco
 def looks(kind: str, every: float) -> list[WatchLook]:
     """Return the looks at a test, one in so many seconds from the tenth minute on."""
     model, said, record = log_of(kind)
-    twin = Watcher(Stopping(rule_of("3 C/h"), 1.0, model=model, scenario=said), ("chip", "case"), model, said)
+    twin = Watcher(Stopping(StabilityRule.named("3 C/h"), 1.0, model=model, scenario=said), ("chip", "case"), model, said)
     return [twin.look(r) for r in replayed(record, every) if r.duration >= 600.0]
 
 
@@ -82,7 +82,7 @@ def test_nothing_fails_and_nothing_is_said_to(kind: str, every: float) -> None:
 
 def test_a_switch_withdraws_the_advice_at_once() -> None:
     model, said, record = log_of("plan")
-    twin = Watcher(Stopping(rule_of("3 C/h"), 1.0, model=model, scenario=said), ("chip", "case"), model, said)
+    twin = Watcher(Stopping(StabilityRule.named("3 C/h"), 1.0, model=model, scenario=said), ("chip", "case"), model, said)
     before, at_once, after = (twin.look(record.trim(0.0, at)).advice for at in (8400.0, 8460.0, 9000.0))
     assert before.word == "stop"
     assert (at_once.word, at_once.decisions) == ("declined", 1)
@@ -156,6 +156,6 @@ class TestRows:
 
 def test_a_rig_without_noise_stated_takes_that_of_the_readings() -> None:
     model, said, record = rig(), scenario(), log_of("spikes", 10.0)[2]
-    twin = Watcher(Stopping(rule_of("3 C/h"), 1.0, model=model, scenario=said), ("chip", "case"), model, said)
+    twin = Watcher(Stopping(StabilityRule.named("3 C/h"), 1.0, model=model, scenario=said), ("chip", "case"), model, said)
     look = twin.look(record.trim(0.0, 1800.0))
     assert any(re.search(r"chip 0\.05 K, case \d", a) for a in look.assumed)

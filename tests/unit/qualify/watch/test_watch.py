@@ -12,13 +12,13 @@ import numpy as np
 import pytest
 
 from thermid.base.errors import ThermidError
-from thermid.measure.records import Record, rule_of
+from thermid.measure.records import Record, StabilityRule
 from thermid.qualify._watch.stopping import DECISIONS, Stopping, TemperatureLimit
 from thermid.qualify._watch.watcher import Watcher, sensor_alarms, suspect_values
 from unit.fit.estimation.rig import logged, rig, run, scenario
 
 ICE = 273.15
-RULE = rule_of("3 C/h")
+RULE = StabilityRule.named("3 C/h")
 
 
 def rising(size: int = 400, tau: float = 900.0, seed: int = 1, end: float = 20.0) -> Record:
@@ -179,4 +179,4 @@ class TestModel:
 
 def test_errors_are_thermids() -> None:
     with pytest.raises(ThermidError):
-        Stopping(rule_of("never"), 1.0)
+        Stopping(StabilityRule.named("never"), 1.0)

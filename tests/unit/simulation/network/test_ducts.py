@@ -11,9 +11,9 @@ import pytest
 import thermid as td
 from by_code import raises_code
 from thermid.physics.convection import duct_nusselt, rectangle_nusselt
-from thermid.physics.gas import gas_named
+from thermid.physics.gas import MolecularGas
 
-AIR = gas_named("air", "")
+AIR = MolecularGas.named("air", "")
 K, MU, PR = float(AIR.k(300.0)), float(AIR.mu(300.0)), float(AIR.at(300.0).prandtl)
 
 

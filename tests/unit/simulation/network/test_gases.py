@@ -14,7 +14,7 @@ from thermid.base.errors import DeckError, ScenarioError, code_of
 from thermid.base.units import ATMOSPHERE, STANDARD_GRAVITY
 from thermid.model._tree.identity import to_dict
 from thermid.model.tree import Constant, TableSignal
-from thermid.physics.gas import GASES, free_molecular_htc, gap_htc, knudsen_number
+from thermid.physics.gas import GASES, gap_htc, knudsen_number
 from thermid.physics.plates import body_htc, horizontal_plate_down_htc, horizontal_plate_up_htc, vertical_plate_htc_all
 from thermid.simulation._network.medium import sampled_pressure, vented
 from thermid.simulation._solver.engine import Engine
@@ -73,12 +73,12 @@ def test_a_gap_from_one_atmosphere_to_vacuum(gap: float) -> None:
             assert h == pytest.approx(AIR.k(300.0) / gap, rel=0.01)
             thick += 1
         if knudsen > 1e3:
-            assert h == pytest.approx(free_molecular_htc(AIR, 300.0, p, 0.9), rel=0.01)
+            assert h == pytest.approx(AIR.free_molecular_htc(300.0, p, 0.9), rel=0.01)
             thin += 1
     assert thin + thick >= 2
-    assert found[0] == pytest.approx(free_molecular_htc(AIR, 300.0, 1e-4, 0.9), rel=0.01)
+    assert found[0] == pytest.approx(AIR.free_molecular_htc(300.0, 1e-4, 0.9), rel=0.01)
     assert found[-1] == pytest.approx(AIR.k(300.0) / gap, rel=0.01)
-    half = float(AIR.k(300.0) / gap / free_molecular_htc(AIR, 300.0, 1.0, 0.9))  # both resistances are equal
+    half = float(AIR.k(300.0) / gap / AIR.free_molecular_htc(300.0, 1.0, 0.9))  # both resistances are equal
     assert settled(model, at(half)) == pytest.approx(0.5 * AIR.k(300.0) / gap, rel=1e-4)
 
 
