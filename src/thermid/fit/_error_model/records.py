@@ -250,7 +250,6 @@ class RecordRun:
         """Return the centre (rows,) of what is expected less what is read [K], and source -> variance (rows,). [K^2]"""
         rows, own_responses = self.responses()
         size = len(way.values)
-        mean = np.concatenate([np.zeros(size), way.mean])
         parts = {
             BandCause.VALUES: np.sum((rows @ way.root[:, :size]) ** 2, axis=1),
             BandCause.STRUCTURE: np.sum((rows @ way.root[:, size:]) ** 2, axis=1),
@@ -259,7 +258,7 @@ class RecordRun:
             source = {"run": BandCause.RUN, "room": BandCause.ROOM, "unlogged": BandCause.ROOM}.get(c.group, c.source)
             parts[source] = parts.get(source, 0.0) + (deviation(c, way.sizes, self.beyond) * column) ** 2
         parts[BandCause.UNEXPLAINED] = sum((share * self.wandering(size, part) for share, size, part in way.left), np.zeros(rows.shape[0]))
-        return rows @ mean + self.reference, parts
+        return rows @ way.mean + self.reference, parts
 
     def wandering(self, size: float, part: float) -> Array:
         """Return the variance (rows,) of what no element explains, and the run's fitted values do not follow. [K^2]"""
