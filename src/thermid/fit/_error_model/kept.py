@@ -189,13 +189,9 @@ class KeptWay:
 
     def beside(self, other: KeptWay) -> KeptWay:
         """Return what both say, of different values and elements; independently of one another."""
-        values, columns = len(self.values), len(self.values) + len(other.values)
-        mine = [*range(values), *range(columns, columns + len(self.columns))]
-        root = np.zeros((len(self.root) + len(other.root),) * 2)
-        theirs = [k for k in range(len(root)) if k not in mine]
-        root[np.ix_(mine, range(len(mine)))] = self.root
-        root[np.ix_(theirs, range(len(mine), len(root)))] = other.root
-        order = np.argsort([*mine, *theirs])
+        mine, more = len(self.root), len(other.root)
+        order = np.argsort([n not in w.values for w in (self, other) for n in w.places], kind="stable")  # values first
+        root = np.block([[self.root, np.zeros((mine, more))], [np.zeros((more, mine)), other.root]])[order]
         a, b = self.departures, other.departures
         departures = replace(a, smooth={**a.smooth, **b.smooth}, hidden=tuple({*a.hidden, *b.hidden}), nodes=(*a.nodes, *b.nodes))
         return replace(
