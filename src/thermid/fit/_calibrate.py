@@ -78,18 +78,18 @@ def own_standing(
     message : str           How the search ended where it did not converge.
     """
     wrong = [*contradicted(values).values(), *([f"the fit did not converge: {message}"] if message else [])]
-    short_of = [f"'{u.name}' ended at its {side} bound" for u, side, _ in at_bounds(problem, at, errors)]
+    at_bound = [f"'{u.name}' ended at its {side} bound" for u, side, _ in at_bounds(problem, at, errors)]
     if wrong:  # a value that a bound holds is why inherited ones move
-        return Standing("not credible", "; ".join([*wrong, *short_of, *moved.contradictions()]), values.stage, request.accepted)
-    short_of += _beyond_stated(problem, spread, request.adequate) if request.adequate and spread is not None else []
-    short_of += [
+        return Standing("not credible", "; ".join([*wrong, *at_bound, *moved.contradictions()]), values.stage, request.accepted)
+    short_of = [
         f"'{name}' lies {far:.1f} standard deviations from its prior (limit {STRAINED:g})"
         for name, far in [*_far_from_prior(problem, at).items()][:1]
         if far > STRAINED
     ]
     times, words = _beyond_accuracy(problem, at)
     short_of += [words] if times > ASIDE else []
-    if short_of:
+    short_of += _beyond_stated(problem, spread, request.adequate) if request.adequate and spread is not None else []
+    if short_of := [*short_of, *at_bound]:  # what was stated with a probability comes first; a bound has none
         return Standing("not adequate", "; ".join(short_of), values.stage, request.accepted)
     return replace(CREDIBLE, stage=values.stage)
 

@@ -84,6 +84,8 @@ ELEMENTS = ("structural", BandCause.STRUCTURE)
 """Kinds and causes without which nothing departs: the answer is that of the model's own structure, with the errors of its fits."""
 SCHEDULE_SLACK = 0.01
 """Part of a logged schedule's largest value by which a scenario may pass its ends before that is named. [-]"""
+EXPECTED_OF = "expected of "
+"""Begins the name of the source by which values and departures of a fit lie where they are expected, from where its derivatives are."""
 LEAST_TOGETHER = 1e-3
 """Probability from which ways of several fits are answered for together. [-]"""
 ROOM_HATS = 25
@@ -386,7 +388,7 @@ class BudgetWay:
     ----------
     weight : float      Its probability. [-]
     kept : tuple        What is known of the elements, of every part that a fit of its own saw.
-    at : dict           Value -> its mean. [SI]
+    at : dict           Value -> where the derivatives of its fit were taken. [SI]
     gain : array        (targets, sources) of the first targets and sources of the budget.
     """
 
@@ -570,7 +572,7 @@ class Budget:
             numbered = [
                 Source(f"errors of {e.stage}: {k}", "data" if k < size else "structural", Normal(), BandCause.VALUES) for k in range(most)
             ]
-            sure = Source(f"expected of {e.stage}", "structural", Normal(1.0, 0.0), "where elements are expected")
+            sure = Source(f"{EXPECTED_OF}{e.stage}", "structural", Normal(1.0, 0.0), "where elements are expected")
             columns = dict.fromkeys(c.name for w in e.ways for c in w.columns)
             out = out.beside(numbered[:size], BandCause.VALUES)
             out = out.beside([*numbered[size:], sure], BandCause.STRUCTURE, [Target(n, "heat") for n in columns])
@@ -604,14 +606,13 @@ class Budget:
         gain, at = self.gain.copy(), dict[str, float]()
         place = {s.name: k for k, s in enumerate(self.sources)}
         for e, way in several:
-            unknown, begin, end = way.places, place[f"errors of {e.stage}: 0"], place[f"expected of {e.stage}"]
-            means = dict(zip((c.name for c in way.columns), way.mean.tolist(), strict=True))
+            unknown, begin, end = way.places, place[f"errors of {e.stage}: 0"], place[f"{EXPECTED_OF}{e.stage}"]
             acts = {n: (v, factor, offset) for v, one in e.seen.items() for n, factor, offset in one.acts}
             for row, t in zip(gain, self.targets, strict=True):
                 name, factor, offset = acts.get(t.name, (t.name, 1.0, 0.0))
                 if name in unknown and t.form != "node":
                     row[begin : begin + len(unknown)] = factor * way.root[unknown[name]]
-                    row[end] = means.get(name, 0.0)
+                    row[end] = factor * way.mean[unknown[name]]
                 if name in e.seen:
                     at |= {n: offset + factor * e.seen[name].si(way.values[name]) for n in (t.name, *t.also)}
                 if t.form == "node" and (not way.columns or any(c.source == t.name for c in way.columns)):

@@ -364,7 +364,7 @@ def _banded(
     }
     for cause, variance in between_ways(weights, centres, [(as_built(w),) for w in errors.ways]).items():
         variances[cause] = variances.get(cause, 0.0) + variance
-    sensors = [run.centres(np.concatenate([np.zeros(len(w.values)), w.mean])) for w, run in ways]
+    sensors = [run.centres(w.mean, run.traces) for w, run in ways]
     off = {
         READING,
         *({BandCause.UNEXPLAINED} if "misfit" in without else ()),

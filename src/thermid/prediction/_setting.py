@@ -19,7 +19,7 @@ from thermid.base.errors import SolverError
 from thermid.base.units import Array, Bools
 from thermid.fit.error_model import DepartureHeat, course_of, deviation, with_heats, with_laws
 from thermid.model.tree import Model
-from thermid.prediction._budget import Assumed, Budget, Target, assumed_values, combined, open_ranges
+from thermid.prediction._budget import EXPECTED_OF, Assumed, Budget, Target, assumed_values, combined, open_ranges
 from thermid.prediction._known import Rows
 from thermid.simulation.runs import Engine, Ensemble, MemberTurnings, Scenario, Simulator, Solution, Wiring, Workers, in_tasks, prepare
 from thermid.values.store import Normal, Shifted, Source, deviated
@@ -73,7 +73,7 @@ class Setting:
     budget : Budget
     ready : Simulator       With everything free that a value, a power or a temperature among the targets acts on.
     carriers : dict         Target -> free names that carry it; none for nodes, and for departures that do not act here.
-    at : dict               Free name -> its mean, where that is not the value of the model. [SI]
+    at : dict               Free name -> where the derivatives of its fit were taken, where that is not the value of the model. [SI]
     full : Simulator        The same with departures as loads of zero size.
     sizes : dict            Target of a departure -> what a unit of it is. [-], [K]
     """
@@ -140,7 +140,7 @@ class Setting:
 
     @property
     def _derivative_point(self) -> dict[str, Any]:
-        """Free name -> value [SI] where the derivatives are taken: departures at zero, others at their means."""
+        """Free name -> value [SI] where the derivatives are taken: departures at zero, others where the fit took its own."""
         still = {n: 0.0 for t, names in self.carriers.items() if t.form == "heat" for n in names}
         return still | self.full.with_units(self.at)
 
@@ -215,8 +215,21 @@ class Setting:
         return out
 
     def _deviation_base(self, name: str) -> float:
-        """Return the value of a free name about which it deviates: its mean in this way, else that of the model. [SI]"""
+        """Return the value of a free name about which it deviates: where the fit took its derivatives, else that of the model. [SI]"""
         return self.at.get(name, self.ready.nominal[name])
+
+    @cached_property
+    def _expected(self) -> Bools:
+        """Which sources (sources,) move values and departures to where a fit expects them: along the lines that it was conditioned on.
+
+        Its readings say nothing of another way there. None where anything switches.
+        """
+        return np.array([s.name.startswith(EXPECTED_OF) and not self.switches for s in self.budget.sources], dtype=bool)
+
+    @property
+    def _straight(self) -> Array:
+        """Derivative of each free name by each source (free, sources), of what members are straight in: departures, what is expected."""
+        return np.where(self._expected, self._chain(), self._chain(forms=("heat",)))
 
     def _added_after_run(self, node: str) -> Array:
         """Return the change of a node's temperature after the run per unit of each source (sources,). [K]"""
@@ -260,6 +273,10 @@ class Setting:
             e: np.sum([self.sizes[t] * row for t, row in alone.items() if of[t] == e], axis=0) for e in dict.fromkeys(of.values())
         }
 
+    def _bent(self, sources: Array) -> dict[str, Array]:
+        """Return free name -> value of every member (members,), before what is expected moves its run along a straight line. [SI]"""
+        return self.values(np.where(self._expected[:, None], 0.0, sources))
+
     def _values_in_runs(self, sources: Array) -> dict[str, Array]:
         """Return free name -> value of every member (members,), departures among them as sizes of the loads of `full`. [SI]"""
         return self.values(sources) | {n: self.sizes[t] * x for t, x in self._departures(sources).items() for n in self.carriers[t]}
@@ -279,7 +296,7 @@ class Setting:
         """
         ready = self.full if self.switches else self.ready
         ready = ready if extremes else replace(ready, options=replace(ready.options, extremes=False))
-        values, members = self._values_in_runs(sources) if self.switches else self.values(sources), sources.shape[1]
+        values, members = self._values_in_runs(sources) if self.switches else self._bent(sources), sources.shape[1]
         many: Ensemble | None = None
         temperatures: dict[str, Array] = {}
         turnings: dict[str, MemberTurnings] = {}
@@ -299,9 +316,8 @@ class Setting:
                 if trace.turnings is not None:
                     turnings[n] = MemberTurnings.alike(trace.turnings, np.zeros(members))
         after = {n: combined(self._added_after_run(n)[None, :], sources) for n in nodes}
-        if self.sizes and not self.switches:
-            chain = self._chain(forms=("heat",))
-            after |= {n: combined(self._run.slopes(n) @ chain, sources) + after[n] for n in nodes}
+        if (self.sizes or self._expected.any()) and not self.switches:
+            after |= {n: combined(self._run.slopes(n) @ self._straight, sources) + after[n] for n in nodes}
         kelvin = {n: traces + after[n] for n, traces in temperatures.items()}
         return Drawn(kelvin, {n: _shifted(t, ready.times, after[n]) for n, t in turnings.items()}, many)
 
@@ -314,8 +330,8 @@ class Setting:
         ------
         SolverError   When a member settles nowhere.
         """
-        values, heat = self.values(sources), self._chain(forms=("heat",)) @ sources
-        moves = self.full.settled(self._derivative_point)[1] if self.sizes else {}
+        values, moved = self._bent(sources), self._straight @ sources
+        moves = self.full.settled(self._derivative_point)[1] if self.sizes or self._expected.any() else {}
         members = [self.ready.with_units({n: v[k] for n, v in values.items()}) for k in range(sources.shape[1])]
         settle = partial(self.ready.settled, sensitivities=False)
         begun, settled = process_time(), [settle(members[0])[0]]
@@ -323,7 +339,7 @@ class Setting:
         ahead = (process_time() - begun) * len(tasks)
         others = in_tasks(settle, tasks, executor, ahead) if executor is not None else enumerate(map(settle, members[1:]))
         settled += [rest for _, (rest, _) in sorted(others, key=itemgetter(0))]
-        after = {n: combined(self._added_after_run(n)[None, :], sources)[0] + (moves[n] @ heat if n in moves else 0.0) for n in nodes}
+        after = {n: combined(self._added_after_run(n)[None, :], sources)[0] + (moves[n] @ moved if n in moves else 0.0) for n in nodes}
         return {n: np.array([member[n] for member in settled]) + after[n] for n in nodes}
 
 

@@ -172,9 +172,9 @@ class WayTable(StrictTable):
 
     @model_validator(mode="after")
     def _fits(self) -> Self:
-        """Refuse a mean without a number for each column, and a root whose row k does not have k numbers."""
+        """Refuse a mean without a number for each column, and each value but in older files; and a root whose row k has not k numbers."""
         size = len(self.values) + len(self.columns)
-        if len(self.mean) != len(self.columns) or [len(row) for row in self.root] != list(range(1, size + 1)):
+        if len(self.mean) not in (len(self.columns), size) or [len(row) for row in self.root] != list(range(1, size + 1)):
             raise PydanticCustomError("thermid", "the mean and the root of a way have a number for each of its values and columns.")
         return self
 

@@ -15,9 +15,10 @@ from typer.testing import CliRunner
 
 import thermid as td
 from thermid.app.cli.app import app
-from thermid.fit._calibrate import ASIDE, _beyond_accuracy
+from thermid.fit._calibrate import ASIDE, _beyond_accuracy, own_standing
 from thermid.fit._calibration import CONTRADICTION_DEVIATIONS, contradicted
 from thermid.fit._problem.residuals import Prior, Unknown
+from thermid.fit._uncertainty.moved import Moves
 from thermid.values.store import FittedValue, FittedValues
 from unit.fit.bench import HTC, box, log
 from unit.fit.project import make_project, write_log
@@ -102,6 +103,18 @@ def test_what_would_have_to_be_wrong_is_said(value: FittedValue, words: str) -> 
     calm = replace(value, value=float(np.exp(near)) if value.log else near)
     assert not contradicted(FittedValues("s", {value.path: calm}, np.eye(1)))
     assert not contradicted(FittedValues("s", {value.path: replace(value, prior=None)}, np.eye(1)))
+
+
+def test_what_was_stated_with_a_probability_is_named_before_a_bound() -> None:
+    """A power seven deviations off stood behind a value at its bound, which is but where its search ended."""
+    film, power = (
+        Unknown("skin.htc", "parameter", (), 5.0, low=1.0, high=10.0),
+        Unknown("P error", "input", (), 0.0, prior=Prior(0.0, 0.01)),
+    )
+    asked, problem = SimpleNamespace(adequate=0.0, accepted=""), SimpleNamespace(unknowns=(film, power))
+    own = own_standing(asked, problem, FittedValues("s", {}, np.eye(0)), [10.0, 0.07], [0.1, 0.001], None, Moves())  # type: ignore[arg-type]
+    assert own.state == "not adequate"
+    assert 0 < own.because.index(power.name) < own.because.index(film.name)
 
 
 @pytest.mark.parametrize("exponent", [0.25, 0.6])

@@ -64,7 +64,7 @@ AT = OperatingPoint(10.0, 300.0)
 WAY = KeptWay(
     "free air", 1.0, {"a.skin": SurfaceLaw(AT, 0.25, 0.2, 1.5, None), "a.joint": JointLaw(AT, 0.01, None)}, {"a.x": 0.1},
     Departures({"a.skin": Smooth(AT, "surface", np.zeros((1, 2)), np.array([0.5]), (True,), 0.02)}, (60.0,), ("a.n",), 1),
-    (UnknownColumn("exponent of a.skin", "", 0.1, "a.skin"),), np.array([0.1]), np.array([[0.2, 0.0], [0.1, 0.3]]), {"run": 0.02},
+    (UnknownColumn("exponent of a.skin", "", 0.1, "a.skin"),), np.array([0.05, 0.1]), np.array([[0.2, 0.0], [0.1, 0.3]]), {"run": 0.02},
     ((1.0, 0.1, 0.3),),
 )  # fmt: skip
 ERRORS = ErrorModel("s", {"a.x": SeenValue("parameter", True, (("air", 1.0, 0.5),), 0.1, 0.2, -1.0, 1.0)}, (WAY,), 1.1, "why", spot="a.x")
@@ -76,6 +76,14 @@ def test_laws_of_a_model_of_error_keep_their_form_in_files() -> None:
     joint = {"at": [10.0, 300.0], "surface": False, "trend": 0.01}
     assert WAY.to_dict()["laws"] == {"a.skin": skin, "a.joint": joint}
     assert ErrorModel.from_dict(ERRORS.to_dict()).to_dict() == ERRORS.to_dict()
+
+
+def test_a_file_whose_derivatives_were_taken_where_values_are_expected_says_what_it_said() -> None:
+    """As the files of commits before a values' mean was kept beside the place of its derivatives."""
+    way = WAY.to_dict()
+    before = ErrorModel.from_dict({**ERRORS.to_dict(), "ways": [{**way, "values": {"a.x": 0.15}, "mean": way["mean"][1:]}]})
+    assert ERRORS.mean == pytest.approx([0.15])
+    assert before.mean == pytest.approx([0.15])
 
 
 def laws() -> Iterator[Distribution]:

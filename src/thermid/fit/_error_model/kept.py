@@ -108,10 +108,10 @@ class KeptWay:
     name : str              ``free air``, ``fan``, or ``as the deck says``.
     weight : float          Its probability by the readings, as likely as any other before them. [-]
     laws : dict             Conductor -> its law where the derivatives were taken.
-    values : dict           Value -> its mean, where the derivatives were taken; fitted form.
+    values : dict           Value -> where the derivatives were taken; fitted form.
     departures : Departures
     columns : tuple of UnknownColumn    Unknowns beside the values.
-    mean : array (columns,)             Theirs.
+    mean : array (values + columns,)    Of all, less where the derivatives were taken.
     root : array (values + columns, values + columns)   Lower triangular root of the covariance of all.
     sizes : dict            Group -> root mean square of its size.
     left : tuple            (probability, size [K], time constant in parts of a run) of what no element explains.
@@ -174,7 +174,8 @@ class KeptWay:
     def only(self, there: Collection[str], names: Mapping[str, str]) -> KeptWay:
         """Return what it says of some elements, and of the values in `names`, by their names then."""
         columns = [k for k, c in enumerate(self.columns) if c.source in there]
-        rows = self.root[[*(k for k, n in enumerate(self.values) if n in names), *(len(self.values) + k for k in columns)]]
+        kept = [*(k for k, n in enumerate(self.values) if n in names), *(len(self.values) + k for k in columns)]
+        rows = self.root[kept]
         smooth = {p: x for p, x in self.departures.smooth.items() if p in there}
         return replace(
             self,
@@ -182,17 +183,15 @@ class KeptWay:
             values={names[n]: x for n, x in self.values.items() if n in names},
             departures=replace(self.departures, smooth=smooth, nodes=tuple(n for n in self.departures.nodes if n in there)),
             columns=tuple(self.columns[k] for k in columns),
-            mean=self.mean[columns],
+            mean=self.mean[kept],
             root=_triangular(rows @ rows.T),
         )
 
     def beside(self, other: KeptWay) -> KeptWay:
         """Return what both say, of different values and elements; independently of one another."""
-        values, columns = len(self.values), len(self.values) + len(other.values)
-        mine = [*range(values), *range(columns, columns + len(self.columns))]
-        root = np.zeros((len(self.root) + len(other.root),) * 2)
-        root[np.ix_(mine, range(len(mine)))] = self.root
-        root[np.ix_([k for k in range(len(root)) if k not in mine], range(len(mine), len(root)))] = other.root
+        mine, more = len(self.root), len(other.root)
+        order = np.argsort([n not in w.values for w in (self, other) for n in w.places], kind="stable")  # values first
+        root = np.block([[self.root, np.zeros((mine, more))], [np.zeros((more, mine)), other.root]])[order]
         a, b = self.departures, other.departures
         departures = replace(a, smooth={**a.smooth, **b.smooth}, hidden=tuple({*a.hidden, *b.hidden}), nodes=(*a.nodes, *b.nodes))
         return replace(
@@ -202,7 +201,7 @@ class KeptWay:
             values={**self.values, **other.values},
             departures=departures,
             columns=(*self.columns, *other.columns),
-            mean=np.concatenate([self.mean, other.mean]),
+            mean=np.concatenate([self.mean, other.mean])[order],
             root=_triangular(root @ root.T),
         )
 
@@ -212,15 +211,13 @@ class KeptWay:
         weight = float(shares.sum())
         every = shares / weight
         seen = np.flatnonzero(every > COUNTED / every.size)
-        weights, members, size = every[seen] / every[seen].sum(), way.members.at(seen), len(way.runs.values)
-        mean, covariance = members.mixed(weights)
-        at = way.runs.moved(mean[:size])
-        values = {way.runs.problem.unknowns[k].name: float(at[k]) for k in way.runs.values}
+        mean, covariance = way.members.at(seen).mixed(every[seen] / every[seen].sum())
+        values = {way.runs.problem.unknowns[k].name: float(way.runs.fitted[k]) for k in way.runs.values}
         sizes = dict(zip(GROUPS, np.sqrt(every @ way.sizes**2).tolist(), strict=True))
         by_pair = {pair: float(every[(way.left == pair).all(axis=1)].sum()) for pair in {(float(a), float(b)) for a, b in way.left}}
         rest = tuple((share, *pair) for pair, share in sorted(by_pair.items()) if share > COUNTED)
         return cls(
-            way.way.name, weight, way.laws, values, way.runs.departures, way.runs.columns, mean[size:], _triangular(covariance), sizes, rest
+            way.way.name, weight, way.laws, values, way.runs.departures, way.runs.columns, mean, _triangular(covariance), sizes, rest
         )
 
     def to_dict(self) -> dict[str, Any]:
@@ -279,7 +276,7 @@ class KeptWay:
             for p, s in data["smooth"].items()
         }
         columns = tuple(UnknownColumn(f"{what} of {at}{p}", group, float(size), at + p) for what, group, size, p in data["columns"])
-        size = len(data["root"])
+        size, mean = len(data["root"]), np.array(data["mean"], dtype=float)
         root = np.zeros((size, size))
         for k, row in enumerate(data["root"]):
             root[k, : k + 1] = row
@@ -290,7 +287,7 @@ class KeptWay:
             {placed(n, at): float(x) for n, x in data["values"].items()},
             Departures(smooth, tuple(map(float, data["hidden"])), tuple(at + n for n in data["nodes"]), int(data["aside"])),
             columns,
-            np.array(data["mean"], dtype=float),
+            np.concatenate([np.zeros(size - mean.size), mean]),  # files before took derivatives where values are expected
             root,
             {n: float(x) for n, x in data["sizes"].items()},
             tuple((float(p), float(s), float(t)) for p, s, t in data["left"]),
@@ -416,16 +413,22 @@ class ErrorModel(Result):
         return tuple(self.seen)
 
     @property
+    def _means(self) -> Array:
+        """Expected values (ways, values) of each way, within their bounds."""
+        low, high = np.array([(v.low, v.high) for v in self.seen.values()]).reshape(-1, 2).T
+        return np.array([np.clip(np.add([*w.values.values()], w.mean[: low.size]), low, high) for w in self.ways])
+
+    @property
     def mean(self) -> Array:
         """Expected values (values,) of the fit, in their fitted form."""
-        return np.asarray(np.sum([w.weight * np.array([*w.values.values()]) for w in self.ways], axis=0))
+        return np.asarray(np.array([w.weight for w in self.ways]) @ self._means)
 
     @cached_property
     def covariance(self) -> Array:
         """Covariance (values, values) of the values of the fit, in their fitted form."""
         size = len(self.seen)
         weights = np.array([w.weight for w in self.ways])
-        apart = np.array([list(w.values.values()) for w in self.ways]) - self.mean
+        apart = self._means - self.mean
         within = sum(w.weight * w.root[:size, :size] @ w.root[:size, :size].T for w in self.ways)
         return np.asarray(within + (weights[:, None] * apart).T @ apart)
 
@@ -596,7 +599,7 @@ def errors_of_values(fit: Calibration, why: str = "") -> ErrorModel:
         {n: fit.fitted[n] for n in named},
         Departures({}, ()),
         (),
-        np.zeros(0),
+        np.zeros(len(named)),
         _triangular(covariance),
         dict.fromkeys(GROUPS, 0.0),
         ((1.0, rms, 1.0 / 3.0),),

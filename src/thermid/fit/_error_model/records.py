@@ -229,16 +229,10 @@ class RecordRun:
         at[self.shared + len(self.columns) :] += self._answer @ off
         return np.asarray(at)
 
-    def centres(self, mean: Array) -> list[Array]:
-        """Return sensor by sensor what is expected of every reading less what it is (readings,), at means of the way's unknowns. [K]"""
+    def centres(self, mean: Array, traces: Sequence[SensorRows]) -> list[Array]:
+        """Return what is expected of the readings of each trace less what they are (readings,), at means of the way's unknowns. [K]"""
         at = self._at(mean)
-        return [t.rows @ at - t.residuals for t in self.traces]
-
-    @property
-    def reference(self) -> Array:
-        """What is expected less what is read (rows,) where the unknowns of the way are zero. [K]"""
-        at = self._at(np.zeros(self.shared))
-        return np.concatenate([t.rows @ at - t.residuals for t in self.means])
+        return [t.rows @ at - t.residuals for t in traces]
 
     def responses(self) -> tuple[Array, Array]:
         """Return what is left of units of the way's unknowns (rows, unknowns) and of the run's (rows, columns). [K]"""
@@ -250,7 +244,6 @@ class RecordRun:
         """Return the centre (rows,) of what is expected less what is read [K], and source -> variance (rows,). [K^2]"""
         rows, own_responses = self.responses()
         size = len(way.values)
-        mean = np.concatenate([np.zeros(size), way.mean])
         parts = {
             BandCause.VALUES: np.sum((rows @ way.root[:, :size]) ** 2, axis=1),
             BandCause.STRUCTURE: np.sum((rows @ way.root[:, size:]) ** 2, axis=1),
@@ -259,7 +252,7 @@ class RecordRun:
             source = {"run": BandCause.RUN, "room": BandCause.ROOM, "unlogged": BandCause.ROOM}.get(c.group, c.source)
             parts[source] = parts.get(source, 0.0) + (deviation(c, way.sizes, self.beyond) * column) ** 2
         parts[BandCause.UNEXPLAINED] = sum((share * self.wandering(size, part) for share, size, part in way.left), np.zeros(rows.shape[0]))
-        return rows @ mean + self.reference, parts
+        return np.concatenate(self.centres(way.mean, self.means)), parts
 
     def wandering(self, size: float, part: float) -> Array:
         """Return the variance (rows,) of what no element explains, and the run's fitted values do not follow. [K^2]"""
