@@ -342,7 +342,11 @@ class ErrorModel(Result):
         courses = [course_in_fit(problem, i, e.network, fitted) for i, e in enumerate(problem.experiments)]
         (points, paths), network = points_of(problem, courses), problem.experiments[0].network
         values = network.numbers({p: v.value for p, v in fit.values.assignments.items()}).values
-        *fitted_ways, as_built = [fitted_way(problem, fitted, w, points) for w in ways_of(network, points, values, paths)]
+        *ways_departing, way_as_built = ways_of(network, points, values, paths)
+        fitted_ways, as_built = list[FittedWay](), fitted_way(problem, fitted, way_as_built, points)
+        for w in ways_departing:
+            near = next((f for f in fitted_ways if f.way.laws.items() <= w.laws.items()), None)
+            fitted_ways.append(fitted_way(problem, fitted, w, points, near))
         total = sum(w.way.before for w in fitted_ways)
         logs = np.concatenate([w.members.log_evidence + math.log(w.way.before / total) for w in fitted_ways])
         every = weights_of(logs)
@@ -366,7 +370,7 @@ class ErrorModel(Result):
         heated = {node for course in courses for node, _ in course.powers.values() if node in course.stores}
         spots = tuple(sorted(heated & {o.seat for e in problem.experiments for o in e.observations}))
         if gain > MIN_LOG_BAYES_FACTOR and spots:
-            moved = fitted_way(problem, fitted, replace(likeliest.way, spots=spots), points).members
+            moved = fitted_way(problem, fitted, replace(likeliest.way, spots=spots), points, likeliest).members
             if log_sum(moved.log_evidence) - log_sum(likeliest.members.log_evidence) > MIN_LOG_BAYES_FACTOR:
                 sizes = np.abs(weights_of(moved.log_evidence) @ moved.mean)[-len(spots) :]
                 spot = spots[int(np.argmax(sizes))] if sizes.max() > BIOT_LIMIT else ""  # below, a lag or leads of the sensor do as much

@@ -33,7 +33,6 @@ from thermid.fit._error_model.gaussian import (
 )
 from thermid.fit._error_model.runs import Departures, SensorRows, UnknownColumn, departures_of, run_rows, widened
 from thermid.fit._error_model.sizes import (
-    ARRIVED,
     FEWEST_SETS,
     FIRST_SETS,
     LEFT_SIZES,
@@ -236,7 +235,7 @@ class RunsOfFit:
         return out
 
     def likeliest(self, bent: Sequence[int], centre: Array) -> tuple[float, Array, Array]:
-        """Return `step_to_mode` of the unknowns `bent`: cost at these values, step (bent,) to the mode, standard errors (bent,).
+        """Return `step_to_mode` of the unknowns `bent`: cost at these values, step (bent,) to the mode, information (bent, bent).
 
         All else is integrated out at usual sizes, and at every size and time of what no element explains.
         """
@@ -291,13 +290,16 @@ def noise_of(e: Experiment, o: Observation) -> float:
     return (noise if noise > LEAST_NOISE else UNSAID_NOISE) / float(np.sqrt(o.effective_share))
 
 
-def fitted_way(problem: Problem, fitted: Array, way: Way, points: Mapping[str, OperatingPoint]) -> FittedWay:
+def fitted_way(problem: Problem, fitted: Array, way: Way, points: Mapping[str, OperatingPoint], near: FittedWay | None = None) -> FittedWay:
     """Return the posterior where the heat is carried in one way: about the likeliest values and laws at usual sizes, then at all sizes.
 
     What no element explains has every size and time while they are looked for: fixed, a small one would bend values until they follow what
-    they do not explain, and a large one would leave them where they began.
+    they do not explain, and a large one would leave them where they began. The search begins at the fit's values, or where that of a way
+    with the same laws ended, `near`.
     """
-    at, laws, share, departures = fitted.copy(), dict(way.laws), 1.0, Departures({}, ()) if way.name == AS_BUILT else None
+    at, laws, share, departures = fitted, {**way.laws}, 1.0, Departures({}, ()) if way.name == AS_BUILT else None
+    if near is not None:
+        at, laws, departures = near.runs.fitted, {**laws, **near.laws}, near.runs.departures
     costs: list[float] = []
     for _ in range(NEWTON_POINTS):
         runs = RunsOfFit.of_problem(problem, at, way, laws, points, departures)
@@ -308,13 +310,13 @@ def fitted_way(problem: Problem, fitted: Array, way: Way, points: Mapping[str, O
         centre = np.concatenate([(fitted - at)[values], [c.mean for c in runs.columns]])
         for (path, what), k in shapes.items():
             centre[k] = way.laws[path].shape[what] - laws[path].shape[what]
-        cost, step, spread = runs.likeliest([*range(len(values)), *shapes.values()], centre)
+        cost, step, information = runs.likeliest([*range(len(values)), *shapes.values()], centre)
         step[: len(values)] = (runs.moved(step[: len(values)]) - at)[values]
         gain = min(costs, default=np.inf) - cost
         costs.append(cost)
         if gain > 0.0:
             best, share = (runs, laws, centre, step), min(2.0 * share, 1.0)
-            if gain < WORTH_A_POINT or (np.abs(step) < ARRIVED * spread).all():
+            if min(gain, 0.5 * float(step @ information @ step)) < WORTH_A_POINT:
                 break
         else:
             share *= 0.25
