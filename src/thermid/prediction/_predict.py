@@ -716,6 +716,7 @@ def between_ways(weights: Array, centres: Array, built: Sequence[tuple[bool, ...
     built : sequence of tuple of bool   Way -> of every model of error whether nothing departs in it.
     """
     groups = [np.array([b == pattern for b in built]) for pattern in dict.fromkeys(built)]
+    centres = centres - centres[0]  # what all ways say alike is no difference of rounding
     whole = weights @ (centres - weights @ centres) ** 2
     among = np.zeros_like(whole)
     for group in groups:
