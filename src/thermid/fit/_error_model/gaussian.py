@@ -147,7 +147,7 @@ def log_sum(logs: Sequence[float] | Array) -> float:
 
 
 def step_to_mode(log_evidence: Sequence[float], means: Sequence[Array], roots: Sequence[Array]) -> tuple[float, Array, Array]:
-    """Return the cost of a point under a mixture of normal posteriors, the step (s,) towards its mode, and the information H (s, s) there.
+    """Return the cost of a point under a mixture of normal posteriors, the step towards its mode, and standard errors there.
 
     Legend: member l of evidence Z_l and posterior N(m_l, S_l), as seen from the point. The cost is ``-ln sum_l Z_l N(0; m_l, S_l)``, but
     for constants; the step is that of expectation and maximisation, ``H^-1 sum_l r_l S_l^-1 m_l`` with shares r_l of that sum and
@@ -164,8 +164,8 @@ def step_to_mode(log_evidence: Sequence[float], means: Sequence[Array], roots: S
     pairs = zip(log_evidence, means, inverses, pulls, strict=True)
     logs = np.array([log - 0.5 * float(mean @ pull - np.linalg.slogdet(inverse)[1]) for log, mean, inverse, pull in pairs])
     shares = weights_of(logs)
-    information = np.tensordot(shares, np.array(inverses), axes=1)
-    return -log_sum(logs), np.linalg.solve(information, shares @ np.array(pulls)), information
+    spread = np.linalg.inv(np.tensordot(shares, np.array(inverses), axes=1))
+    return -log_sum(logs), np.asarray(spread @ (shares @ np.array(pulls))), np.sqrt(np.diag(spread))
 
 
 def even_points(count: int, dimensions: int, first: int = 1) -> Array:

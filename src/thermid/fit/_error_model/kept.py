@@ -331,9 +331,8 @@ class ErrorModel(Result):
         """
         from threadpoolctl import threadpool_limits
 
-        problem = _problem_of(fit)
         with threadpool_limits(limits=1):  # matrices of some hundred rows, as in a fit
-            return cls._of_problem(fit, problem)
+            return cls._of_problem(fit, _problem_of(fit))
 
     @classmethod
     def _of_problem(cls, fit: Calibration, problem: Problem) -> ErrorModel:
@@ -342,19 +341,13 @@ class ErrorModel(Result):
         courses = [course_in_fit(problem, i, e.network, fitted) for i, e in enumerate(problem.experiments)]
         (points, paths), network = points_of(problem, courses), problem.experiments[0].network
         values = network.numbers({p: v.value for p, v in fit.values.assignments.items()}).values
-        *ways_departing, way_as_built = ways_of(network, points, values, paths)
-        fitted_ways, as_built = list[FittedWay](), fitted_way(problem, fitted, way_as_built, points)
-        for w in ways_departing:
-            near = next((f for f in fitted_ways if f.way.laws.items() <= w.laws.items()), None)
-            fitted_ways.append(fitted_way(problem, fitted, w, points, near))
+        *fitted_ways, as_built = [fitted_way(problem, fitted, w, points) for w in ways_of(network, points, values, paths)]
         total = sum(w.way.before for w in fitted_ways)
         logs = np.concatenate([w.members.log_evidence + math.log(w.way.before / total) for w in fitted_ways])
-        every = weights_of(logs)
-        shares = np.split(every, np.cumsum([len(w.left) for w in fitted_ways])[:-1])
+        shares = np.split(weights_of(logs), np.cumsum([len(w.left) for w in fitted_ways])[:-1])
         departs, holds = weights_of([log_sum(logs) + math.log(DEPARTURE_ODDS), log_sum(as_built.members.log_evidence)]).tolist()
         likeliest = max(zip(fitted_ways, shares, strict=True), key=lambda pair: float(pair[1].sum()))[0]
-        apart = sum(share @ w.members.square for w, share in zip(fitted_ways, shares, strict=True))
-        misfit = math.hypot(math.sqrt(apart), likeliest.nonlinearity())
+        apart = math.sqrt(sum(share @ w.members.square for w, share in zip(fitted_ways, shares, strict=True)))
         probabilities = [*(departs * share for share in shares), holds * weights_of(as_built.members.log_evidence)]
         all_ways = [*fitted_ways, as_built]
         if others := [(share, w) for share, w in zip(shares, fitted_ways, strict=True) if ANOTHER in w.way.name and share.any()]:
@@ -374,7 +367,7 @@ class ErrorModel(Result):
             if log_sum(moved.log_evidence) - log_sum(likeliest.members.log_evidence) > MIN_LOG_BAYES_FACTOR:
                 sizes = np.abs(weights_of(moved.log_evidence) @ moved.mean)[-len(spots) :]
                 spot = spots[int(np.argmax(sizes))] if sizes.max() > BIOT_LIMIT else ""  # below, a lag or leads of the sensor do as much
-        return cls(fit.stage, fitted_values, ways, misfit, gain=gain, spot=spot)
+        return cls(fit.stage, fitted_values, ways, math.hypot(apart, likeliest.nonlinearity()), gain=gain, spot=spot)
 
     @property
     def departing(self) -> ErrorModel:

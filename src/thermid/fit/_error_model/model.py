@@ -33,6 +33,7 @@ from thermid.fit._error_model.gaussian import (
 )
 from thermid.fit._error_model.runs import Departures, SensorRows, UnknownColumn, departures_of, run_rows, widened
 from thermid.fit._error_model.sizes import (
+    ARRIVED,
     FEWEST_SETS,
     FIRST_SETS,
     LEFT_SIZES,
@@ -235,12 +236,11 @@ class RunsOfFit:
         return out
 
     def likeliest(self, bent: Sequence[int], centre: Array) -> tuple[float, Array, Array]:
-        """Return `step_to_mode` of the unknowns `bent`: cost at these values, step (bent,) to the mode, information (bent, bent).
+        """Return `step_to_mode` of the unknowns `bent`: cost at these values, step (bent,) to the mode, standard errors (bent,).
 
         All else is integrated out at usual sizes, and at every size and time of what no element explains.
         """
-        usual = np.array([[SIZES[g].value for g in GROUPS]])
-        prior, posteriors = left_prior(), self.posteriors(centre, usual)
+        prior, posteriors = left_prior(), self.posteriors(centre, np.array([[SIZES[g].value for g in GROUPS]]))
         logs = [prior[remainder] + float(f.log_evidence[0]) for remainder, f in posteriors.items()]
         return step_to_mode(logs, [f.mean[0][bent] for f in posteriors.values()], [f.root[0][bent] for f in posteriors.values()])
 
@@ -297,10 +297,10 @@ def fitted_way(problem: Problem, fitted: Array, way: Way, points: Mapping[str, O
     they do not explain, and a large one would leave them where they began. The search begins at the fit's values, or where that of a way
     with the same laws ended, `near`.
     """
-    at, laws, share, departures = fitted, {**way.laws}, 1.0, Departures({}, ()) if way.name == AS_BUILT else None
+    at, laws, departures = fitted, dict(way.laws), Departures({}, ()) if way.name == AS_BUILT else None
     if near is not None:
-        at, laws, departures = near.runs.fitted, {**laws, **near.laws}, near.runs.departures
-    costs: list[float] = []
+        at, laws, departures = near.runs.fitted, dict(near.laws), near.runs.departures
+    share, costs = 1.0, list[float]()
     for _ in range(NEWTON_POINTS):
         runs = RunsOfFit.of_problem(problem, at, way, laws, points, departures)
         departures, values = runs.departures, runs.values
@@ -310,13 +310,13 @@ def fitted_way(problem: Problem, fitted: Array, way: Way, points: Mapping[str, O
         centre = np.concatenate([(fitted - at)[values], [c.mean for c in runs.columns]])
         for (path, what), k in shapes.items():
             centre[k] = way.laws[path].shape[what] - laws[path].shape[what]
-        cost, step, information = runs.likeliest([*range(len(values)), *shapes.values()], centre)
+        cost, step, spread = runs.likeliest([*range(len(values)), *shapes.values()], centre)
         step[: len(values)] = (runs.moved(step[: len(values)]) - at)[values]
         gain = min(costs, default=np.inf) - cost
         costs.append(cost)
         if gain > 0.0:
             best, share = (runs, laws, centre, step), min(2.0 * share, 1.0)
-            if min(gain, 0.5 * float(step @ information @ step)) < WORTH_A_POINT:
+            if gain < WORTH_A_POINT or (np.abs(step) < ARRIVED * spread).all():
                 break
         else:
             share *= 0.25

@@ -138,11 +138,10 @@ NO_SAY: Final = 1e-9
 """Probability beside the likeliest below which larger sizes of what no element explains are not tried. [-]"""
 READINGS: Final = 200
 """Readings of a sensor in a run; more are averaged over equal stretches."""
-NEWTON_POINTS, WORTH_A_POINT = 8, 0.5
-"""Points at most at which Newton's steps in values, exponents and shares are taken; they end where the next step promises (half of Newton's
-decrement: Boyd and Vandenberghe, Convex Optimization, 2004, 9.5.1), or the last one brought, less than this in the logarithm of the
-evidence, or two points after one another did not bring it: the logarithm differs by as much from point to point where values are hardly
-determined."""
+NEWTON_POINTS, ARRIVED, WORTH_A_POINT = 8, 0.2, 0.5
+"""Points at most at which Newton's steps in values, exponents and shares are taken; they end where the next step is below so many standard
+errors, or where a point made the evidence likelier by less than this in its logarithm, or two points after one another did not: the
+logarithm differs by as much from point to point where values are hardly determined."""
 UNBOUNDED: Final = 3.0
 """Standard deviation of a logarithm without a prior or bounds. [-]"""
 OUTSIDE: Final = 2.0

@@ -241,8 +241,9 @@ def run_members_of(job: Job, numbers: Array, settings: Settings | None = None) -
     for v, w in pairs:
         members = np.flatnonzero((chosen == v) & (way == w))
         if (v, w) not in ready:
-            plain = prepared(job.budget, scenario=job.scenarios[v], times=job.times, options=job.options)
-            ready[v, w] = Setting.of_budget(job.budget.weighted_ways[w][1], plain)
+            ready[v, w] = Setting.of_budget(
+                job.budget.weighted_ways[w][1], prepared(job.budget, scenario=job.scenarios[v], times=job.times, options=job.options)
+            )
         drawn = ready[v, w].temperatures(sources[:, members], job.nodes)
         if drawn.runs is not None:
             failed |= {int(members[m]): why for m, why in drawn.runs.failed.items()}

@@ -285,8 +285,9 @@ class UncertainRuns(Result):
         job = self.job
         if job.variant is not None or not self.reached.size:
             return ""
-        ready = prepared(job.budget, scenario=job.scenarios[0], times=job.times, options=job.options)
-        ways = WayAnswer.of_budget(job.budget, self.nodes, ready)
+        ways = WayAnswer.of_budget(
+            job.budget, self.nodes, prepared(job.budget, scenario=job.scenarios[0], times=job.times, options=job.options)
+        )
         best = simulate(job.model, job.scenarios[0], times=job.times, options=job.options)
         sources = job.budget.drawn(job.budget.numbers(job.seed, 0, self.whole))[:, self.reached]
         chosen = job.budget.chosen(sources)

@@ -540,8 +540,7 @@ def unreached(network: Network, numbers: Numbers, power: Callable[[str], float])
     """
     if network.flat.names.model.runner is not None:  # what joins the nodes of somebody else's program is not known
         return {}
-    names = [*network.nodes, *network.boundaries]
-    joined: dict[str, set[str]] = {n: set() for n in names}
+    joined: dict[str, set[str]] = {n: set() for n in (*network.nodes, *network.boundaries)}
     for row in numbers.conductors:
         if value_of(row.coefficients[0]) not in (0.0, TRACE):
             a, b = row.ends

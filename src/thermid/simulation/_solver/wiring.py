@@ -648,9 +648,8 @@ class Wiring:
         key = (values.tobytes(), gradients)
         if self._last is None or self._last[0] != key:
             free: dict[str, Number] = dict(zip(self.free, values.tolist(), strict=True)) if values.size else {}
-            if gradients and values.size:
-                eye = np.eye(values.size)
-                free = {name: Dual(v, eye[k]) for k, (name, v) in enumerate(zip(self.free, values.tolist(), strict=True))}
+            if gradients:
+                free = {name: Dual(v, row) for name, v, row in zip(free, values.tolist(), np.eye(values.size), strict=True)}
             self._last = (key, self.assembled_at(free, values.size if gradients else 0))
         return self._last[1]
 
