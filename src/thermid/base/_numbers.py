@@ -7,7 +7,7 @@ the coefficients of the kernel. Griewank and Walther, Evaluating Derivatives, 2n
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Hashable
+from collections.abc import Callable, Hashable, Iterable
 from dataclasses import dataclass
 from typing import Any, TypeVar
 
@@ -129,6 +129,11 @@ Number = float | Dual
 def value_of(number: Number) -> float:
     """Return the value alone."""
     return number.value if isinstance(number, Dual) else float(number)
+
+
+def values_of(numbers: Iterable[Number]) -> Array:
+    """Return the values (numbers,) alone."""
+    return np.array([value_of(n) for n in numbers])
 
 
 def gradient_of(number: Number, free: int) -> Array:

@@ -42,6 +42,7 @@ from thermid.base._numbers import (
     gradient_of as gradient_of,
     real_power as real_power,
     value_of as value_of,
+    values_of as values_of,
 )
 from thermid.base._units import (
     DAY as DAY,

@@ -13,7 +13,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from thermid.base.errors import DeckError
-from thermid.base.units import Array, Dual, Number, value_of
+from thermid.base.units import Array, Dual, Number, values_of
 
 RECIPROCITY = 1e-3
 """Largest relative difference of A_i F_ij and A_j F_ji, and of a row's sum from one; given factors have three or four digits. [-]"""
@@ -69,8 +69,8 @@ def absorbing_areas(factors: Array, areas: Sequence[Number], absorptances: Seque
     >>> [round(float(row[0]), 4) for row in found]
     [0.6667, 0.3333]
     """
-    share = np.array([value_of(a) for a in absorptances])
-    size = np.array([value_of(a) for a in areas])
+    share = values_of(absorptances)
+    size = values_of(areas)
     spread = np.linalg.inv(np.eye(size.size) - factors * (1.0 - share))
     values = (share * size)[:, None] * spread
     gradient = np.zeros((*values.shape, _free_parameters(*areas, *absorptances)))
@@ -96,8 +96,8 @@ def _with_gradients(values: Array, gradient: Array) -> list[list[Number]]:
 
 def exchange_areas_of(factors: Array, areas: Sequence[Number], emissivities: Sequence[Number]) -> list[list[Number]]:
     """Return `exchange_areas` (faces, faces) as rows of numbers, with derivatives where areas or emissivities carry them. [m^2]"""
-    size = np.array([value_of(a) for a in areas])
-    grey = np.array([value_of(e) for e in emissivities])
+    size = values_of(areas)
+    grey = values_of(emissivities)
     values = exchange_areas(factors, size, grey)
     gradient = np.zeros((*values.shape, _free_parameters(*areas, *emissivities)))
     for numbers, derivative in ((areas, _derivative_by_area), (emissivities, _derivative_by_emissivity)):

@@ -37,8 +37,8 @@ from thermid.prediction._budget import (
     in_order,
 )
 from thermid.prediction._known import Knowledge
-from thermid.prediction._setting import PROBE_MEMBERS, Drawn, Linear, Setting
-from thermid.simulation.runs import DutyCycle, KeptTasks, Options, Scenario, Solution, Workers, simulate
+from thermid.prediction._setting import PROBE_MEMBERS, Drawn, Linear, Setting, prepared
+from thermid.simulation.runs import DutyCycle, KeptTasks, Options, Scenario, Simulator, Solution, Workers, simulate
 from thermid.values.store import LeftOut
 
 ROUNDING = 1e-9
@@ -579,7 +579,7 @@ def predicted(
     executor: Workers = None,
 ) -> Prediction:
     """Return what a budget says of its scenario; arguments as in `predict`."""
-    ways = [WayAnswer.of_budget(weight, budget_of_way, nodes, times, options) for weight, budget_of_way in budget.weighted_ways]
+    ways = WayAnswer.of_budget(budget, nodes, prepared(budget, times=times, options=options))
     in_all = set.intersection(*(set(w.linear.columns) for w in ways))  # without gas, a path of one way alone reaches a node
     ways = [replace(w, linear=replace(w.linear, columns={n: c for n, c in w.linear.columns.items() if n in in_all})) for w in ways]
     first = max(ways, key=lambda w: w.weight)
@@ -658,18 +658,10 @@ class WayAnswer:
     linear: Linear
 
     @classmethod
-    def of_budget(
-        cls,
-        weight: float,
-        budget: Budget,
-        nodes: Sequence[str] | None,
-        times: Any,
-        options: Options | None,
-        scenario: Scenario | None = None,
-    ) -> WayAnswer:
-        """Return the answer of one way in the scenario of its budget, or in a variant of it."""
-        setting = Setting.of_budget(budget, scenario=scenario, times=times, options=options)
-        return cls(weight, setting, setting.linear(nodes))
+    def of_budget(cls, budget: Budget, nodes: Sequence[str] | None, ready: Simulator) -> list[WayAnswer]:
+        """Return the answer of each way in the scenario of its budget, or in a variant of it, by what `prepared` gives of it."""
+        settings = [(weight, Setting.of_budget(budget_of_way, ready)) for weight, budget_of_way in budget.weighted_ways]
+        return [cls(weight, setting, setting.linear(nodes)) for weight, setting in settings]
 
     def kelvin(self, node: str) -> Array:
         """Return the temperatures (times and the settled state,) of a node where the derivatives were taken. [K]"""
@@ -724,6 +716,7 @@ def between_ways(weights: Array, centres: Array, built: Sequence[tuple[bool, ...
     built : sequence of tuple of bool   Way -> of every model of error whether nothing departs in it.
     """
     groups = [np.array([b == pattern for b in built]) for pattern in dict.fromkeys(built)]
+    centres = centres - centres[0]  # what all ways say alike is no difference of rounding
     whole = weights @ (centres - weights @ centres) ** 2
     among = np.zeros_like(whole)
     for group in groups:

@@ -35,7 +35,7 @@ from thermid.model.tree import UNJUDGED, Constant, Standing, literal
 from thermid.prediction._budget import AVERAGED, Budget, as_built, budget_of, first_line, in_order
 from thermid.prediction._known import Knowledge, rows_of
 from thermid.prediction._predict import between_ways, parted, predicted, shares
-from thermid.prediction._setting import Setting
+from thermid.prediction._setting import Setting, prepared
 from thermid.simulation.runs import Scenario
 from thermid.values.store import LeftOut, error_table_of
 
@@ -322,7 +322,7 @@ def _switched(bands: dict[str, SensorBand], budget: Budget, run: Mapping[str, Ar
     What the run's own room and start follow is then not taken off. `run` has what sensors read at the values to quote. [K]
     """
     times = np.unique(np.concatenate([b.times for b in bands.values()]))
-    if not Setting.of_budget(budget.weighted_ways[0][1], times=times).switches:
+    if not Setting.of_budget(budget.weighted_ways[0][1], prepared(budget, times=times)).switches:
         return bands
     by_node, out = predicted(budget, [b.node for b in bands.values()], times=times), {}
     for name, b in bands.items():

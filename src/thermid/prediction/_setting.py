@@ -64,6 +64,11 @@ class Drawn:
     runs: Ensemble | None
 
 
+def prepared(budget: Budget, *, scenario: Scenario | None = None, times: Any = None, options: Any = None) -> Simulator:
+    """Return the simulator of a budget in its scenario, or in a variant of it: the same for all ways of carrying heat."""
+    return prepare(budget.model, budget.scenario if scenario is None else scenario, budget.names, times=times, options=options)
+
+
 @dataclass(frozen=True, eq=False)
 class Setting:
     """A budget of one way of carrying heat, made ready for runs of one scenario.
@@ -86,10 +91,9 @@ class Setting:
     sizes: Mapping[Target, float] = field(default_factory=dict)
 
     @classmethod
-    def of_budget(cls, budget: Budget, *, scenario: Scenario | None = None, times: Any = None, options: Any = None) -> Setting:
-        """Return a budget of one way made ready for its scenario, or for a variant of it."""
-        conditions = budget.scenario if scenario is None else scenario
-        ready = prepare(budget.model, conditions, budget.names, times=times, options=options)
+    def of_budget(cls, budget: Budget, ready: Simulator) -> Setting:
+        """Return a budget of one way made ready for a scenario, by what `prepared` gives of it."""
+        conditions = ready.wiring.scenario
         carriers = {t: tuple(dict.fromkeys(map(ready.canonical, (t.name, *t.also)))) for t in budget.targets if t.form in VALUE_FORMS}
         if not budget.ways:
             return cls(budget, ready, carriers, {}, ready)
@@ -372,7 +376,8 @@ def assumed_effects(
     names = tuple(a.path for a in loose)
     sources = tuple(Source(path, "stated", Normal(), f"{path} as assumed") for path in names)
     rows = Rows(names, (False,) * len(names), {}, sources, ("as assumed",) * len(names), np.diag([a.size for a in loose]))
-    setting = Setting.of_budget(Budget.of_rows(rows, model, scenario), times=times)
+    budget = Budget.of_rows(rows, model, scenario)
+    setting = Setting.of_budget(budget, prepared(budget, times=times))
     linear = setting.linear(nodes)
     effects = {n: np.abs(column[:-1]).max(axis=0) for n, column in linear.columns.items()}
     if setting.switches:

@@ -39,6 +39,7 @@ from thermid.model.tree import Constant, Model, Parameter, Signal, TableSignal, 
 from thermid.prediction._budget import AVERAGED, Budget, budget_of
 from thermid.prediction._known import Knowledge, Rows, instruments_of, rows_of
 from thermid.prediction._predict import WayAnswer, mixed_answer
+from thermid.prediction._setting import prepared
 from thermid.simulation.runs import Scenario, Workers, compile_network, in_tasks, network_for, simulate
 from thermid.values.store import AS_FITTED, EXPECTED, Normal, Source
 
@@ -342,7 +343,7 @@ class Before:
 
     def temperature(self, node: str, at: float) -> tuple[Array, float, dict[str, float]]:
         """Return how a temperature responds (sources,), its value, and cause -> error that no test takes away. [K]"""
-        ways = [WayAnswer.of_budget(w, budget_of_way, [node], [at], None) for w, budget_of_way in self.budget.weighted_ways]
+        ways = WayAnswer.of_budget(self.budget, [node], prepared(self.budget, times=[at]))
         ways = [replace(w, linear=w.setting.secants(w.linear)) for w in ways]
         (columns,) = max(ways, key=lambda w: w.weight).linear.columns.values()
         parts, _, centre, _ = mixed_answer(ways, next(iter(ways[0].linear.columns)), np.zeros(1))

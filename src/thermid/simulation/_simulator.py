@@ -403,14 +403,17 @@ AS_PRINTED: Final = "vacuum as printed: every coefficient is zero, including its
 def _warnings(wiring: Wiring, scenario: Scenario, empty: tuple[str, ...]) -> tuple[str, ...]:
     """Return the warnings of all runs: missing parts, nodes without a path to a boundary, assumed samples, gas and wind."""
     numbers = wiring.assemble().numbers
-    times = np.linspace(0.0, scenario.seconds, 101)
-    powers = {load.path: float(np.mean(wiring.power(load.path, numbers).at(times))) for load in wiring.network.flat.loads}
+
+    def mean_power(load: str) -> float:
+        """Return the mean power of a load over the run. [W]"""
+        return float(np.mean(wiring.power(load, numbers).at(np.linspace(0.0, scenario.seconds, 101))))
+
     flat, media, start = wiring.network.flat, wiring.network.media, wiring.start
     held = held_inputs(wiring.changing, start.time) if start is not None and start.kind == STEADY else ""
     followed = set(wiring.schedule.signals) if wiring.schedule is not None else set()
     return (
         *(f"INCOMPLETE: {what}" for what in flat.names.model.missing_parts()),
-        *(message for nodes, message in unreached(wiring.network, numbers, powers).items() if not {*nodes} <= {*empty}),
+        *(message for nodes, message in unreached(wiring.network, numbers, mean_power).items() if not {*nodes} <= {*empty}),
         *([remark_on_empty(empty)] if empty else ()),
         *([CodedText(f"the start is {held}", "run.start-held")] if held else ()),
         *sampled_logs(scenario),

@@ -13,7 +13,7 @@ import numpy as np
 from thermid.base.errors import NameNotFoundError, ScenarioError, look_up, optional
 from thermid.base.files import NETCDF_SOURCE, FileKinds
 from thermid.base.results import PlottedTrace, Result, Row
-from thermid.base.units import ICE_POINT, Array, Memo, amount, kelvin, value_of
+from thermid.base.units import ICE_POINT, Array, Memo, amount, kelvin, value_of, values_of
 from thermid.model.tree import Standing, degrees, literal
 from thermid.physics.correlations import GapLaw, correlation
 from thermid.simulation._condensation import condensation
@@ -337,7 +337,7 @@ class Run:
         boundaries = float(answer.boundary_energy.sum()) - float(answer.flow_energy.sum())
         reduced = self.assembled.reduced
         weighed = {n: c for n, c in reduced.capacitances.items() if n not in reduced.controllers}
-        capacities = np.array([value_of(weighed.get(n) or 0.0) for n in reduced.nodes])
+        capacities = values_of(weighed.get(n) or 0.0 for n in reduced.nodes)
         stored = float(capacities @ (answer.final - answer.initial))
         states = np.vstack((answer.initial, answer.temperatures, answer.final))
         # heat that only passes through, from one boundary to another, is heat that the integrator handled too

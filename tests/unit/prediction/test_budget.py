@@ -14,7 +14,7 @@ from thermid.fit._error_model import discrepancy
 from thermid.prediction import _budget as budget, _predict as predict
 from thermid.prediction._budget import UNFITTED, Budget, budget_of, first_line
 from thermid.prediction._predict import foresee
-from thermid.prediction._setting import Setting
+from thermid.prediction._setting import Setting, prepared
 from thermid.values import _spreads as spreads
 from thermid.values.store import LeftOut
 from unit.prediction.things import BENCH, CASES, HTC, plate
@@ -43,7 +43,7 @@ def test_members_are_derivatives_once_all_sources_shrink(seed: int) -> None:
     """A tenth of every source: 300 members have the straight model's mean and width within what their number leaves open."""
     for node, full in budgets(seed):
         small = replace(full, gain=0.1 * full.gain)
-        setting = Setting.of_budget(small, times=[1200.0, 2400.0])
+        setting = Setting.of_budget(small, prepared(small, times=[1200.0, 2400.0]))
         linear = setting.linear([node])
         drawn = small.drawn(small.numbers(seed, 0, 300))
         actual = setting.temperatures(drawn, [node]).kelvin
@@ -58,12 +58,12 @@ def test_members_are_derivatives_once_all_sources_shrink(seed: int) -> None:
 @pytest.mark.parametrize("seed", [3])
 def test_removing_a_source_takes_its_column_away_and_nothing_else(seed: int) -> None:
     for node, full in budgets(seed):
-        setting = Setting.of_budget(full, times=[2400.0])
+        setting = Setting.of_budget(full, prepared(full, times=[2400.0]))
         columns = setting.linear([node]).columns[node]
         whole = sum(full.parts(columns).values())
         for k, source in list(enumerate(full.sources))[seed::9]:
             left = full.without([source.name])
-            again = Setting.of_budget(left, times=[2400.0]).linear([node]).columns[node]
+            again = Setting.of_budget(left, prepared(left, times=[2400.0])).linear([node]).columns[node]
             others = (np.delete(np.arange(len(full.sources)), k), full.alike[k])
             own = (columns[:, k] * full.sizes[k]) ** 2
             shared = 2.0 * columns[:, k] * full.sizes[k] * ((columns * full.sizes)[:, others[0]] @ others[1][others[0]])

@@ -15,7 +15,7 @@ from by_code import raises_code
 from thermid.base.errors import DeckError, IdentificationError, NameNotFoundError, ScenarioError
 from thermid.fit.calibration import Calibration, Request, calibrate, fit
 from thermid.prediction._budget import Spread
-from thermid.prediction._predict import Prediction, _mixed, predict
+from thermid.prediction._predict import Prediction, _mixed, between_ways, predict
 from thermid.simulation.runs import Scenario, simulate
 from unit.fit.bench import HTC, MASS, box, log, pair
 
@@ -172,3 +172,11 @@ def test_it_can_be_written_down(found: Calibration, tmp_path: Path) -> None:
     header, *rows = (tmp_path / "p.csv").read_text().splitlines()
     assert header.startswith('"time_s",case [degC],case low [degC],case high [degC]')
     assert len(rows) == 3
+
+
+def test_ways_that_say_the_same_temperature_differ_by_nothing() -> None:
+    """A boundary that no way moves: rounding of the mean of equal temperatures is no variance."""
+    weights, centres = np.array([0.01, 0.06, 0.01, 0.92]), np.full((4, 2), 313.15)
+    assert (weights @ (centres - weights @ centres) ** 2 > 0.0).all()  # so much rounding there is
+    parts = between_ways(weights, centres, [(False,), (False,), (False,), (True,)])
+    assert [v.tolist() for v in parts.values()] == [[0.0, 0.0], [0.0, 0.0]]

@@ -328,9 +328,8 @@ class ErrorModel(Result):
         """
         from threadpoolctl import threadpool_limits
 
-        problem = _problem_of(fit)
         with threadpool_limits(limits=1):  # matrices of some hundred rows, as in a fit
-            return cls._of_problem(fit, problem)
+            return cls._of_problem(fit, _problem_of(fit))
 
     @classmethod
     def _of_problem(cls, fit: Calibration, problem: Problem) -> ErrorModel:
@@ -342,12 +341,10 @@ class ErrorModel(Result):
         *fitted_ways, as_built = [fitted_way(problem, fitted, w, points) for w in ways_of(network, points, values, paths)]
         total = sum(w.way.before for w in fitted_ways)
         logs = np.concatenate([w.members.log_evidence + math.log(w.way.before / total) for w in fitted_ways])
-        every = weights_of(logs)
-        shares = np.split(every, np.cumsum([len(w.left) for w in fitted_ways])[:-1])
+        shares = np.split(weights_of(logs), np.cumsum([len(w.left) for w in fitted_ways])[:-1])
         departs, holds = weights_of([log_sum(logs) + math.log(DEPARTURE_ODDS), log_sum(as_built.members.log_evidence)]).tolist()
         likeliest = max(zip(fitted_ways, shares, strict=True), key=lambda pair: float(pair[1].sum()))[0]
-        apart = sum(share @ w.members.square for w, share in zip(fitted_ways, shares, strict=True))
-        misfit = math.hypot(math.sqrt(apart), likeliest.nonlinearity())
+        apart = math.sqrt(sum(share @ w.members.square for w, share in zip(fitted_ways, shares, strict=True)))
         probabilities = [*(departs * share for share in shares), holds * weights_of(as_built.members.log_evidence)]
         all_ways = [*fitted_ways, as_built]
         if others := [(share, w) for share, w in zip(shares, fitted_ways, strict=True) if ANOTHER in w.way.name and share.any()]:
@@ -363,11 +360,11 @@ class ErrorModel(Result):
         heated = {node for course in courses for node, _ in course.powers.values() if node in course.stores}
         spots = tuple(sorted(heated & {o.seat for e in problem.experiments for o in e.observations}))
         if gain > MIN_LOG_BAYES_FACTOR and spots:
-            moved = fitted_way(problem, fitted, replace(likeliest.way, spots=spots), points).members
+            moved = fitted_way(problem, fitted, replace(likeliest.way, spots=spots), points, likeliest).members
             if log_sum(moved.log_evidence) - log_sum(likeliest.members.log_evidence) > MIN_LOG_BAYES_FACTOR:
                 sizes = np.abs(weights_of(moved.log_evidence) @ moved.mean)[-len(spots) :]
                 spot = spots[int(np.argmax(sizes))] if sizes.max() > BIOT_LIMIT else ""  # below, a lag or leads of the sensor do as much
-        return cls(fit.stage, fitted_values, ways, misfit, gain=gain, spot=spot)
+        return cls(fit.stage, fitted_values, ways, math.hypot(apart, likeliest.nonlinearity()), gain=gain, spot=spot)
 
     @property
     def departing(self) -> ErrorModel:

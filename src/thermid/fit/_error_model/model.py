@@ -240,8 +240,7 @@ class RunsOfFit:
 
         All else is integrated out at usual sizes, and at every size and time of what no element explains.
         """
-        usual = np.array([[SIZES[g].value for g in GROUPS]])
-        prior, posteriors = left_prior(), self.posteriors(centre, usual)
+        prior, posteriors = left_prior(), self.posteriors(centre, np.array([[SIZES[g].value for g in GROUPS]]))
         logs = [prior[remainder] + float(f.log_evidence[0]) for remainder, f in posteriors.items()]
         return step_to_mode(logs, [f.mean[0][bent] for f in posteriors.values()], [f.root[0][bent] for f in posteriors.values()])
 
@@ -291,14 +290,17 @@ def noise_of(e: Experiment, o: Observation) -> float:
     return (noise if noise > LEAST_NOISE else UNSAID_NOISE) / float(np.sqrt(o.effective_share))
 
 
-def fitted_way(problem: Problem, fitted: Array, way: Way, points: Mapping[str, OperatingPoint]) -> FittedWay:
+def fitted_way(problem: Problem, fitted: Array, way: Way, points: Mapping[str, OperatingPoint], near: FittedWay | None = None) -> FittedWay:
     """Return the posterior where the heat is carried in one way: about the likeliest values and laws at usual sizes, then at all sizes.
 
     What no element explains has every size and time while they are looked for: fixed, a small one would bend values until they follow what
-    they do not explain, and a large one would leave them where they began.
+    they do not explain, and a large one would leave them where they began. The search begins at the fit's values, or where that of a way
+    with the same laws ended, `near`.
     """
-    at, laws, share, departures = fitted.copy(), dict(way.laws), 1.0, Departures({}, ()) if way.name == AS_BUILT else None
-    costs: list[float] = []
+    at, laws, departures = fitted, dict(way.laws), Departures({}, ()) if way.name == AS_BUILT else None
+    if near is not None:
+        at, laws, departures = near.runs.fitted, dict(near.laws), near.runs.departures
+    share, costs = 1.0, list[float]()
     for _ in range(NEWTON_POINTS):
         runs = RunsOfFit.of_problem(problem, at, way, laws, points, departures)
         departures, values = runs.departures, runs.values

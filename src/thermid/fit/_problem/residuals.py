@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thermid.base.errors import DeckError, SolverError
-from thermid.base.units import Array, Dual, Memo, Number, gradient_of, value_of
+from thermid.base.units import Array, Dual, Memo, Number, gradient_of, values_of
 from thermid.fit._problem.experiment import CLOCK, OFFSET, STEPPED, SWITCH, Experiment, Observation, clock_target
 from thermid.simulation.runs import Engine, Options, Squares, Traces, Weighing, Wiring, kept_for
 
@@ -399,7 +399,7 @@ class Bench:
             lambda: self.engine.readings(times, [tuple(p) for p in parts], [o.index for o in obs], [o.measured for o in obs], scaled),
         )
         numbers = [number for p in parts for number in p.values()]
-        weights = np.array([value_of(n) for n in numbers]), np.array([gradient_of(n, size) for n in numbers]).reshape(len(numbers), size)
+        weights = values_of(numbers), np.array([gradient_of(n, size) for n in numbers]).reshape(len(numbers), size)
         duration = max(self.experiment.scenario.seconds, float(times[-1]))
         return self.engine.least_squares(assembled, readings, weights, weighing, duration, options, gradients, mesh)
 

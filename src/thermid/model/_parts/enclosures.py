@@ -10,7 +10,7 @@ from typing import Any, Final
 import numpy as np
 
 from thermid.base.errors import DeckError
-from thermid.base.units import STEFAN_BOLTZMANN, Array, Memo, Number, gradient_of, value_of
+from thermid.base.units import STEFAN_BOLTZMANN, Array, Memo, Number, gradient_of, value_of, values_of
 from thermid.model._laws.stores import refuse_first
 from thermid.model._parts.elements import Enclosure, Law, Surface, Take, exposed_area
 from thermid.physics.enclosure import absorbing_areas, check_view_factors, exchange_areas_of
@@ -110,7 +110,7 @@ class FaceExchange:
                 self.where,
                 code="value.contradicts",
             )
-        size, names = np.array([value_of(a) for a in areas]), [f.name for f in self.faces]
+        size, names = values_of(areas), [f.name for f in self.faces]
         factors, sized, areas = self._factors(size, names, areas)
         check_view_factors(factors, sized, names, self.where, closed=not self.rest)
         if not self.rest and all(value_of(a) == 0.0 for a in dark):
@@ -141,7 +141,7 @@ class FaceExchange:
                     self.where,
                     code="value.outside-range",
                 )
-        size = np.array([value_of(a) for a in areas])
+        size = values_of(areas)
         names = [f.name for f in self.faces]
         if self.enclosure.exchange_factors:
             # exchange areas (A_i F_ij + A_j F_ji) / 2 from exchange factors F, whose directions must agree [m^2]

@@ -15,7 +15,7 @@ from thermid.base.errors import spoken
 from thermid.base.units import Array, Indices
 from thermid.model.tree import Model
 from thermid.prediction._budget import Budget
-from thermid.prediction._setting import Setting
+from thermid.prediction._setting import Setting, prepared
 from thermid.simulation.runs import PILOT, Counted, JobFolder, MemberTurnings, Options, Scenario, Workers, digest, in_tasks
 
 TURNING_FIELDS = ("members", "times", "kelvin")
@@ -241,7 +241,9 @@ def run_members_of(job: Job, numbers: Array, settings: Settings | None = None) -
     for v, w in pairs:
         members = np.flatnonzero((chosen == v) & (way == w))
         if (v, w) not in ready:
-            ready[v, w] = Setting.of_budget(job.budget.weighted_ways[w][1], scenario=job.scenarios[v], times=job.times, options=job.options)
+            ready[v, w] = Setting.of_budget(
+                job.budget.weighted_ways[w][1], prepared(job.budget, scenario=job.scenarios[v], times=job.times, options=job.options)
+            )
         drawn = ready[v, w].temperatures(sources[:, members], job.nodes)
         if drawn.runs is not None:
             failed |= {int(members[m]): why for m, why in drawn.runs.failed.items()}

@@ -22,7 +22,7 @@ from thermid.prediction._known import Knowledge, known_of
 from thermid.prediction._monte_carlo.chunks import Chunk, CountTable, Job, Limit, MemberRuns, Progress, chunk_name
 from thermid.prediction._predict import BENT, SWITCHING, WayAnswer, centre_words, mixed_answer
 from thermid.prediction._reduction.macro import assumed
-from thermid.prediction._setting import Setting
+from thermid.prediction._setting import Setting, prepared
 from thermid.simulation.runs import (
     Counted,
     JobFolder,
@@ -232,10 +232,10 @@ class UncertainRuns(Result):
         sources = job.budget.drawn(job.budget.numbers(job.seed, 0, members))
         chosen = job.budget.chosen(sources)
         out: dict[str, Array] = {}
+        ready = prepared(job.budget, scenario=job.scenarios[0], times=job.times, options=job.options)
         for k, (_, way) in enumerate(job.budget.weighted_ways):
             here = np.flatnonzero(chosen == k)
-            setting = Setting.of_budget(way, scenario=job.scenarios[0], times=job.times, options=job.options)
-            for name, values in setting.member_values(sources[:, here]).items():
+            for name, values in Setting.of_budget(way, ready).member_values(sources[:, here]).items():
                 out.setdefault(name, np.zeros(members))[here] = values
         return out | ({AVERAGED: chosen.astype(float)} if len(job.budget.ways) > 1 else {})
 
@@ -285,10 +285,9 @@ class UncertainRuns(Result):
         job = self.job
         if job.variant is not None or not self.reached.size:
             return ""
-        ways = [
-            WayAnswer.of_budget(w, budget_of_way, self.nodes, job.times, job.options, job.scenarios[0])
-            for w, budget_of_way in job.budget.weighted_ways
-        ]
+        ways = WayAnswer.of_budget(
+            job.budget, self.nodes, prepared(job.budget, scenario=job.scenarios[0], times=job.times, options=job.options)
+        )
         best = simulate(job.model, job.scenarios[0], times=job.times, options=job.options)
         sources = job.budget.drawn(job.budget.numbers(job.seed, 0, self.whole))[:, self.reached]
         chosen = job.budget.chosen(sources)

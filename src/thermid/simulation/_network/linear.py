@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from thermid.base.errors import DeckError, SolverError
-from thermid.base.units import Array, value_of
+from thermid.base.units import Array, value_of, values_of
 from thermid.simulation._network.network import Network, Numbers
 
 
@@ -83,7 +83,7 @@ def state_space(network: Network, numbers: Numbers | None = None) -> StateSpace:
         )
     massive = [k for k, n in enumerate(network.nodes) if numbers.capacitances[n] is not None]
     massless = [k for k, n in enumerate(network.nodes) if numbers.capacitances[n] is None]
-    capacity = np.array([value_of(numbers.capacitances[network.nodes[k]] or 0.0) for k in massive])
+    capacity = values_of(numbers.capacitances[network.nodes[k]] or 0.0 for k in massive)
     heat, driven = _conductances(network, numbers)
     loads = tuple(load.path for load in network.flat.loads)
     into = np.zeros((len(network.nodes), len(loads)))

@@ -8,9 +8,9 @@ are solved with the states by the kernel.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import dataclass, field, replace
-from functools import reduce
+from functools import cached_property, reduce
 from operator import add
 from typing import Any, Final
 
@@ -214,19 +214,15 @@ class Network:
         return self if alone == self.flat.loads else replace(self, flat=replace(self.flat, loads=alone))
 
     @property
-    def controls(self) -> tuple[str, ...]:
-        """The controls that something names, in the order of the deck."""
-        return self.memo.value("controls", self._named_controls)
-
-    @property
     def switches(self) -> bool:
         """Whether a temperature switches anything: a thermostat, a machine of modes, or a melt that cools below its melting point."""
         thermostats = any(field.startswith("thermostat.") for load in self.flat.loads for field in load.fields)
         machines = any(self.flat.controls[name].control.kind in ("thermostat", "modes") for name in self.controls)
         return thermostats or machines or any(store.melt is not None for store in self.stores.values())
 
-    def _named_controls(self) -> tuple[str, ...]:
-        """Return the controls that an element names, in the order of the deck."""
+    @cached_property
+    def controls(self) -> tuple[str, ...]:
+        """The controls that an element names, in the order of the deck."""
         if not self.flat.controls:
             return ()
         by = [*(c.controls for c in self.flat.conductors), *(load.controls for load in self.flat.loads)]
@@ -240,17 +236,15 @@ class Network:
             fields["area"] = exposed_area(c.path, fields["area"], c.takes, values, c.where)
         with errors_at(c.where):
             laws = c.laws(fields)
-        if not c.reversible and any(value_of(law.coefficients[0]) < 0 for law in laws):
-            raise DeckError(
-                f"'{c.path}' has a negative conductance; heat would flow from cold to hot. Check signs and areas.",
-                c.where,
-                code="model.negative-conductance",
-            )
-        if c.factor != 1.0:
-            laws = tuple(law.scaled(c.factor) for law in laws)
-        if c.kind == "flow" and c.path in self.streams:
-            return _both_ways(c, replace(self.streams.row(c, laws[0]), controls=c.controls))
-        with errors_at(c.where):
+            if not c.reversible and any(value_of(law.coefficients[0]) < 0 for law in laws):
+                raise DeckError(
+                    f"'{c.path}' has a negative conductance; heat would flow from cold to hot. Check signs and areas.",
+                    code="model.negative-conductance",
+                )
+            if c.factor != 1.0:
+                laws = tuple(law.scaled(c.factor) for law in laws)
+            if c.kind == "flow" and c.path in self.streams:
+                return _both_ways(c, replace(self.streams.row(c, laws[0]), controls=c.controls))
             laws = tuple(piece for law in laws for piece in law.pieces())
         emissivity = values[c.emissivity] if c.emissivity else None
         rows = tuple(row for law in laws for row in self.media.rows(c, law, fields, emissivity))
@@ -522,17 +516,16 @@ def _no_path(nodes: tuple[str, ...], rate: float) -> CodedText:
     return CodedText(f"{named} {'have' if many else 'has'} no path to a boundary{follows}", "model.no-path-to-boundary")
 
 
-def unreached(network: Network, numbers: Numbers, powers: Mapping[str, float]) -> dict[tuple[str, ...], CodedText]:
+def unreached(network: Network, numbers: Numbers, power: Callable[[str], float]) -> dict[tuple[str, ...], CodedText]:
     """Return the groups of nodes that are joined to one another but to no boundary, each with what is said of it.
 
     Parameters
     ----------
-    powers : dict   Load -> mean power. [W]
+    power : callable    Load -> mean power. [W]
     """
     if network.flat.names.model.runner is not None:  # what joins the nodes of somebody else's program is not known
         return {}
-    names = [*network.nodes, *network.boundaries]
-    joined: dict[str, set[str]] = {n: set() for n in names}
+    joined: dict[str, set[str]] = {n: set() for n in (*network.nodes, *network.boundaries)}
     for row in numbers.conductors:
         if value_of(row.coefficients[0]) not in (0.0, TRACE):
             a, b = row.ends
@@ -547,7 +540,7 @@ def unreached(network: Network, numbers: Numbers, powers: Mapping[str, float]) -
         group = reached((first,), joined) & isolated
         isolated -= group
         members = tuple(n for n in network.nodes if n in group)
-        heat = sum(powers.get(load.path, 0.0) for load in network.flat.loads if load.node in members)
+        heat = sum(power(load.path) for load in network.flat.loads if load.node in members)
         capacity = sum(value_of(c) for n in members if (c := numbers.capacitances.get(n)) is not None)
         if capacity > 0:
             out[members] = _no_path(members, heat / capacity)

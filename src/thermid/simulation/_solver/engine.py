@@ -825,7 +825,7 @@ def _no_steady(problem: KernelProblem, a: Assembled) -> CodedText:
     outer = [problem.wiring.boundary(b, np.zeros(1), a.offsets)[0] for b in problem.wiring.network.boundaries]
     columns = np.array([[outer[0] if outer else ICE_POINT] * len(problem.nodes) + outer])
     powers = {name: float(p[0]) for name, p in problem.powers(a, columns, np.zeros(1)).items()}
-    for imbalance in unreached(problem.wiring.network, a.numbers, powers).values():
+    for imbalance in unreached(problem.wiring.network, a.numbers, lambda load: powers.get(load, 0.0)).values():
         return CodedText(f"no steady state exists: {imbalance}.", imbalance.code)
     look = "power that grows with temperature" if problem.follows else "node whose heat cannot leave"
     return CodedText(f"no steady state exists: the equations are singular. Look for a {look}.", "run.no-steady-state")

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thermid.base.errors import ScenarioError, errors_at, nearest, refuse_unknown
-from thermid.base.units import TEMPERATURE, Array, Dual, Memo, Number, gradient_of, require, value_of
+from thermid.base.units import TEMPERATURE, Array, Dual, Memo, Number, gradient_of, require, value_of, values_of
 from thermid.model.tree import (
     COMPLEMENT,
     Constant,
@@ -55,7 +55,8 @@ def normalised(network: Network, scenario: Scenario) -> Scenario:
     def load(name: str) -> str:
         """Return the path of a load; refuse what is none."""
         path = flat.names.model.canonical(name)
-        refuse_unknown([path], paths, where, f"no load '{name}'.", ScenarioError)
+        if path not in paths:
+            refuse_unknown([path], paths, where, f"no load '{name}'.", ScenarioError)
         return path
 
     def gain(name: str, need: str) -> str:
@@ -278,7 +279,7 @@ class ScheduledCoefficients:
         table = {}
         for r, row in enumerate(sets[reference].rows):
             for c in range(len(row.coefficients)):
-                values = np.array([value_of(varied.rows[r].coefficients[c]) for varied in sets])
+                values = values_of(varied.rows[r].coefficients[c] for varied in sets)
                 sample = reference if values[reference] else int(np.abs(values).argmax())
                 if (values != values[sample]).any():
                     table[r, c] = ScheduledCoefficient(sample, values / values[sample])
@@ -647,9 +648,8 @@ class Wiring:
         key = (values.tobytes(), gradients)
         if self._last is None or self._last[0] != key:
             free: dict[str, Number] = dict(zip(self.free, values.tolist(), strict=True)) if values.size else {}
-            if gradients and values.size:
-                eye = np.eye(values.size)
-                free = {name: Dual(value_of(v), eye[k]) for k, (name, v) in enumerate(free.items())}
+            if gradients:
+                free = {name: Dual(v, row) for name, v, row in zip(free, values.tolist(), np.eye(values.size), strict=True)}
             self._last = (key, self.assembled_at(free, values.size if gradients else 0))
         return self._last[1]
 
@@ -670,10 +670,9 @@ class Wiring:
             else self._initial_of(n, offsets, values)
             for n in reduced.nodes
         ]
-        start = np.array([value_of(v) for v in initial])
         gradient = np.array([gradient_of(v, free) for v in initial]).reshape(len(initial), free)
         jacobian = _csr(coefficients) if free else None
-        return Assembled(np.array([value_of(v) for v in coefficients]), jacobian, start, gradient, reduced, numbers, offsets)
+        return Assembled(values_of(coefficients), jacobian, values_of(initial), gradient, reduced, numbers, offsets)
 
     def every(self, a: Assembled, values: Mapping[str, Number]) -> list[Number]:
         """Return all coefficients of an assembly in the kernel's order, as numbers of the kind that `values` are, such as formulas."""
