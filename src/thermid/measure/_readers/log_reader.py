@@ -21,7 +21,7 @@ from thermid.measure._readers.power_of_columns import RESTARTED, power_readings
 from thermid.measure._readers.questions import begins_again, board_restarts, hidden_switches, lost_hour, repeated_stamps, unit_question
 from thermid.measure._readers.stamps import Clock, Times, clock_column, read_times
 from thermid.measure._readers.textfile import Cells, decoded, read_bytes
-from thermid.measure._record.channel import BoolArray, Channel, FloatArray, Origin, digest, with_sensor
+from thermid.measure._record.channel import BoolArray, Channel, FloatArray, Origin, digest, unseen_pulses, with_sensor
 from thermid.measure._record.record import Record
 
 STATED_SIZES: Final = ("noise", "accuracy", "resolution")
@@ -306,7 +306,7 @@ def _masked(channel: Channel, reasons: Mapping[str, list[int]]) -> Channel:
 def _questions(
     times: FloatArray, clock: Clock, read: Times, channels_read: Sequence[Channel], bare: Mapping[str, FloatArray]
 ) -> tuple[str, ...]:
-    """Return the questions that the log leaves open: restarts, units, repeated stamps, a lost hour, hidden switches.
+    """Return the questions that the log leaves open: restarts, units, repeated stamps, a lost hour, hidden switches, unseen pulses.
 
     `bare` are the columns without a unit.
     """
@@ -317,6 +317,7 @@ def _questions(
         *repeated_stamps(times, _Readings(channels_read)),
         *(() if read.zone or not clock.texts else lost_hour(times, clock.texts, _Readings(warm))),
         *hidden_switches(times, _Readings([c for c in channels_read if c.held])),
+        *unseen_pulses(times, _Readings([c for c in channels_read if c.held and not c.prompt and c.samples != "average"])),
     )
 
 
