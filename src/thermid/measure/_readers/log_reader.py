@@ -317,7 +317,7 @@ def _questions(
         *repeated_stamps(times, _Readings(channels_read)),
         *(() if read.zone or not clock.texts else lost_hour(times, clock.texts, _Readings(warm))),
         *hidden_switches(times, _Readings([c for c in channels_read if c.held])),
-        *unseen_pulses(times, _Readings([c for c in channels_read if c.held and not c.prompt and c.samples != "average"])),
+        *unseen_pulses(times, _Readings([c for c in channels_read if c.held and c.prompt is None and c.samples != "average"])),
     )
 
 

@@ -25,7 +25,16 @@ from thermid.measure._readers.headers import name_and_unit
 from thermid.measure._readers.questions import board_restarts, hidden_switches, lost_hour, repeated_stamps, unit_question
 from thermid.measure._readers.stamps import Clock, Times, clock_column, day_seconds, read_times, zone_offset
 from thermid.measure._readers.textfile import Cells
-from thermid.measure._record.channel import SENSOR_FAULT_CODES, Channel, even_step, gap_from, unseen_pulses, usual_step
+from thermid.measure._record.channel import (
+    MOST_PULSES,
+    SENSOR_FAULT_CODES,
+    Channel,
+    even_step,
+    gap_from,
+    single_pulses,
+    unseen_pulses,
+    usual_step,
+)
 from thermid.measure._record.record import thinned_step
 
 ACCURACY: Final = 'add accuracy = "0.5 [K]" to each thermometer, half of the +-1 K of its data sheet; no log shows it'
@@ -226,6 +235,9 @@ class Look(Result):
             and (noise := round(Channel.from_array(c.name, in_si(c.values[c.good], c.unit), unit="K").noise_seen, 6))
         ):
             options += f', noise = "{short(noise, 2)} [K]"'
+        pulses = c.guess in ("power", "duty") and self.times is not None and name not in self.cells.prompt
+        if pulses and single_pulses(self.times.values, c.values) < MOST_PULSES:
+            options += ", prompt = false"
         why = f"  # {c.why}{'; no unit in the log' if c.assumed else ''}"
         if c.guess == "duty":
             return [f'# {key} = {{ {column}load = "{target}", full_scale = "... [W]"{options} }}{why}']

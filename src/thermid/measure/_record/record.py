@@ -108,7 +108,7 @@ class Record(Samples, Result):
         axis, begun = clocked(times)
         sha = digest([("time", axis), *((key, samples.values) for key, samples in of.items())])
         start = begun.text if begun is not None and np.isfinite(begun.seconds) else None
-        held = {n: np.where(c.valid, c.values, np.nan) for n, c in of.items() if c.held and not c.prompt and c.samples != "average"}
+        held = {n: np.where(c.valid, c.values, np.nan) for n, c in of.items() if c.held and c.prompt is None and c.samples != "average"}
         origin = Origin(name, sha, start, ("time", *of), axis.size, "time", synthetic, tuple(unseen_pulses(axis, held)))
         return cls(name, axis, of, origin)
 
