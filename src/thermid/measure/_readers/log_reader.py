@@ -87,7 +87,12 @@ def read_record(
     times = read_at.values
     if times[0] == times[-1]:
         samples_text = "one sample" if times.size == 1 else f"{times.size} samples with one time stamp"
-        raise RecordError(f"the log has {samples_text}; a record needs at least two times.", cells.file, code="record.too-short")
+        raise RecordError(
+            f"the log has {samples_text}; a record needs at least two times. For a steady point that was written by hand, write its row "
+            "again with a later time, and start = 'steady' in the scenario of the record.",
+            cells.file,
+            code="record.too-short",
+        )
     parsed = [numbers(column, sign) if place not in clock_at.places else times for place, column in enumerate(cells.columns)]
     cells = replace(cells, columns=[c if isinstance(x, int) else () for c, x in zip(cells.columns, parsed, strict=True)])  # text is long
     clock_at = replace(clock_at, texts=() if isinstance(clock_at.texts, NumberColumn) else clock_at.texts)
