@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
+import thermid as td
 from by_code import raises_code
 from thermid.base.errors import NameNotFoundError, RecordError
 from thermid.measure._record.channel import Channel
@@ -154,7 +157,6 @@ def test_one_row_written_by_hand_is_a_steady_point_once_it_stands_twice(tmp_path
     with raises_code("record.too-short", RecordError):
         td.read_record(path, channels)
     path.write_text("time_s,T [degC],ROOM [degC],P [W]\n0,33,21,6\n3600,33,21,6\n")
-    fit = td.calibrate(
-        td.model_from_dict(deck), td.read_record(path, channels), ["out.conductance"], scenario=td.Scenario("s", start="steady")
-    )
+    record, bench = td.read_record(path, channels), td.Scenario("hand", start="steady")
+    fit = td.calibrate(td.model_from_dict(deck), record, ["out.conductance"], scenario=bench)
     assert fit["out.conductance"].value == pytest.approx(0.5, rel=1e-6)

@@ -235,8 +235,8 @@ class Look(Result):
             and (noise := round(Channel.from_array(c.name, in_si(c.values[c.good], c.unit), unit="K").noise_seen, 6))
         ):
             options += f', noise = "{short(noise, 2)} [K]"'
-        pulses = c.guess in ("power", "duty") and self.times is not None and name not in self.cells.prompt
-        if pulses and single_pulses(self.times.values, c.values) < MOST_PULSES:
+        times = self.times.values if self.times is not None and role == "load" and c.name not in self.cells.prompt else c.values[:0]
+        if times.size and single_pulses(times, c.values) < MOST_PULSES:
             options += ", prompt = false"
         why = f"  # {c.why}{'; no unit in the log' if c.assumed else ''}"
         if c.guess == "duty":
