@@ -846,6 +846,11 @@ CODES: Final[Mapping[str, CodeMeaning]] = {
         "A column without a unit looks like another one than the unit that would be assumed.",
         "Give `units`.",
     ),
+    "record.unseen-pulses": CodeMeaning(
+        "warning, remark",
+        "A power is switched faster than its log reads it, so that pulses may lie unseen between two readings.",
+        "Log it faster, or its energy or mean; or state `prompt`.",
+    ),
     "record.values-elsewhere": CodeMeaning(
         "error",
         "The values of a data set are in other files, which are not read.",

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from thermid.base.errors import IdentificationError, SolverError, quoted
+from thermid.base.errors import CodedText, IdentificationError, SolverError, code_of, quoted
 from thermid.base.linear_algebra import null_space, one_thread, symmetric_inverse
 from thermid.base.units import HALF_WIDTH_95, Array, counted, short, si_unit, some, unit
 from thermid.fit._calibration import (
@@ -941,7 +941,7 @@ def _fitted(
         wider = widened_by_noise_of_powers(problem, minimum.fitted)
         random = random * np.outer(wider, wider)
     questions_on_mistakes = (
-        *(FIRST + question for question in open_questions([e.record for e in problem.experiments])),
+        *(CodedText(FIRST + question, code_of(question)) for question in open_questions([e.record for e in problem.experiments])),
         *strange_powers(problem),
         *exchanged_sensors(problem),
     )

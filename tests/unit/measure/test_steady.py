@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
+import thermid as td
 from by_code import raises_code
 from thermid.base.errors import NameNotFoundError, RecordError
 from thermid.measure._record.channel import Channel
@@ -135,3 +138,25 @@ def test_noise_before_rounding_takes_the_error_of_steps_away_as_far_as_it_is_kno
     size = float(np.sqrt(np.mean(np.square(away))))
     assert size == pytest.approx(part / 12**0.5, abs=0.06)
     assert np.median(errors) == pytest.approx(size, rel=0.35, abs=0.02)
+
+
+def test_one_row_written_by_hand_is_a_steady_point_once_it_stands_twice(tmp_path: Path) -> None:
+    """As the error of a log of one row advises: 12 K by 6 W."""
+    deck = {
+        "title": "box",
+        "needs": ["air"],
+        "nodes": {"case": {"capacitance": "300 [J/K]"}},
+        "conductors": {
+            "out": {"kind": "conduction", "between": ["case", "air"], "conductance": {"value": "1 [W/K]", "min": 0.01, "max": 10}}
+        },
+        "loads": {"heat": {"into": "case", "power": "1 [W]"}},
+    }
+    channels = {"T": {"node": "case", "noise": "0.1 [K]"}, "ROOM": {"boundary": "air"}, "P": {"load": "heat"}}
+    path = tmp_path / "hand.csv"
+    path.write_text("time_s,T [degC],ROOM [degC],P [W]\n0,33,21,6\n")
+    with raises_code("record.too-short", RecordError):
+        td.read_record(path, channels)
+    path.write_text("time_s,T [degC],ROOM [degC],P [W]\n0,33,21,6\n3600,33,21,6\n")
+    record, bench = td.read_record(path, channels), td.Scenario("hand", start="steady")
+    fit = td.calibrate(td.model_from_dict(deck), record, ["out.conductance"], scenario=bench)
+    assert fit["out.conductance"].value == pytest.approx(0.5, rel=1e-6)

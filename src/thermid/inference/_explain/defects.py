@@ -2,9 +2,9 @@
 
 In: a `Calibration`. Out: the fits with a defect that its readings allow, each with its weight, or nothing: no defect is proved.
 
-Every defect (sensors that lag, a mass, a leak) is fitted together with the clock of the powers, which the fit finds too, and the clock is
-tried alone. A sampled power changed somewhere between two samples: early, in the middle and late are tried, each as likely. Weights are
-those of Bayesian model averaging (Hoeting and others, Statistical Science 14 (1999) 382-417) with the one score of causes (`weighing`).
+Every defect (sensors that lag, a mass, a leak) is fitted together with the clock of the powers, which the fit finds with the instants of
+their changes, and the clock is tried alone. Weights are those of Bayesian model averaging (Hoeting and others, Statistical Science 14
+(1999) 382-417) with the one score of causes (`weighing`).
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ import numpy as np
 
 from thermid.base.errors import IdentificationError, ThermidError
 from thermid.base.linear_algebra import one_thread
-from thermid.base.units import Indices, short
+from thermid.base.units import short
 from thermid.fit.calibration import MEASURED, Calibration, Experiment, Request, Unknown, build_problem, fit_problem
 from thermid.fit.error_model import FREE_AIR, constant_coefficients
 from thermid.inference._explain.candidates import Fitted, MissingElement, hidden_defects
@@ -25,7 +25,6 @@ from thermid.inference._explain.structures import linearised, starting_values
 from thermid.inference._explain.thresholds import (
     FAR_PART,
     FAR_STEPS,
-    FIRST_SWITCH_POSITION,
     MAX_DEFECT_FACTOR,
     MAX_NOISE_CHI_SQUARE,
     MAX_REFIT_EVALUATIONS,
@@ -35,7 +34,6 @@ from thermid.inference._explain.thresholds import (
     MAX_REFIT_STEPS,
     MAX_REFIT_UNKNOWNS,
     MAX_START_DEVIATIONS,
-    MAX_TIMED_CHANGES,
     MIN_DEFECT_WEIGHT,
     MIN_PROMISED_FALL,
     UNDETERMINED,
@@ -67,13 +65,11 @@ class ExplainedFit:
 
 @dataclass(frozen=True)
 class _Tried:
-    """One refit: its defect, where in their intervals powers changed, its score, its part of what is likely before [-]."""
+    """One refit: its defect and its score."""
 
     change: MissingElement | None
-    instant: float
     fit: Calibration
     weighing: CauseScore
-    share: float = 1.0
 
 
 @lru_cache(maxsize=16)
@@ -114,44 +110,35 @@ def _explained(fit: Calibration, request: Request) -> tuple[ExplainedFit, ...]:
     clock = _clock(fit)
     every = [None, *hidden_defects(Fitted.of_calibration(fit, request))]
     changes = [c for c in every if _promises(fit, open_request, c, clock)]
-    attempts = [
-        t
-        for change in changes
-        if (t := _tried(open_request, change, FIRST_SWITCH_POSITION, clock, _begun(open_request, change))) is not None
-    ]
+    attempts = [t for change in changes if (t := _tried(open_request, change, clock, _begun(open_request, change))) is not None]
     for change in changes:  # a search that begins elsewhere, where nothing explains the residuals yet
         for start in change.starts if change is not None else ():
             if min((t.fit.reduced_chi_square for t in attempts), default=np.inf) > MAX_NOISE_CHI_SQUARE:
-                attempts += [t for t in [_tried(open_request, change, FIRST_SWITCH_POSITION, clock, start)] if t is not None]
+                attempts += [t for t in [_tried(open_request, change, clock, start)] if t is not None]
     if not attempts:
         return ()
     best = max(attempts, key=_likeliest)
     if best.fit.reduced_chi_square > MAX_NOISE_CHI_SQUARE or _over(best.weighing, _weighed(fit, None)) < 0.5 * VERY_STRONG:
         return ()  # it leaves more than noise, or is not much better than the fit of the deck
-    if clock is not None and clock.sampled:
-        at, _ = _instant(open_request, best, clock)
-        begun = {id(t.change): _values(t.fit) for t in attempts}
-        there = [t for c in changes if (t := _tried(open_request, c, at, clock, begun.get(id(c), {}))) is not None]
-        attempts = [x for t in _nearly_as_likely(there or attempts) for x in _over_instants(open_request, t, clock)]
     likely = _nearly_as_likely(attempts)
-    weights = np.array([t.share for t in likely]) * shares([t.weighing for t in likely])
+    weights = shares([t.weighing for t in likely])
     out = [
-        ExplainedFit("" if t.change is None else t.change.name, _finding(t), float(w), t.fit)
-        for t, w in zip(likely, weights / weights.sum(), strict=True)
+        ExplainedFit("" if t.change is None else t.change.name, _finding(t), float(w), t.fit) for t, w in zip(likely, weights, strict=True)
     ]
     return tuple(sorted(out, key=lambda e: -e.weight))
 
 
-def _promises(fit: Calibration, request: Request, change: MissingElement | None, clock: _Clock | None) -> bool:
+def _promises(fit: Calibration, request: Request, change: MissingElement | None, clock: Clock | None) -> bool:
     """Whether one step of Gauss and Newton from the values of a fit, with a defect and the clock beside them, explains its residuals.
 
-    It does where it leaves noise, or takes off `MIN_PROMISED_FALL` of chi-square. A step is one run and a refit some forty of them.
+    It does where it leaves noise, or takes off `MIN_PROMISED_FALL` of chi-square. A step is one run and a refit some forty of them. The
+    clock alone takes ten, and is far from linear where it is off by more than a reading.
     """
-    if change is None and clock is None:
-        return False
+    if change is None:
+        return clock is not None
     try:
-        changed = request if change is None else change.make(request)
-        problem = build_problem(changed if clock is None else clock.make(changed, FIRST_SWITCH_POSITION))
+        changed = change.make(request)
+        problem = build_problem(changed if clock is None else clock(changed))
         at = starting_values(problem, fit.fitted, {})
         rows, slopes = linearised(problem, at)
     except ThermidError:
@@ -193,48 +180,6 @@ def _begun(request: Request, change: MissingElement | None) -> Mapping[str, floa
         return {}
 
 
-def _instant(request: Request, near: _Tried, clock: _Clock) -> tuple[float, float]:
-    """Return the likeliest instant of power changes within their sampling intervals, from 0 to 1, and its standard deviation. [-]
-
-    Three fits about the middle give the parabola chi^2(f); its minimum is the instant and sqrt(2 level / chi^2'') its deviation, infinite
-    where the parabola opens downwards.
-    """
-    begin = _values(near.fit)
-    for step in (1.0 / 3.0, 1.0 / 6.0):
-        attempts = [
-            _tried(request, near.change, f, clock, begin, False)
-            for f in (FIRST_SWITCH_POSITION - step, FIRST_SWITCH_POSITION, FIRST_SWITCH_POSITION + step)
-        ]
-        early, middle, late = (np.nan if t is None else t.fit.chi_square for t in attempts)
-        curvature = (early - 2.0 * middle + late) / step**2
-        if curvature > 0.0:
-            level = max(1.0, near.fit.reduced_chi_square)
-            return float(np.clip(FIRST_SWITCH_POSITION - 0.5 * (late - early) / step / curvature, 0.0, 1.0)), float(
-                np.sqrt(2.0 * level / curvature)
-            )
-    return FIRST_SWITCH_POSITION, np.inf
-
-
-def _over_instants(request: Request, near: _Tried, clock: _Clock) -> list[_Tried]:
-    """Return a defect's fits at three instants at which powers may have changed within their sampling interval, each with its weight.
-
-    The prior is uniform over the interval. Where readings place the instant well, with a standard deviation s up to 0.2 of the interval,
-    its posterior is normal, and the points of Gauss and Hermite at 0 and +- sqrt(3) s with weights 2/3 and 1/6 replace it; beyond that
-    the middles of the three thirds do, with 1/3 each. When a fit fails there, the fit as it was stands beside those that did not.
-    """
-    best, spread = _instant(request, near, clock)
-    third = spread > 0.2
-    points: tuple[tuple[float, float], ...] = ((1.0 / 6.0, 1.0 / 3.0), (0.5, 1.0 / 3.0), (5.0 / 6.0, 1.0 / 3.0))
-    if not third:
-        points = ((best, 2.0 / 3.0), *((float(np.clip(best + s * 3.0**0.5 * spread, 0.0, 1.0)), 1.0 / 6.0) for s in (-1.0, 1.0)))
-    attempts = [(share, _tried(request, near.change, f, clock, _values(near.fit), False)) for f, share in points]
-    out = [replace(t, share=share) for share, t in attempts if t is not None]
-    if len(out) < len(points):
-        return [near, *(replace(t, share=1.0) for t in out)]
-    likeliest = max(out, key=_likeliest).weighing
-    return out if third else [replace(t, weighing=likeliest) for t in out]  # the likelihood of the instant is in the shares
-
-
 def _weighed(fit: Calibration, change: MissingElement | None) -> CauseScore:
     """Return the score of a fit with a defect; a clock is evenly likely within its range."""
     assert fit.problem is not None
@@ -244,26 +189,17 @@ def _weighed(fit: Calibration, change: MissingElement | None) -> CauseScore:
     return weighed_at(fit.problem, at, {**sizes, **(change.sizes if change is not None else {})})
 
 
-def _tried(
-    request: Request,
-    change: MissingElement | None,
-    instant: float,
-    clock: _Clock | None,
-    begin: Mapping[str, float],
-    must_matter: bool = True,
-) -> _Tried | None:
-    """Return the refit with a defect and the clock from some values [SI]; nothing where it fails or, if asked, is not shown."""
+def _tried(request: Request, change: MissingElement | None, clock: Clock | None, begin: Mapping[str, float]) -> _Tried | None:
+    """Return the refit with a defect and the clock from some values [SI]; nothing where it fails or is not shown."""
     if change is None and clock is None:
         return None
     changed = request if change is None else change.make(request)
-    if clock is not None:
-        changed = clock.make(changed, instant)
     try:
-        fit = _refit(replace(changed, search="local"), begin, request.free)
-        shown = change is None or not must_matter or (change.judge(fit)[1] and fit.own.fair and _decided(request, fit))
+        fit = _refit(replace(changed if clock is None else clock(changed), search="local"), begin, request.free)
+        shown = change is None or (change.judge(fit)[1] and fit.own.fair and _decided(request, fit))
     except (ThermidError, np.linalg.LinAlgError):
         return None
-    return _Tried(change, instant, fit, _weighed(fit, change)) if shown and fit.converged else None
+    return _Tried(change, fit, _weighed(fit, change)) if shown and fit.converged else None
 
 
 def _refit(request: Request, begin: Mapping[str, float], deck_values: Sequence[str]) -> Calibration:
@@ -311,21 +247,11 @@ def _finding(tried: _Tried) -> str:
 # ---- the clock of what drives the model
 
 
-@dataclass(frozen=True, eq=False)
-class _Clock:
-    """Lays the clock of powers and commands over requests.
-
-    Parameters
-    ----------
-    make : callable     A request and where in their intervals powers changed -> the request whose fit finds the clock too.
-    sampled : bool      Whether these instants matter.
-    """
-
-    make: Callable[[Request, float], Request]
-    sampled: bool
+Clock = Callable[[Request], Request]
+"""Lays the clock of powers and commands over a request, whose fit finds it and the instants of their changes."""
 
 
-def _clock(fit: Calibration) -> _Clock | None:
+def _clock(fit: Calibration) -> Clock | None:
     """Return the clock of a fit's powers and commands; None where none of them changes or a clock is looked for already."""
     driven = {
         e.record.name: [n for n, c in e.record.channels.items() if c.role in ("load", "command") and _moves(c)] for e in fit.experiments
@@ -336,39 +262,27 @@ def _clock(fit: Calibration) -> _Clock | None:
     if any(r.clocks for r in request.records) or not any(driven.get(r.name) or at_rest.get(r.name) for r in request.records):
         return None
 
-    def make(request: Request, instant: float) -> Request:
-        """Return the request with the defect from an instant on. [s]"""
+    def make(request: Request) -> Request:
+        """Return the request with the clock."""
         scenarios, records = dict(request.scenarios), []
         for r in request.records:
             room = at_rest.get(r.name, "")
             far = max(FAR_STEPS * r.step, FAR_PART * r.duration)
             names = [n for n, c in r.channels.items() if c.role in ("load", "command")]
             moving = driven.get(r.name) or names if room else driven.get(r.name, [])
-            with_instants = _with_instants(r, names, instant, 1.25 * far if room else 0.0)
-            records.append(with_instants.delayed((-far, far), moving) if moving and far < 0.5 * r.duration else r)
+            begun = _with_rest(r, names, 1.25 * far) if room else r
+            records.append(begun.delayed((-far, far), moving) if moving and far < 0.5 * r.duration else begun)
             if room:
                 base = request.scenarios.get(r.name, request.scenarios.get("*")) or Scenario(r.name)
                 scenarios[r.name] = base.with_(start=room, initial={})
         return replace(request, records=tuple(records), scenarios=scenarios)
 
-    sampled = any(
-        0 < _changes(r.channels[n]).size <= MAX_TIMED_CHANGES and not r.channels[n].prompt
-        for r in request.records
-        for n in driven.get(r.name, [])
-    )
-    return _Clock(make, sampled)
+    return make
 
 
 def _moves(c: Channel) -> bool:
     """Whether the valid values of a channel differ."""
     return bool(c.valid.any() and np.ptp(c.values[c.valid]) > 0.0)
-
-
-def _changes(c: Channel) -> Indices:
-    """Return the places of the samples before which a held channel changed."""
-    if not c.held or not c.valid.all():
-        return np.zeros(0, dtype=np.intp)
-    return np.asarray(1 + np.flatnonzero(np.diff(c.values)), dtype=np.intp)
 
 
 def _at_rest(e: Experiment, fit: Calibration) -> str:
@@ -390,40 +304,22 @@ def _at_rest(e: Experiment, fit: Calibration) -> str:
     return rooms[0].name if near and np.ptp(first) == 0.0 and e.observations else ""
 
 
-def _with_instants(record: Record, driven: list[str], instant: float, before: float) -> Record:
-    """Return a record whose sampled powers change at an instant within each interval, after a rest without power.
+def _with_rest(record: Record, driven: list[str], before: float) -> Record:
+    """Return a record that begins with a rest without power.
 
     Parameters
     ----------
     driven : list       Powers and commands.
-    instant : float     Where in the interval between two samples. [-]
-    before : float      Length of the rest; zero for none. [s]
+    before : float      Length of the rest. [s]
     """
-    changes_of_channel = {n: _changes(record.channels[n]) for n in driven}
-    changes_of_channel = {
-        n: places for n, places in changes_of_channel.items() if not record.channels[n].prompt and 0 < places.size <= MAX_TIMED_CHANGES
-    }
-    times = record.times
-    rows = sorted({float(times[k - 1] + instant * (times[k] - times[k - 1])) for places in changes_of_channel.values() for k in places})
-    begin = float(times[0])
-    rest = [begin - before, begin - min(1e-3, 1e-3 * before)] if before else []
-    every = np.union1d(times, [*rest, *rows])
-    last = np.clip(np.searchsorted(times, every, side="right") - 1, 0, None)
-    logged = np.isin(every, times)
+    begin = float(record.times[0])
+    times = np.concatenate([[begin - before, begin - min(1e-3, 1e-3 * before)], record.times])
     channels = []
     for n, c in record.channels.items():
-        values, valid = c.values[last].copy(), c.valid[last] & (logged | (n in driven))
-        if n in driven:
-            for k in changes_of_channel.get(n, ()):
-                moved = (every >= times[k - 1] + instant * (times[k] - times[k - 1])) & (every < times[k])
-                values[moved] = c.values[k]
-            values[every < begin] = 0.0
-        elif c.role == "boundary":
-            valid = valid | (every < begin)
-        channels.append(
-            replace(c, values=values, valid=valid, masks={}, prompt=c.prompt or n in changes_of_channel or (bool(rest) and n in driven))
-        )
-    return replace(record, times=every, channels={c.name: c for c in channels})
+        values = np.concatenate([[0.0, 0.0] if n in driven else c.values[[0, 0]], c.values])
+        known = [n in driven or c.role == "boundary"] * 2
+        channels.append(replace(c, values=values, valid=np.concatenate([known, c.valid]), masks={}))
+    return replace(record, times=times, channels={c.name: c for c in channels})
 
 
 def summary(explained: tuple[ExplainedFit, ...]) -> Iterator[str]:

@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from thermid.base.errors import ThermidError, quoted
+from thermid.base.errors import ThermidError, code_of, quoted
 from thermid.base.units import ICE_POINT, Array, duration_text, short, unit
 from thermid.fit.calibration import Prior, Request, Unknown
 from thermid.inference._explain.candidates import Fitted, plain_lacks
@@ -35,7 +35,7 @@ from thermid.inference._explain.thresholds import (
     TIE,
     USUAL_AMBIENT,
 )
-from thermid.measure.records import COLUMN_UNITS, Channel, Record
+from thermid.measure.records import COLUMN_UNITS, UNSEEN_PULSES, Channel, Record, open_questions, single_pulses
 from thermid.simulation.runs import Environment, Network
 
 
@@ -145,10 +145,13 @@ def _mistakes_of(request: Request, name: str) -> Mistakes:
     """
     fit = RoughFit.of_request(request)
     base = fit.solve(fit.start())
-    free = sum(u.kind == "parameter" for u in fit.problem.unknowns)
-    bad = base.square > fit.size or base.prior > free
+    bad = _misses(fit, base)
     if not bad:
         return Mistakes(name)
+    if any(code_of(question) == UNSEEN_PULSES for question in open_questions(request.records)):
+        return Mistakes(name, bad=bad, failed="pulses of a power that may lie unseen between its readings would explain any misfit")
+    if (sampled := _as_sampled(request, fit, base)) is not None:
+        return Mistakes(name, (sampled,), bad, 1, tuple(r.name for r in request.records))
     stores = len(stores_of(fit.problem.experiments[0]))
     if stores > MAX_HEATED_NODES:
         return Mistakes(name, bad=bad, failed=f"{stores} nodes store heat, and it takes networks of up to {MAX_HEATED_NODES}")
@@ -187,6 +190,32 @@ def _mistakes_of(request: Request, name: str) -> Mistakes:
             mistake = Mistake(h.kind, h.name, h.words(amount), _gain(h, end, base), (base.rms, end.rms), h.remedy(amount))
             named.setdefault((h.kind, h.name), mistake)
     return Mistakes(name, tuple(named.values()), bad, len(candidates), tuple(r.name for r in request.records))
+
+
+def _misses(fit: RoughFit, end: RoughEnd) -> bool:
+    """Whether readings, or the deck, are missed by more than honest models do; each instant of a change is as far off as it may be."""
+    return end.square > fit.size or end.prior > sum(u.kind == "parameter" or u.is_instant for u in fit.problem.unknowns)
+
+
+def _as_sampled(request: Request, fit: RoughFit, base: RoughEnd) -> Mistake | None:
+    """Return that on/off powers changed between their samples, where nobody stated `prompt` and nothing is missed then; else None.
+
+    No other mistake competes: such a log has instants that nobody knows, and a load beside it fits as well in thinned readings.
+    """
+    pulsed = {n for r in request.records for n, c in r.channels.items() if _is_pulsed(r, c)}
+    if not pulsed:
+        return None
+    other = _with_records(request, lambda r: r.with_channels(*(replace(c, prompt=False) for n, c in r.channels.items() if n in pulsed)))
+    rough = RoughFit.of_request(other, fit)
+    end = rough.best(None, fit.named(base))
+    words = f"{quoted(sorted(pulsed))} changed between samples, not at them"
+    mistake = Mistake("clock", ", ".join(sorted(pulsed)), words, base.cost - end.cost, (base.rms, end.rms), "State prompt = false for it.")
+    return None if _misses(rough, end) else mistake
+
+
+def _is_pulsed(r: Record, c: Channel) -> bool:
+    """Whether a channel is an on/off power or command that an even log reads, of which nobody stated `prompt`."""
+    return c.role in ("load", "command") and c.held and c.prompt is None and not np.isnan(single_pulses(r.times, c.values))
 
 
 def _cost_with_element(request: Request, fit: RoughFit, base: RoughEnd) -> float:

@@ -15,8 +15,8 @@ from thermid.base.units import Array, unit
 from thermid.fit.calibration import Observation, Prior, Problem, Request, Unknown, build_problem, descend
 from thermid.model.tree import Model
 
-STRETCHES_PER_RECORD, INSTANTS_PER_STRETCH = 40, 4
-"""Stretches into which every record is thinned, and instants in each at which the model is looked at."""
+STRETCHES_PER_RECORD, INSTANTS_PER_STRETCH = 40, 32
+"""Stretches into which every record is thinned, and most readings in each at which the model is looked at."""
 HONEST_MISFIT_SHARE = 0.015
 """Standard deviation of what an honest model leaves, wandering over a fifth of a log, as a share of what the sensor ranged over. [-]"""
 MAX_FIRST_STEP, STEP_AHEAD = 1.5, 0.02
@@ -160,10 +160,10 @@ class RoughFit:
         traces, meshes, airs = [], [], []
         for i, e in enumerate(problem.experiments):
             centres, edges = _stretches(e.times)
-            # instants at which a record is simulated [s], and the stretch of each
-            share = (np.arange(INSTANTS_PER_STRETCH) + 0.5) / INSTANTS_PER_STRETCH
-            mesh = (edges[:-1, None] + share[None, :] * np.diff(edges)[:, None]).ravel()
-            meshes.append((mesh, np.repeat(np.arange(edges.size - 1), INSTANTS_PER_STRETCH)))
+            # where it was read, for a heater that pulses is seen otherwise elsewhere
+            of_stretch = np.split(e.times, np.searchsorted(e.times, edges[1:-1]))
+            read_at = [t[np.linspace(0, t.size - 1, min(t.size, INSTANTS_PER_STRETCH)).round().astype(int)] for t in of_stretch]
+            meshes.append((np.concatenate(read_at), np.repeat(np.arange(len(read_at)), [t.size for t in read_at])))
             air = next(iter(e.scenario.boundaries.values()))
             airs.append(np.broadcast_to(np.asarray(air.at(centres), dtype=float), centres.shape))
             for k, o in enumerate(e.observations):

@@ -53,10 +53,6 @@ MIN_DEFECT_WEIGHT: Final = 0.02
 """Weight beside the best below which a defect is left out. [-]"""
 MIN_PROMISED_FALL: Final = 0.25
 """Part of chi-square that a linearised step with a defect takes off, below which it is not worth its refits. [-]"""
-FIRST_SWITCH_POSITION: Final = 0.5
-"""Where in the interval between two samples a power is taken to have changed at first. [-]"""
-MAX_TIMED_CHANGES: Final = 20
-"""Changes of a power up to which their instants matter; of more of them a shift of all is the clock's."""
 FAR_STEPS, FAR_PART = 8.0, 0.05
 """How far a clock may be off: in samples, and in lengths of the record, whichever is more. [-]"""
 MAX_REFIT_STEPS: Final = 20_000

@@ -21,7 +21,7 @@ from thermid.measure._readers.power_of_columns import RESTARTED, power_readings
 from thermid.measure._readers.questions import begins_again, board_restarts, hidden_switches, lost_hour, repeated_stamps, unit_question
 from thermid.measure._readers.stamps import Clock, Times, clock_column, read_times
 from thermid.measure._readers.textfile import Cells, decoded, read_bytes
-from thermid.measure._record.channel import BoolArray, Channel, FloatArray, Origin, digest, with_sensor
+from thermid.measure._record.channel import BoolArray, Channel, FloatArray, Origin, digest, unseen_pulses, with_sensor
 from thermid.measure._record.record import Record
 
 STATED_SIZES: Final = ("noise", "accuracy", "resolution")
@@ -103,7 +103,12 @@ def _record_of_columns(
     times = read_at.values
     if times[0] == times[-1]:
         samples_text = "one sample" if times.size == 1 else f"{times.size} samples with one time stamp"
-        raise RecordError(f"the log has {samples_text}; a record needs at least two times.", cells.file, code="record.too-short")
+        raise RecordError(
+            f"the log has {samples_text}; a record needs at least two times. For a steady point that was written by hand, write its row "
+            "again with a later time, and start = 'steady' in the scenario of the record.",
+            cells.file,
+            code="record.too-short",
+        )
     read = [(_channel(cells, binding, parsed, times), binding) for binding in wanted]
     sensors = [
         with_sensor(one, binding.part, binding.certificate or cells.certificates.get(one.column), f"{cells.file}, channels.{binding.name}")
@@ -318,7 +323,7 @@ def _masked(channel: Channel, reasons: Mapping[str, list[int]]) -> Channel:
 def _questions(
     times: FloatArray, clock: Clock, read: Times, channels_read: Sequence[Channel], bare: Mapping[str, FloatArray]
 ) -> tuple[str, ...]:
-    """Return the questions that the log leaves open: restarts, units, repeated stamps, a lost hour, hidden switches.
+    """Return the questions that the log leaves open: restarts, units, repeated stamps, a lost hour, hidden switches, unseen pulses.
 
     `bare` are the columns without a unit.
     """
@@ -329,6 +334,7 @@ def _questions(
         *repeated_stamps(times, _Readings(channels_read)),
         *(() if read.zone or not clock.texts else lost_hour(times, clock.texts, _Readings(warm))),
         *hidden_switches(times, _Readings([c for c in channels_read if c.held])),
+        *unseen_pulses(times, _Readings([c for c in channels_read if c.held and c.prompt is None and c.samples != "average"])),
     )
 
 

@@ -25,7 +25,16 @@ from thermid.measure._readers.headers import name_and_unit
 from thermid.measure._readers.questions import board_restarts, hidden_switches, lost_hour, repeated_stamps, unit_question
 from thermid.measure._readers.stamps import Clock, Times, clock_column, day_seconds, read_times, zone_offset
 from thermid.measure._readers.textfile import Cells
-from thermid.measure._record.channel import SENSOR_FAULT_CODES, Channel, even_step, gap_from, usual_step
+from thermid.measure._record.channel import (
+    MOST_PULSES,
+    SENSOR_FAULT_CODES,
+    Channel,
+    even_step,
+    gap_from,
+    single_pulses,
+    unseen_pulses,
+    usual_step,
+)
 from thermid.measure._record.record import thinned_step
 
 ACCURACY: Final = 'add accuracy = "0.5 [K]" to each thermometer, half of the +-1 K of its data sheet; no log shows it'
@@ -120,7 +129,10 @@ class Look(Result):
             # a column that is ignored here may still be bound by a campaign, if it counts neither rows nor milliseconds
             out += repeated_stamps(times, columns | {c.name: c.values for c in self.columns if not c.why.startswith("counts ")})
             out += () if self.times.zone else lost_hour(times, self.clock.texts, warm)
-            out += hidden_switches(times, {n: v for n, v in columns.items() if n not in warm})
+            powers = {n: v for n, v in columns.items() if n not in warm}
+            powers |= {n: of[0].values * of[1].values for n, of in self.supplies.items() if len(of) == 2}
+            out += hidden_switches(times, powers)
+            out += unseen_pulses(times, {n: v for n, v in powers.items() if n not in self.cells.prompt})
         return tuple(out)
 
     def _clock(self) -> list[str]:
@@ -223,6 +235,9 @@ class Look(Result):
             and (noise := round(Channel.from_array(c.name, in_si(c.values[c.good], c.unit), unit="K").noise_seen, 6))
         ):
             options += f', noise = "{short(noise, 2)} [K]"'
+        times = self.times.values if self.times is not None and role == "load" and c.name not in self.cells.prompt else c.values[:0]
+        if times.size and single_pulses(times, c.values) < MOST_PULSES:
+            options += ", prompt = false"
         why = f"  # {c.why}{'; no unit in the log' if c.assumed else ''}"
         if c.guess == "duty":
             return [f'# {key} = {{ {column}load = "{target}", full_scale = "... [W]"{options} }}{why}']

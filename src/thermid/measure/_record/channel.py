@@ -13,7 +13,17 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from thermid.base.arguments import guard_methods
-from thermid.base.errors import CodedText, ExpressionError, NameNotFoundError, RecordError, UnitError, errors_at, nearest, refuse_unknown
+from thermid.base.errors import (
+    CodedText,
+    ExpressionError,
+    NameNotFoundError,
+    RecordError,
+    UnitError,
+    code_of,
+    errors_at,
+    nearest,
+    refuse_unknown,
+)
 from thermid.base.results import Row, Shown
 from thermid.base.units import (
     DEVIATION_OF_MEDIAN,
@@ -29,6 +39,7 @@ from thermid.base.units import (
     positive_seconds,
     quantity,
     require_unit,
+    short,
     si_values,
     stated,
     unit as read_unit,
@@ -424,6 +435,14 @@ def with_sensor(channel: Channel, part: SensorPart | None, certificate: SensorCe
     return channel, [note for note in notes if note]
 
 
+UNSEEN_PULSES: Final = "record.unseen-pulses"
+MIN_PULSES: Final = 8
+"""Pulses of a power from which it is judged whether its log shows them all. [-]"""
+MOST_PULSES: Final = 0.7
+"""Share of pulses with a single reading from which others may be unseen: of a heater whose phases vary by 30 % and last an interval or less
+on average, an eighth or more of all changes were. [-]"""
+CLEAR: Final = 0.25
+"""How far levels of a switched power are from the middle, over its range, and how far intervals of an even log may be from usual. [-]"""
 EVEN: Final = 0.01
 """Share of the mean interval by which intervals of an even grid may differ from it."""
 
@@ -854,9 +873,51 @@ def stray_readings(records: Sequence[Samples]) -> tuple[str, ...]:
     return tuple(out)
 
 
+def single_pulses(times: FloatArray, values: FloatArray) -> float:
+    """Return which share of the pulses of an on/off power has a single reading; NaN where an even log does not show such pulses. [-]
+
+    Those of the level that has more of them count.
+
+    Parameters
+    ----------
+    times : array (samples,)    [s]
+    values : array (samples,)   NaN where there is none.
+    """
+    rows = np.flatnonzero(np.isfinite(values))
+    if rows.size <= 2 * MIN_PULSES:
+        return math.nan
+    steps, read = np.diff(times[rows]), values[rows]
+    low, high = float(read.min()), float(read.max())
+    level = (read - low) / ((high - low) or 1.0) - 0.5
+    even = np.mean(np.abs(steps / np.median(steps) - 1.0) <= CLEAR) >= MOST_PULSES  # else written by hand, or as it changes
+    two_levels = 2.0 * abs(low) < abs(high) and np.mean(np.abs(level) > CLEAR) >= MOST_PULSES  # else means, or a last digit
+    lengths = np.diff(np.flatnonzero(np.diff(level > 0.0)))
+    shares = [float(np.mean(p == 1)) for p in (lengths[::2], lengths[1::2]) if p.size >= MIN_PULSES]
+    return max(shares, default=math.nan) if even and two_levels else math.nan
+
+
+def unseen_pulses(times: FloatArray, powers: Mapping[str, FloatArray]) -> Iterator[CodedText]:
+    """Yield a sentence for each power that is switched so fast that pulses may lie between two readings: most have a single one.
+
+    Parameters
+    ----------
+    times : array (samples,)    [s]
+    powers : dict               Power or command that is held -> readings (samples,), NaN where there is none.
+    """
+    for name, values in powers.items():
+        if (single := single_pulses(times, values)) >= MOST_PULSES:
+            yield CodedText(
+                f"{name} switches between {short(np.nanmin(values), 3)} and {short(np.nanmax(values), 3)}, and {100 * single:.0f} % of its "
+                f"pulses have a single reading, one in {short(usual_step(times), 3)} s: others may lie unseen between two readings. Its "
+                "heat is then not known, and fitted values may be far off. Log it faster, or log its energy or its mean "
+                "(samples = 'average'). If no pulse is shorter than that, state prompt = false; if every change has a row, prompt = true.",
+                UNSEEN_PULSES,
+            )
+
+
 def open_questions(records: Sequence[Samples]) -> tuple[str, ...]:
     """Return what the owner of the logs should answer first: codes of faults, and the questions of each log."""
-    questions = (f"record '{r.name}': {question}" for r in records for question in r.questions)
+    questions = (CodedText(f"record '{r.name}': {question}", code_of(question)) for r in records for question in r.questions)
     return (*stray_readings(records), *dict.fromkeys(questions))
 
 

@@ -47,6 +47,7 @@ from thermid.measure._record.channel import (
     gap_limit,
     quantity_of,
     strays,
+    unseen_pulses,
     with_sensor,
 )
 from thermid.measure._record.sensor import ICE, KEYS, SensorCertificate, SensorPart
@@ -107,7 +108,8 @@ class Record(Samples, Result):
         axis, begun = clocked(times)
         sha = digest([("time", axis), *((key, samples.values) for key, samples in of.items())])
         start = begun.text if begun is not None and np.isfinite(begun.seconds) else None
-        origin = Origin(name, sha, start, ("time", *of), axis.size, "time", synthetic)
+        held = {n: np.where(c.valid, c.values, np.nan) for n, c in of.items() if c.held and c.prompt is None and c.samples != "average"}
+        origin = Origin(name, sha, start, ("time", *of), axis.size, "time", synthetic, tuple(unseen_pulses(axis, held)))
         return cls(name, axis, of, origin)
 
     @classmethod

@@ -74,6 +74,44 @@ def test_the_mistake_is_named_with_evidence_and_remedy(request_: Request, kind: 
     assert found.to_dict()["named"][0]["kind"] == kind
 
 
+@pytest.mark.parametrize(("on", "off", "named"), [(90.0, 157.0, "clock"), (20.0, 41.0, "")])
+def test_a_load_is_not_blamed_for_changes_that_a_log_does_not_show(on: float, off: float, named: str) -> None:
+    """An on/off heater of 20 W, read each half minute: of 90 s a load of 17 W was named, of 20 s, which fall between readings, 70 W."""
+    fine, hot = np.arange(0.0, 10800.0), np.zeros((10800, 2))
+    power = 20.0 * (((fine - 300.0) % (on + off) < on) & (fine > 300.0) & (fine < 9000.0))
+    for k in range(1, fine.size):
+        across = 2.0 * (hot[k - 1, 0] - hot[k - 1, 1])
+        hot[k] = hot[k - 1] + np.array([(power[k - 1] - across) / 150.0, (across - 0.5 * hot[k - 1, 1]) / 400.0])
+    sizes = {
+        "plate.capacitance": "120 [J/K]",
+        "box.capacitance": "300 [J/K]",
+        "joint.conductance": "1.5 [W/K]",
+        "loss.conductance": "0.4 [W/K]",
+    }
+    links = {"joint": ["plate", "box"], "loss": ["box", "air"]}
+    deck = td.model_from_dict(
+        {
+            "title": "box",
+            "needs": ["air"],
+            "nodes": {n: {"capacitance": sizes[f"{n}.capacitance"]} for n in ("plate", "box")},
+            "conductors": {
+                n: {"kind": "conduction", "between": pair, "conductance": sizes[f"{n}.conductance"]} for n, pair in links.items()
+            },
+            "loads": {"heat": {"into": "plate", "power": "20 [W]"}},
+        }
+    )
+    read = 295.15 + hot[::30] + np.random.default_rng(1).normal(0.0, 0.03, (360, 2))
+    channels = {
+        n: td.Channel.from_array(n, read[:, k], unit="K", role="node", target=n, noise=0.03) for k, n in enumerate(("plate", "box"))
+    }
+    channels["P"] = td.Channel.from_array("P", power[::30], quantity="power", role="load", target="heat")
+    bench = {"*": td.Scenario("bench", {"air": "22 [degC]"}, start="22 [degC]")}
+    found = find_mistakes(Request(deck, (td.Record.from_arrays("bench", fine[::30], channels),), tuple(sizes), bench))
+    assert found.bad
+    assert [m.kind for m in found.named] == [named] * bool(named)
+    assert bool(found.failed) is not bool(named)
+
+
 @pytest.mark.parametrize(
     ("name", "declared", "column", "wanted"),
     [
