@@ -7,6 +7,7 @@ import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from itertools import combinations
 from typing import Any, Final, NamedTuple
 
 import numpy as np
@@ -30,6 +31,7 @@ from thermid.base.units import (
     positive_seconds,
     quantity,
     require_unit,
+    short,
     si_values,
     stated,
     unit as read_unit,
@@ -777,6 +779,8 @@ SELDOM: Final = 0.1
 """Part of the readings that a value has at most that stands alone and is not far. [-]"""
 MIN_OTHER_READINGS: Final = 8
 """Readings besides it without which no value stands alone. [-]"""
+MIN_LOOSE: Final = 3.0
+"""Distance of a sensor from others of its part from which it may be loose: thermocouples are within 2.5 K (IEC 60584-1, class 2). [K]"""
 
 
 def codes_of(values: FloatArray, zero: float = -273.15) -> dict[float, str]:
@@ -838,7 +842,7 @@ def strays(channel: Channel) -> dict[float, str]:
 
 
 def stray_readings(records: Sequence[Samples]) -> tuple[str, ...]:
-    """Return a sentence for each channel with codes of faults, with the step of `prepare` that masks them."""
+    """Return a sentence for each channel with codes of faults, with the step of `prepare` that masks them, and for each loose sensor."""
     out = []
     for r in records:
         for c in r.channels.values():
@@ -852,7 +856,36 @@ def stray_readings(records: Sequence[Samples]) -> tuple[str, ...]:
                         "record.stray-readings",
                     )
                 )
+        out += _loose_sensors(r)
     return tuple(out)
+
+
+def _loose_sensors(record: Samples) -> Iterator[CodedText]:
+    """Yield a sentence for each of three or more sensors of a part that reads nearer to a boundary than to any other of them.
+
+    Distances are root mean squares over the samples that both have. The others must be nearer to one another, and gradients in a part
+    lie between it and its surroundings: such a sensor is nearer to the part. [K]
+    """
+    warm = {c.name: np.where(c.valid, c.values, np.nan) for c in record.channels.values() if c.quantity == "temperature"}
+
+    def apart(one: str, other: str) -> float:
+        """Return the distance of two channels; NaN where they have no sample in common. [K]"""
+        square = (warm[one] - warm[other]) ** 2
+        return float(np.mean(square[np.isfinite(square)])) ** 0.5 if np.isfinite(square).any() else math.nan
+
+    seats = {name: record.channels[name] for name in warm}
+    rooms = [name for name, c in seats.items() if c.role == "boundary"]
+    for name, c in seats.items():
+        others = [n for n, o in seats.items() if c.role == o.role == "node" and o.target == c.target and n != name]
+        if len(others) > 1 and rooms:
+            away, spread = min(apart(name, n) for n in others), max(apart(a, b) for a, b in combinations(others, 2))
+            room = min(rooms, key=lambda n: apart(name, n))
+            if away > MIN_LOOSE and away > spread and away > apart(name, room):  # none of them is so where samples are missing
+                yield CodedText(
+                    f"'{name}' in '{record.name}' is {short(away, 2)} K from the other {len(others)} sensors of '{c.target}' and "
+                    f"{short(apart(name, room), 2)} K from '{room}': it may be loose. Remove its channel, or fasten it and test again.",
+                    "record.loose-sensor",
+                )
 
 
 def open_questions(records: Sequence[Samples]) -> tuple[str, ...]:
