@@ -866,26 +866,24 @@ def _loose_sensors(record: Samples) -> Iterator[CodedText]:
     Distances are root mean squares over the samples that both have. The others must be nearer to one another, and gradients in a part
     lie between it and its surroundings: such a sensor is nearer to the part. [K]
     """
-    warm = {c.name: np.where(c.valid, c.values, np.nan) for c in record.channels.values() if c.quantity == "temperature"}
 
-    def apart(one: str, other: str) -> float:
-        """Return the distance of two channels; NaN where they have no sample in common. [K]"""
-        square = (warm[one] - warm[other]) ** 2
-        return float(np.mean(square[np.isfinite(square)])) ** 0.5 if np.isfinite(square).any() else math.nan
+    def apart(one: Channel, other: Channel) -> float:
+        """Return the distance of two channels; infinite where they have no sample in common. [K]"""
+        both = one.valid & other.valid
+        return float(np.mean((one.values - other.values)[both] ** 2)) ** 0.5 if both.any() else math.inf
 
-    seats = {name: record.channels[name] for name in warm}
-    rooms = [name for name, c in seats.items() if c.role == "boundary"]
-    for name, c in seats.items():
-        others = [n for n, o in seats.items() if c.role == o.role == "node" and o.target == c.target and n != name]
-        if len(others) > 1 and rooms:
-            away, spread = min(apart(name, n) for n in others), max(apart(a, b) for a, b in combinations(others, 2))
-            room = min(rooms, key=lambda n: apart(name, n))
-            if away > MIN_LOOSE and away > spread and away > apart(name, room):  # none of them is so where samples are missing
-                yield CodedText(
-                    f"'{name}' in '{record.name}' is {short(away, 2)} K from the other {len(others)} sensors of '{c.target}' and "
-                    f"{short(apart(name, room), 2)} K from '{room}': it may be loose. Remove its channel, or fasten it and test again.",
-                    "record.loose-sensor",
-                )
+    warm = [c for c in record.channels.values() if c.quantity == "temperature"]
+    for c in (c for c in warm if c.role == "node"):
+        others = [o for o in warm if o.role == "node" and o.target == c.target and o is not c]
+        near, room = min(((apart(c, o), o.name) for o in warm if o.role == "boundary"), default=(math.inf, ""))
+        away = min((apart(c, o) for o in others), default=math.inf)
+        least = max(MIN_LOOSE, near, *(apart(a, b) for a, b in combinations(others, 2)))
+        if len(others) > 1 and math.inf > away > least:
+            yield CodedText(
+                f"'{c.name}' in '{record.name}' is {short(away, 2)} K from the other {len(others)} sensors of '{c.target}' and "
+                f"{short(near, 2)} K from '{room}': it may be loose. Remove its channel, or fasten it and test again.",
+                "record.loose-sensor",
+            )
 
 
 def open_questions(records: Sequence[Samples]) -> tuple[str, ...]:
