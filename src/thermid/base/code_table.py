@@ -736,6 +736,11 @@ CODES: Final[Mapping[str, CodeMeaning]] = {
         "A log is not where the campaign says.",
         "Give its folder: `--data` or `THERMID_DATA`.",
     ),
+    "record.loose-sensor": CodeMeaning(
+        "warning, remark",
+        "One of several sensors of a part reads the surroundings and not the part.",
+        "Remove its channel, or fasten the sensor and repeat the test.",
+    ),
     "record.name-twice": CodeMeaning(
         "error",
         "One name stands for two columns or channels, or two channels are bound to one place.",

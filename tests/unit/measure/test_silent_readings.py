@@ -8,13 +8,14 @@ import tomllib
 import numpy as np
 import pytest
 
+import thermid as td
 from by_code import raises_code
 from thermid.base.errors import RecordError, ThermidError, UnitError, code_of
 from thermid.measure._readers.formats import log_cells
 from thermid.measure._readers.guess import columns_of
 from thermid.measure._readers.headers import name_and_unit
 from thermid.measure._readers.log_reader import read_record
-from thermid.measure._record.channel import stray_readings
+from thermid.measure._record.channel import open_questions, stray_readings
 from thermid.measure._record.record import Record
 
 ICE = 273.15
@@ -315,6 +316,37 @@ def test_codes_in_fahrenheit_and_at_the_end_of_a_log(log):
 )
 def test_what_a_temperature_can_do_is_no_code(log, cells):
     assert stray_readings([coded(log, cells)]) == ()
+
+
+def chamber(**readings):
+    """A record of a cold soak: sensors of a housing that cools from 20 to -10 degC, and the shroud at -70 degC."""
+    times = np.arange(0.0, 3600.0, 60.0)
+    housing, shroud = 293.15 - 30.0 * times / 3600.0, np.full(times.size, 203.15)
+    parts = {n: share * shroud + (1.0 - share) * housing for n, share in readings.items()}
+    cold = td.Channel.from_array("S", shroud, unit="K", role="boundary", target="shroud")
+    warm = [td.Channel.from_array(n, v, unit="K", role="node", target="housing") for n, v in parts.items()]
+    return td.Record.from_arrays("soak", times, {c.name: c for c in (*warm, cold)})
+
+
+def test_a_loose_thermocouple_reads_the_shroud_and_is_named():
+    """Three sensors of the housing agree; the fourth is 59 K from them and 15 K from the shroud."""
+    said = open_questions([chamber(A=0.0, B=0.01, C=0.02, D=0.8)])
+    assert [code_of(text) for text in said] == ["record.loose-sensor"]
+    assert all(word in said[0] for word in ("'D'", "59 K", "'housing'", "15 K", "'S'"))
+
+
+@pytest.mark.parametrize(
+    "readings",
+    [
+        {"A": 0.0, "B": 0.0, "C": 0.4},  # the cold end of a part that has a gradient
+        {"A": 0.0, "B": 0.8},  # two cannot show which of them is loose
+        {"A": 0.0, "B": 0.5, "C": 0.9},  # no two agree
+        {"A": 0.97, "B": 0.97, "C": 1.0},  # all are at the shroud
+    ],
+    ids=["gradient", "two", "apart", "cold"],
+)
+def test_sensors_of_one_part_that_differ_need_not_be_loose(readings):
+    assert open_questions([chamber(**readings)]) == ()
 
 
 def test_a_header_that_stands_again_loses_no_samples(log):

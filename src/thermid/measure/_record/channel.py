@@ -7,6 +7,7 @@ import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from itertools import combinations
 from typing import Any, Final, NamedTuple
 
 import numpy as np
@@ -795,6 +796,8 @@ SELDOM: Final = 0.1
 """Part of the readings that a value has at most that stands alone and is not far. [-]"""
 MIN_OTHER_READINGS: Final = 8
 """Readings besides it without which no value stands alone. [-]"""
+MIN_LOOSE: Final = 3.0
+"""Distance of a sensor from others of its part from which it may be loose: thermocouples are within 2.5 K (IEC 60584-1, class 2). [K]"""
 
 
 def codes_of(values: FloatArray, zero: float = -273.15) -> dict[float, str]:
@@ -856,7 +859,7 @@ def strays(channel: Channel) -> dict[float, str]:
 
 
 def stray_readings(records: Sequence[Samples]) -> tuple[str, ...]:
-    """Return a sentence for each channel with codes of faults, with the step of `prepare` that masks them."""
+    """Return a sentence for each channel with codes of faults, with the step of `prepare` that masks them, and for each loose sensor."""
     out = []
     for r in records:
         for c in r.channels.values():
@@ -870,6 +873,7 @@ def stray_readings(records: Sequence[Samples]) -> tuple[str, ...]:
                         "record.stray-readings",
                     )
                 )
+        out += _loose_sensors(r)
     return tuple(out)
 
 
@@ -912,6 +916,32 @@ def unseen_pulses(times: FloatArray, powers: Mapping[str, FloatArray]) -> Iterat
                 "heat is then not known, and fitted values may be far off. Log it faster, or log its energy or its mean "
                 "(samples = 'average'). If no pulse is shorter than that, state prompt = false; if every change has a row, prompt = true.",
                 UNSEEN_PULSES,
+            )
+
+
+def _loose_sensors(record: Samples) -> Iterator[CodedText]:
+    """Yield a sentence for each of three or more sensors of a part that reads nearer to a boundary than to any other of them.
+
+    Distances are root mean squares over the samples that both have. The others must be nearer to one another, and gradients in a part
+    lie between it and its surroundings: such a sensor is nearer to the part. [K]
+    """
+
+    def apart(one: Channel, other: Channel) -> float:
+        """Return the distance of two channels; infinite where they have no sample in common. [K]"""
+        both = one.valid & other.valid
+        return float(np.mean((one.values - other.values)[both] ** 2)) ** 0.5 if both.any() else math.inf
+
+    warm = [c for c in record.channels.values() if c.quantity == "temperature"]
+    for c in (c for c in warm if c.role == "node"):
+        others = [o for o in warm if o.role == "node" and o.target == c.target and o is not c]
+        near, room = min(((apart(c, o), o.name) for o in warm if o.role == "boundary"), default=(math.inf, ""))
+        away = min((apart(c, o) for o in others), default=math.inf)
+        least = max(MIN_LOOSE, near, *(apart(a, b) for a, b in combinations(others, 2)))
+        if len(others) > 1 and math.inf > away > least:
+            yield CodedText(
+                f"'{c.name}' in '{record.name}' is {short(away, 2)} K from the other {len(others)} sensors of '{c.target}' and "
+                f"{short(near, 2)} K from '{room}': it may be loose. Remove its channel, or fasten it and test again.",
+                "record.loose-sensor",
             )
 
 
