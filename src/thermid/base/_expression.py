@@ -122,7 +122,7 @@ class Expression:
 
         Examples
         --------
-        >>> parse("1*(15*0.015) [W]").literal.value
+        >>> Expression.parse("1*(15*0.015) [W]").literal.value
         0.225
         >>> parse("(1 - x)*skin.area").names
         ('x', 'skin.area')

@@ -58,7 +58,7 @@ CODES: Final[Mapping[str, CodeMeaning]] = {
     ),
     "bench.duplicate-lines": CodeMeaning(
         "remark",
-        "Lines of a log stand in it twice; one counts.",
+        "A log has lines twice; one counts.",
         "Nothing.",
     ),
     "bench.log": CodeMeaning(
@@ -98,7 +98,7 @@ CODES: Final[Mapping[str, CodeMeaning]] = {
     ),
     "bench.sorted-lines": CodeMeaning(
         "remark",
-        "Lines of a log stand in another order than they were sent, and were sorted.",
+        "Lines of a log were sorted, as their order was not the one in which they were sent.",
         "Nothing.",
     ),
     "bench.start-placed": CodeMeaning(
@@ -853,7 +853,7 @@ CODES: Final[Mapping[str, CodeMeaning]] = {
     ),
     "record.unseen-pulses": CodeMeaning(
         "warning, remark",
-        "A power is switched faster than its log reads it, so that pulses may lie unseen between two readings.",
+        "A power is switched faster than its log reads it, so that pulses between two readings may be missed.",
         "Log it faster, or its energy or mean; or state `prompt`.",
     ),
     "record.values-elsewhere": CodeMeaning(

@@ -573,8 +573,7 @@ def run_stages(
     source = accepting(replace(source, results=folder or source.results), accept)
     forget(folder if fresh else None, (*(s.name for s in source.content.stages), "joint"))
     done, keys, requests, changed = dict[str, Calibration](), dict[str, str](), dict[str, Request](), dict[str, tuple[str, ...]]()
-    asked = {*only, *source.below(only)}
-    todo = {k: s for k, s in enumerate(source.content.stages) if not only or s.name in asked}
+    todo = {k: s for k, s in enumerate(source.content.stages) if not only or s.name in only or s.name in source.below(only)}
     workers = KeptTasks.of_workers(executor).workers
     while todo:
         # a stage waits for the earlier ones that it rests on
@@ -583,8 +582,6 @@ def run_stages(
         tasks, ingredients = [], {}
         for k in ready:
             name, place = todo[k].name, source.where(f"stages.{k}")
-            if notice is not None:
-                notice(name, 0, 0.0)
             with errors_at(place, ": "):
                 request, ingredients[name] = keyed(request_of(source, todo[k], k, done), todo[k], keys)
             requests[name], keys[name] = request, (key := request.key)
@@ -619,6 +616,8 @@ def _fitted(
     ------
     ThermidError   With the place of the stage in the file, and what a campaign advises.
     """
+    if progress is not None:
+        progress(0, 0.0)
     with errors_at(place, ": "):
         try:
             return fit(request, progress, recalled, stoppable=True, executor=executor, keeping=keeping), recalled is None

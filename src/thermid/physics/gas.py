@@ -86,7 +86,7 @@ class MolecularGas:
         --------
         Air at 300 K: 1.17 W/(m^2 K) for each pascal.
 
-        >>> round(free_molecular_htc(GASES["air"], 300.0, 1.0), 2)
+        >>> round(GASES["air"].free_molecular_htc(300.0, 1.0), 2)
         1.17
         """
         ratio = self.ratio(temperature)

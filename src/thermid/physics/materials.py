@@ -60,7 +60,7 @@ class Material:
 
         Examples
         --------
-        >>> material("aluminium 7075-T6").conductivity
+        >>> Material.named("aluminium 7075-T6").conductivity
         130
         """
         library = Material.table()

@@ -248,15 +248,11 @@ class Ensemble(Result):
         runs = _Runs(engine, times, wanted, options, threads, simd)
         ensemble = partial(Ensemble, *titles, times, wanted, members, values)
         if shares:
-            counted = _all_counted(runs, values, members, KeptTasks.of_workers(executor))
-            return ensemble(
-                counted.failed, counted.statistics, network.find, dict[str, Array]().__getitem__, counted.tallies, {}, {}, warnings
-            )
+            done = _all_counted(runs, values, members, KeptTasks.of_workers(executor))
+            return ensemble(done.failed, done.statistics, network.find, dict[str, Array]().__getitem__, done.tallies, {}, {}, warnings)
         if executor is None:
-            group = runs.group(values)
-            return ensemble(
-                group.failed, group.statistics, network.find, group.temperature, {}, group.turnings, group.duty_cycles, warnings
-            )
+            one = runs.group(values)
+            return ensemble(one.failed, one.statistics, network.find, one.temperature, {}, one.turnings, one.duty_cycles, warnings)
         kept_tasks = KeptTasks.of_workers(executor)
         if kept_tasks.folder is not None:
             raise ScenarioError(

@@ -13,6 +13,7 @@ import thermid as td
 from by_code import warns_code
 from thermid.fit import _search as search
 from thermid.fit._calibrate import fit, requested
+from thermid.fit._minimisation import Fit
 from thermid.fit._problem.gather import build_problem
 from thermid.fit._problem.request import Request
 from thermid.fit._search import contradictions, searched
@@ -124,7 +125,7 @@ class TestSecondDescent:
         def wrong_first(*given: Any, **more: Any) -> Any:
             end = descend(*given, **more)
             if not ends:
-                end = search.ended(problem, end.fitted + 0.02 * np.array([1.0, -1.0, 1.0, -1.0, 1.0, -1.0]))
+                end = Fit.ended(problem, end.fitted + 0.02 * np.array([1.0, -1.0, 1.0, -1.0, 1.0, -1.0]))
             ends.append(end)
             return end
 

@@ -58,8 +58,8 @@ def page(drawn: Plot, tmp_path_factory: pytest.TempPathFactory) -> str:
 
 
 def test_it_holds_the_four_steps_the_parts_and_where_values_come_from(page: str) -> None:
-    heads = [re.sub("<[^>]+>", "", h).strip() for h in re.findall(r"<h2[^>]*>(.*?)</h2>", page, re.DOTALL)]
-    assert [h[0] for h in heads if re.match(r"\d  ", h)] == ["1", "2", "3", "4"]
+    for words in ("1  Knowledge and intended use", "2  Box colour", "3  Theoretical and experimental set-up", "4  Procedure"):
+        assert words in page
     for item in td.design.load_study(STUDY).components:
         assert item in page
     assert page.count("with qualification") == 5

@@ -364,7 +364,8 @@ class ErrorModel(Result):
             if log_sum(moved.log_evidence) - log_sum(likeliest.members.log_evidence) > MIN_LOG_BAYES_FACTOR:
                 sizes = np.abs(weights_of(moved.log_evidence) @ moved.mean)[-len(spots) :]
                 spot = spots[int(np.argmax(sizes))] if sizes.max() > BIOT_LIMIT else ""  # below, a lag or leads of the sensor do as much
-        return cls(fit.stage, fitted_values, ways, math.hypot(apart, likeliest.nonlinearity()), gain=gain, spot=spot)
+        found = cls(fit.stage, fitted_values, ways, math.hypot(apart, likeliest.nonlinearity()), gain=gain, spot=spot)
+        return found if found.contradiction else found.at_means
 
     @property
     def departing(self) -> ErrorModel:
@@ -414,6 +415,16 @@ class ErrorModel(Result):
         """Expected values (ways, values) of each way, within their bounds."""
         low, high = np.array([(v.low, v.high) for v in self.seen.values()]).reshape(-1, 2).T
         return np.array([np.clip(np.add([*w.values.values()], w.mean[: low.size]), low, high) for w in self.ways])
+
+    @property
+    def at_means(self) -> ErrorModel:
+        """The model with its derivatives where values are expected: on a network that explains the readings, curves beat lines there."""
+        size = len(self.seen)
+        moved = [
+            replace(w, values=dict(zip(w.values, m.tolist(), strict=True)), mean=np.concatenate([np.zeros(size), w.mean[size:]]))
+            for w, m in zip(self.ways, self._means, strict=True)
+        ]
+        return replace(self, ways=tuple(moved))
 
     @property
     def mean(self) -> Array:

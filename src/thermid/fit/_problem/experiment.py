@@ -840,9 +840,8 @@ class Experiment:
         whole, seats = attached(model, record)
         network = compile_network(whole, media=base.media(), prescribed=(*base.prescribed, *prescribed))
         zero, last = record.ends
-        inputs = Inputs(
-            {t: dict(getattr(base, t)) for t in DRIVEN} | {"boundaries": {network.find(k): v for k, v in base.boundaries.items()}}
-        )
+        boundaries, weight = {network.find(k): v for k, v in base.boundaries.items()}, weights or {}
+        inputs = Inputs({t: dict(getattr(base, t)) for t in DRIVEN} | {"boundaries": boundaries})
         observed: list[tuple[Channel, str]] = []
         for channel in record.channels.values():
             role, path = role_and_target(record, channel, network)
@@ -857,9 +856,7 @@ class Experiment:
             raise RecordError(words, record.name, code="record.does-not-apply")
         grid = np.flatnonzero(np.any([c.valid for c, _ in observed], axis=0))
         times = record.times[grid] - zero
-        observations = tuple(
-            _observation(c, seats.get(c.name, Seat(path, path)), grid, times, (weights or {}).get(c.name, 1.0)) for c, path in observed
-        )
+        observations = tuple(_observation(c, seats.get(c.name, Seat(p, p)), grid, times, weight.get(c.name, 1.0)) for c, p in observed)
         begun = first_readings(record, observations, window)
         first = {node: float(np.mean(list(readings_of_node.values()))) for node, readings_of_node in begun.items()}
         start, initial, readings, loose = starts_of(record, base, network, first, begun, window)

@@ -149,7 +149,7 @@ def _mistakes_of(request: Request, name: str) -> Mistakes:
     if not bad:
         return Mistakes(name)
     if any(code_of(question) == UNSEEN_PULSES for question in open_questions(request.records)):
-        return Mistakes(name, bad=bad, failed="pulses of a power that may lie unseen between its readings would explain any misfit")
+        return Mistakes(name, bad=bad, failed="pulses of a power that its readings may miss would explain any misfit")
     if (sampled := _as_sampled(request, fit, base)) is not None:
         return Mistakes(name, (sampled,), bad, 1, tuple(r.name for r in request.records))
     stores = len(stores_of(fit.problem.experiments[0]))

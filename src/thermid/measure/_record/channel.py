@@ -912,7 +912,7 @@ def unseen_pulses(times: FloatArray, powers: Mapping[str, FloatArray]) -> Iterat
         if (single := single_pulses(times, values)) >= MOST_PULSES:
             yield CodedText(
                 f"{name} switches between {short(np.nanmin(values), 3)} and {short(np.nanmax(values), 3)}, and {100 * single:.0f} % of its "
-                f"pulses have a single reading, one in {short(usual_step(times), 3)} s: others may lie unseen between two readings. Its "
+                f"pulses have a single reading, one in {short(usual_step(times), 3)} s: others may lie between two readings. Its "
                 "heat is then not known, and fitted values may be far off. Log it faster, or log its energy or its mean "
                 "(samples = 'average'). If no pulse is shorter than that, state prompt = false; if every change has a row, prompt = true.",
                 UNSEEN_PULSES,

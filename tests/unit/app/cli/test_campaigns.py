@@ -217,7 +217,7 @@ class TestCalibrate:
         said = call("calibrate", campaign, "--json", "--fresh")
         assert json.loads(said.out)["status"] == "ok"
         first, second, last = said.err.splitlines()
-        assert (first.split(":")[0], second.split(":")[0]) == ("box", "pair")
+        assert [re.split("[:,]", line)[0] for line in (first, second)] == ["box", "pair"]
         assert " pair_two " in last
 
 

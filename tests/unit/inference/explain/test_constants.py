@@ -269,11 +269,11 @@ class TestMistakes:
         from thermid.inference._explain.mistakes import _clocks
 
         shifted: list[list[str]] = []
-        monkeypatch.setattr("thermid.inference._explain.mistakes._shift", lambda request, fit, names: shifted.append(names))
+        monkeypatch.setattr("thermid.inference._explain.mistakes._shift", lambda request, fit, base, names: [shifted.append(names)])
         times = np.linspace(0.0, 3600.0, 61)
         wall = td.Channel.from_array("WALL", 295.0 + span * times / 3600.0, unit="K", role="boundary", target="room")
         request = SimpleNamespace(records=(td.Record.from_arrays("log", times, {"WALL": wall}),))
-        list(_clocks(request, SimpleNamespace(traces=())))  # type: ignore[arg-type]
+        list(_clocks(request, SimpleNamespace(traces=()), None))  # type: ignore[arg-type]
         assert shifted == ([["WALL"]] if moves else [])
 
     def test_shifts_of_a_search_lie_close_enough(self) -> None:
