@@ -124,9 +124,9 @@ class Expression:
         --------
         >>> Expression.parse("1*(15*0.015) [W]").literal.value
         0.225
-        >>> parse("(1 - x)*skin.area").names
+        >>> Expression.parse("(1 - x)*skin.area").names
         ('x', 'skin.area')
-        >>> parse("pi/4*diameter**2 - 2 [cm^2]").names
+        >>> Expression.parse("pi/4*diameter**2 - 2 [cm^2]").names
         ('diameter',)
         """
         if len(text) > cap("expression"):

@@ -136,7 +136,7 @@ class Standing:
             return replace(max(several, key=lambda s: s.rank, default=CREDIBLE), beside=())
         first = max(causes, key=lambda s: (s.rank, not s.accepted))
         taken: dict[tuple[str, str], Standing] = {}
-        for s in causes:
+        for s in sorted(causes, key=lambda s: s.accepted):
             if s is not first and (s.state, s.stage) != (first.state, first.stage):
                 taken.setdefault((s.state, s.stage), s)
         return replace(first, beside=tuple(sorted(taken.values(), key=lambda s: -s.rank)))
