@@ -246,7 +246,7 @@ def _of_same_parts(below: Calibration, store: Store, model: Model, ahead: str) -
     known = [p for s in store.parameters.values() for p in s.paths]
     words = f"does not get what stage '{below.stage}' found of the part that had its place: its deck is another one."
     replaced = [place for place in places if len(outside(known, [place])) < len(known)]
-    return store.drop(*replaced), [f"'{ahead}{place}' {words}" for place in replaced]
+    return store.drop(*replaced) if replaced else store, [f"'{ahead}{place}' {words}" for place in replaced]
 
 
 def _free_here(
