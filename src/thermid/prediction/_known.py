@@ -18,7 +18,6 @@ from thermid.fit.calibration import Calibration, fitted_values
 from thermid.fit.error_model import ERRORS_KEY, STRUCTURAL_KEY, BandCause, Discrepancy, ErrorModel, kept_in
 from thermid.model.tree import Flat, Model, Standing
 from thermid.values.store import (
-    INPUT,
     Filed,
     FittedValue,
     FittedValues,
@@ -279,15 +278,6 @@ def rows_of(knowledge: Knowledge) -> Rows:
             )
         states = {s.acts[0]: s for p, s in acting.items() if s.known and store.error(p) > 0}
         out = out.beside(Rows.of_states(store, states, "fit" if knowledge.fit is not None else f"fit of {values.stage}"))
-    return out
-
-
-def instruments_of(knowledge: Knowledge) -> Rows:
-    """Return how the constant errors of instruments respond to the sources of their fits; that of a later fit counts."""
-    out = Rows()
-    for store in reversed(knowledge.stores):
-        new_states = [s for s in store.states.values() if s.kind in ("sensor", "instrument", INPUT) and s.path not in out.names]
-        out = out.beside(Rows.of_states(store, {s.path: s for s in new_states}, "instruments"))
     return out
 
 

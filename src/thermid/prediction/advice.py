@@ -37,11 +37,11 @@ from thermid.fit.error_model import BandCause, KeptWay, course_in_fit, deviation
 from thermid.inference.planned_records import Sensor, planned_record
 from thermid.model.tree import Constant, Model, Parameter, Signal, TableSignal, literal
 from thermid.prediction._budget import AVERAGED, Budget, budget_of
-from thermid.prediction._known import Knowledge, Rows, instruments_of, rows_of
+from thermid.prediction._known import Knowledge, Rows, rows_of
 from thermid.prediction._predict import WayAnswer, mixed_answer
 from thermid.prediction._setting import prepared
 from thermid.simulation.runs import Scenario, Workers, compile_network, in_tasks, network_for, simulate
-from thermid.values.store import AS_FITTED, EXPECTED, Normal, Source
+from thermid.values.store import AS_FITTED, EXPECTED, INPUT, Normal, Source
 
 CHAMBER_STEP = 20.0
 """Step of a chamber that costs little and is far from what most parts fear. [K]"""
@@ -365,7 +365,12 @@ def before_fit(fit: Calibration, scenario: Scenario | None = None) -> Before:
     rows = rows_of(knowledge)
     budget = budget_of(knowledge, scenario) if scenario is not None else Budget.of_rows(rows, knowledge.model)
     states = fit.store.states
-    instruments = _beside_values(instruments_of(knowledge), budget)
+    errors_of_instruments = Rows()
+    for store in reversed(knowledge.stores):  # what a later fit found of an instrument counts
+        kinds = ("sensor", "instrument", INPUT)
+        new = {s.path: s for s in store.states.values() if s.kind in kinds and s.path not in errors_of_instruments.names}
+        errors_of_instruments = errors_of_instruments.beside(Rows.of_states(store, new, "instruments"))
+    instruments = _beside_values(errors_of_instruments, budget)
     # sensor -> times from the start of each record [s] and what the fit says that it read. [K]
     predicted: dict[str, list[tuple[Array, Array]]] = {}
     for b in fit.blocks:

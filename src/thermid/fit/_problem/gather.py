@@ -320,8 +320,7 @@ def _read_starts(request: Request, experiments: Sequence[Experiment], unknowns: 
                 names = (e.wired(raw), *_tips(e, e.wired(raw)))
                 acts = more.setdefault(spec.start, [])
                 acts += [Influence(i, n, 0.0, -1.0) for n in names]
-    instruments_of = {u.name.removeprefix("sensor ").removesuffix(" error"): u for u in unknowns if u.kind in ("sensor", INPUT)}
-    acting = {instruments_of[channel].name: acts for channel, acts in more.items() if channel in instruments_of}
+    acting = {name: acts for channel, acts in more.items() for name in (f"sensor {channel}", f"{channel} error")}
     return [replace(u, targets=(*u.targets, *acting.get(u.name, ()))) for u in unknowns]
 
 

@@ -535,24 +535,27 @@ def _gases(request: Request, fit: RoughFit) -> Iterator[Hypothesis]:
 
 
 def _shift(request: Request, fit: RoughFit, base: RoughEnd, names: list[str]) -> Iterator[Hypothesis]:
-    """Yield the shift of the clock of some channels with the least cost: the best of `CLOCK_SHIFTS`, then by halved steps."""
+    """Yield the shift of the clock of some channels with the least cost: the best of `CLOCK_SHIFTS`, then by halved steps.
+
+    Nothing where none of `CLOCK_SHIFTS` costs less than no shift.
+    """
     span, near = min(float(np.ptp(r.times)) for r in request.records), fit.named(base)
 
-    def tried(shift: float, values_before: Mapping[str, float], rounds: int) -> tuple[float, float, Mapping[str, float]]:
+    def tried(shift: float, values_before: Mapping[str, float]) -> tuple[float, float, Mapping[str, float]]:
         """Return the cost of the rough fit with channels shifted by a time [s], the shift, and where its descent ended."""
         rough = RoughFit.of_request(_shifted(request, names, shift), fit)
         try:
-            end = rough.solve(rough.start(values_before), rounds)
+            end = rough.solve(rough.start(values_before), MAX_RANKING_STEPS)
         except ThermidError:
             return np.inf, shift, values_before
         return end.cost, shift, rough.named(end)
 
-    best = min((tried(sign * part * span, near, MAX_RANKING_STEPS) for part in CLOCK_SHIFTS for sign in (-1.0, 1.0)), key=lambda t: t[:2])
+    best = min((tried(sign * part * span, near) for part in CLOCK_SHIFTS for sign in (-1.0, 1.0)), key=lambda t: t[:2])
     if best[0] >= base.cost:
         return
     width = 0.5 * max(abs(best[1]) * 0.35, 0.005 * span)
     while width > 0.001 * span:
-        best = min(best, *(tried(best[1] + d, best[2], MAX_RANKING_STEPS) for d in (-width, width)), key=lambda t: t[:2])
+        best = min(best, *(tried(best[1] + d, best[2]) for d in (-width, width)), key=lambda t: t[:2])
         width *= 0.5
     shift = best[1]
     late = "behind" if shift < 0.0 else "ahead of"
