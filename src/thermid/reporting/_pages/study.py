@@ -186,14 +186,16 @@ def parts(study: Study) -> Table:
         limits = [f"{sign} {plain(t - ICE_POINT)} °C" for sign, t in (("≥", c.lowest), ("≤", c.highest)) if t is not None]
         box = colours.get(c.at) or boxes[c.at]
         rows.append([Cell(name, "", "main"), c.what or DASH, c.at, box, Cell(", ".join(limits) or DASH, c.basis)])
-    columns = [
-        Head("physical item"),
-        Head("what it is", wrapped=True),
-        Head("in the model"),
-        Head("box"),
-        Head("limits"),
-    ]
-    return Table.of_rows(columns, rows)
+    return Table.of_rows(
+        [
+            Head("physical item"),
+            Head("what it is", wrapped=True),
+            Head("in the model"),
+            Head("box"),
+            Head("limits"),
+        ],
+        rows,
+    )
 
 
 def _decks(model: Model) -> dict[str, Model]:
@@ -224,15 +226,18 @@ def provenance(study: Study) -> Table:
         ranges = [" .. ".join(ends)] * any(ends) + [f"± {pretty(p.spread)}"] * (p.spread != "" and not p.is_range)
         line += [", ".join(ranges) or DASH, Cell(p.source, "", look.get(p.source, "")), p.basis or p.note or DASH]
         rows.append(line)
-    columns = [
-        Head("deck"),
-        Head("value"),
-        Head("is", True),
-        Head("unit"),
-        Head("range"),
-        Head("source"),
-    ]
-    return Table.of_rows([*columns, Head("formula or reason", wrapped=True)], rows)
+    return Table.of_rows(
+        [
+            Head("deck"),
+            Head("value"),
+            Head("is", True),
+            Head("unit"),
+            Head("range"),
+            Head("source"),
+            Head("formula or reason", wrapped=True),
+        ],
+        rows,
+    )
 
 
 def step_log(study: Study, campaign: Campaign) -> Table:
