@@ -160,7 +160,9 @@ def table_of(record: type, **forms: Any) -> GetPydanticSchema:
     forms : types   Field -> how it is written, where that is not as it is held. A field with a default may be left out.
     """
     hints = get_type_hints(record)
-    entries = {f.name: (forms.get(f.name, _as_written(hints[f.name])), ... if f.default is MISSING else f.default) for f in fields(record)}
+    entries: dict[str, Any] = {
+        f.name: (forms.get(f.name, _as_written(hints[f.name])), ... if f.default is MISSING else f.default) for f in fields(record)
+    }
     text = (record.__doc__ or "").partition("\n")[0]
     table: Any = create_model(record.__name__, __base__=StrictTable, __doc__=text, **entries)
     return reads(table, lambda written: record(**{name: _held(getattr(written, name), hints[name]) for name in entries}))

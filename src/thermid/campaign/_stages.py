@@ -275,8 +275,7 @@ def plain_readings(tables: Mapping[str, Any]) -> dict[str, Any]:
 
 def keyed(request: Request, stage: StageTable, keys: Mapping[str, str]) -> tuple[Request, dict[str, str]]:
     """Return a stage's request with its key, and the ingredients of that; `keys` are those of the stages below."""
-    below = [keys[name] for i in stage.inherit.values() for name in i.stages]
-    ingredients = request.ingredients(below)
+    ingredients = request.ingredients([keys[name] for i in stage.inherit.values() for name in i.stages])
     return replace(request, key=digest(ingredients)), ingredients
 
 
@@ -777,5 +776,4 @@ def _verdict_standing(failed: list[Verdict], accepted: bool) -> Standing | None:
         return None
     first = max((c for v in failed for c in v.missed), key=lambda c: c.used)
     records = ", ".join(dict.fromkeys(v.record for v in failed))
-    words = f"verdict on {records}: {first.sensor} {first.words}"
-    return Standing("failed", words, failed[0].model, accepted)
+    return Standing("failed", f"verdict on {records}: {first.sensor} {first.words}", failed[0].model, accepted)

@@ -46,8 +46,7 @@ def read_spread(written: Any, slot: str, nominal: float, where: str, *, bounds: 
             )
         return Uniform(*bounds)
     table: Mapping[str, Any] = {"sd": written} if isinstance(written, str) or stated(written) is not None else written
-    law = FORMS[_form(table, where)][2](table, slot, nominal, where, bounds)
-    return cut(law, bounds, where)
+    return cut(FORMS[_form(table, where)][2](table, slot, nominal, where, bounds), bounds, where)
 
 
 def _form(table: Any, where: str) -> str:

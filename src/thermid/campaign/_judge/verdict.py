@@ -80,8 +80,7 @@ def p95(r: Residuals) -> float:
 
 def final(r: Residuals) -> float:
     """Mean over the last twentieth of the record, with its sign."""
-    end = r.times >= r.times[-1] - FINAL * (r.times[-1] - r.times[0])
-    return float(np.mean(r.kelvin[end]))
+    return float(np.mean(r.kelvin[(r.times >= r.times[-1] - FINAL * (r.times[-1] - r.times[0]))]))
 
 
 @dataclass(frozen=True)

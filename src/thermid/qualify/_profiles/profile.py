@@ -637,8 +637,7 @@ def _condensation_remarks(profile: ThermalProfile) -> Iterator[str]:
     """Yield a remark for the first and the last half cycle where it is cold, below ambient: water may then condense on the unit."""
     if profile.kind != "thermal cycling" or profile.plan:
         return
-    low = [s for s in profile.steps if s.target is not None and s.target < profile.value("ambient")]
-    if not low:
+    if not [s for s in profile.steps if s.target is not None and s.target < profile.value("ambient")]:
         return
     turns = [s.name.split(",")[0].removeprefix("to ") for s in profile.steps if s.target is not None and s.name.startswith("to ")]
     for place, side in (("first", turns[0]), ("last", turns[-1])):

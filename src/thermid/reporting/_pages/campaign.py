@@ -103,8 +103,7 @@ def without_error(c: Calibration, block: SensorTrace) -> SensorTrace:
 
 def hottest_moment(run: Solution, nodes: Collection[str]) -> int:
     """Return the sample at which the hottest of some nodes is near its peak (2 % of its rise), and powers are on where they ever are."""
-    columns = [k for k, n in enumerate(run.nodes) if n in nodes]
-    peak = run.temperatures[:, columns].max(axis=1)
+    peak = run.temperatures[:, [k for k, n in enumerate(run.nodes) if n in nodes]].max(axis=1)
     at_peak = peak >= peak.max() - 0.02 * np.ptp(peak)
     heat = total_power(run)
     if heat is not None:
