@@ -450,7 +450,7 @@ def _state(name: str, v: StateTable) -> State:
         v.at,
         v.deck,
         tuple(v.history),
-        Standing.read(v.standing.written),
+        v.standing,
         v.start,
         v.error_random,
         (v.prior[0], v.prior[1]) if v.prior else None,

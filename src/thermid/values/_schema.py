@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any, ClassVar, Literal, Self, TypeAlias, get_args
+from typing import Annotated, Any, ClassVar, Literal, Self, TypeAlias
 
 from pydantic import ConfigDict, Field, model_validator
 from pydantic_core import PydanticCustomError
@@ -10,7 +10,7 @@ from pydantic_core import PydanticCustomError
 from thermid.base.errors import DeckError
 from thermid.base.grammar import Finite, Flag, Real, StrictTable, Whole, reads, table_of
 from thermid.base.units import unit
-from thermid.model.tree import Dropped, State as StandingState
+from thermid.model.tree import Dropped, Standing
 from thermid.values._store import DISTRIBUTIONS, Distribution, LeftOut, Source, ValueOrigin
 
 LEAD = "this is not a values file of thermid, or it was changed by hand. Run the calibration again, or take the file from version control."
@@ -40,14 +40,8 @@ Origin: TypeAlias = Annotated[ValueOrigin, table_of(ValueOrigin)]
 """Who gave a value."""
 
 
-class StandingTable(StrictTable):
-    """How far a value may be trusted."""
-
-    state: Literal[get_args(StandingState)]  # type: ignore[valid-type]
-    because: str
-    stage: str
-    accepted: Flag = False
-    beside: list[StandingTable] = []
+TrustField: TypeAlias = Annotated[Standing, table_of(Standing)]
+"""How far a value may be trusted."""
 
 
 class StateTable(StrictTable):
@@ -69,7 +63,7 @@ class StateTable(StrictTable):
     known: Flag
     origin: Origin
     history: list[Origin]
-    standing: StandingTable
+    standing: TrustField
     prior: Pair | None = None
     of_logs: Flag = False
 
