@@ -160,22 +160,17 @@ def table_of(record: type, **forms: Any) -> GetPydanticSchema:
     forms : types   Field -> how it is written, where that is not as it is held. A field with a default may be left out.
     """
     hints = get_type_hints(record)
-    entries: dict[str, Any] = {
-        f.name: (forms.get(f.name, _as_written(hints[f.name])), ... if f.default is MISSING else f.default) for f in fields(record)
-    }
-    text = (record.__doc__ or "").partition("\n")[0]
-    table: Any = create_model(record.__name__, __base__=StrictTable, __doc__=text, **entries)
-    return reads(table, lambda written: record(**{name: _held(getattr(written, name), hints[name]) for name in entries}))
+    listed = {name: list[get_args(hint)[0]] for name, hint in hints.items() if get_origin(hint) is tuple}  # type: ignore[misc]
+    forms = {name: {float: Real, bool: Flag, int: Whole}.get(hint, hint) for name, hint in hints.items()} | listed | forms
+    entries: dict[str, Any] = {f.name: (forms[f.name], ... if f.default is MISSING else f.default) for f in fields(record)}
+    table: Any = create_model(record.__name__, __base__=StrictTable, __doc__=(record.__doc__ or "").partition("\n")[0], **entries)
 
+    def held(written: Any) -> Any:
+        """Return the record that a table stands for."""
+        values = {name: getattr(written, name) for name in entries}
+        return record(**values | {name: tuple(values[name]) for name in listed})
 
-def _as_written(hint: Any) -> Any:
-    """Return the type of what a file holds for a field of a type."""
-    return list[get_args(hint)[0]] if get_origin(hint) is tuple else {float: Real, bool: Flag, int: Whole}.get(hint, hint)  # type: ignore[misc]
-
-
-def _held(written: Any, hint: Any) -> Any:
-    """Return what a field of a type holds of what is written."""
-    return tuple(written) if get_origin(hint) is tuple else written
+    return reads(table, held)
 
 
 class TimesTable(StrictTable):
