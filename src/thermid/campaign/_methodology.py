@@ -129,52 +129,21 @@ class Study(Shown):
 
     Parameters
     ----------
-    title, document, note : str     What it is called, what it follows, what its author says.
-    subject, use : str              LogEntry 1: what is modelled, and the intended use of the model.
-    facts : tuple of str            LogEntry 1: what is known beforehand.
-    components : dict               LogEntry 1: physical item -> Component.
-    model : Model                   The model of the whole.
-    names : tuple of str            Other names of the whole.
-    reason : str                    LogEntry 2: why the box colours are what they are.
-    solver : str                    LogEntry 3: what solves the equations.
-    options : Options               LogEntry 3: the error of its runs.
-    theory, experiment : tuple      LogEntry 3: remarks on both set-ups.
-    sensors : dict                  LogEntry 3: kind of sensor -> SensorSpec.
-    campaign : Path                 LogEntry 4: the campaign file.
-    rules, metrics : tuple of str   LogEntry 4.
-    actions : tuple of ProcedureAction       LogEntry 4: in order.
+    title : str             What it is called.
+    content : StudyFile     Its tables and keys, checked by the grammar.
+    model : Model           The model of the whole.
+    components : dict       Physical item -> Component, each at the path of its place.
+    options : Options       The error of its runs.
+    campaign : Path         The campaign file.
     """
 
     title: str
-    document: str
-    note: str
-    subject: str
-    use: str
-    facts: tuple[str, ...]
-    components: Mapping[str, Component]
+    content: StudyFile = field(repr=False)
     model: Model
-    names: tuple[str, ...]
-    reason: str
-    solver: str
+    components: Mapping[str, Component]
     options: Options
-    theory: tuple[str, ...]
-    experiment: tuple[str, ...]
-    sensors: Mapping[str, SensorSpec]
     campaign: Path = field(compare=False)
-    rules: tuple[str, ...]
-    metrics: tuple[str, ...]
-    actions: tuple[ProcedureAction, ...]
     _data: Mapping[str, Any] = field(compare=False, repr=False)
-
-    @property
-    def boxes(self) -> dict[str, str]:
-        """Node -> box colour of the part that it belongs to."""
-        return self.model.node_boxes
-
-    @property
-    def part_boxes(self) -> dict[str, str]:
-        """Submodel -> its box colour with those of everything in it; the empty path is the whole."""
-        return self.model.part_boxes
 
     def find(self, name: str) -> str:
         """Return the path of a submodel or node by any of its names: a component, an alias, with or without a name of the whole before it.
@@ -185,12 +154,12 @@ class Study(Shown):
         ------
         NameNotFoundError   With the nearest name.
         """
-        if name in (self.model.title, *self.names):
+        heads = sorted({self.model.title, *self.content.knowledge.names}, key=len, reverse=True)
+        if name in heads:
             return ""
         if name in self.components:
             return self.components[name].at
-        places = {*self.part_boxes, *self.boxes} - {""}
-        heads = sorted({self.model.title, *self.names}, key=len, reverse=True)
+        places = {*self.model.part_boxes, *self.model.node_boxes} - {""}
         for text in (name, *(name[len(h) + 1 :] for h in heads if name.startswith((f"{h}.", f"{h}_")))):
             path = self.model.canonical(text)
             if path in places:
@@ -201,7 +170,7 @@ class Study(Shown):
 
     def log(self, campaign: Campaign) -> tuple[LogEntry, ...]:
         """Return what every stage and every verdict found, sensor by sensor."""
-        action = {stage: a.name for a in self.actions for stage in a.stages}
+        action = {stage: a.name for a in self.content.actions for stage in a.stages}
         steps = [_entry(action.get(stage, ""), stage, block) for stage, c in campaign.stages.items() for block in c.blocks]
         steps += [_entry(action.get(v.model, ""), v.model, block, True) for v in campaign.verdicts for block in v.blocks]
         return tuple(steps)
@@ -287,27 +256,13 @@ def load_study(path: str | os.PathLike[str]) -> Study:
     _all_belong(model, components, where("components"))
     campaign = resolve_inside(target.parent, content.procedure.campaign, where("procedure.campaign"))
     _campaign_fits(campaign, content, where)
-    theory = content.theory
     return Study(
         content.title,
-        content.document,
-        content.note,
-        content.knowledge.subject,
-        content.knowledge.use,
-        tuple(content.knowledge.facts),
-        components,
+        content,
         model,
-        tuple(content.knowledge.names),
-        content.box.reason,
-        theory.solver,
-        Options(error=literal(theory.error, "K", where("theory.error"))),
-        tuple(theory.notes),
-        (*([content.experiment.platform] if content.experiment.platform else []), *content.experiment.notes),
-        content.sensors,
+        components,
+        Options(error=literal(content.theory.error, "K", where("theory.error"))),
         campaign,
-        tuple(content.procedure.rules),
-        tuple(content.procedure.metrics),
-        tuple(content.actions),
         data,
     )
 

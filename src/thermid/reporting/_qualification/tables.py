@@ -38,7 +38,7 @@ def tests(q: Qualification) -> Table:
     for t in q.trials:
         course = Cell(t.foresight.scenario.title)
         if t.course is not None:
-            course = Cell(t.course.profile.title, t.course.trust, "" if t.course.decides else "warn")
+            course = Cell(t.course.profile.title, t.course.profile.trust, "" if t.course.profile.decides else "warn")
         worst, why = q.smallest(t.test.name), "; ".join(t.open)
         where = [Cell(DASH), Cell(DASH), Cell(DASH)]
         if worst is not None:
