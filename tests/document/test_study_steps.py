@@ -82,7 +82,7 @@ def test_K2_a_mixed_tag_is_kept_on_aggregation(project: Path) -> None:  # noqa: 
     assert mixed.model.part_boxes["imu.fog_x"] == "black"
     assert mixed.model.part_boxes["imu"] == mixed.model.part_boxes[""] == "light grey + black"
     assert mixed.model.part_boxes["pre"] == mixed.model.part_boxes["imu.fog_y"] == "light grey"
-    assert {n for n, box in mixed.boxes.items() if box == "black"} == {"imu.fog_x.case"}
+    assert {n for n, box in mixed.model.node_boxes.items() if box == "black"} == {"imu.fog_x.case"}
 
 
 def test_K3_both_set_ups_round_trip(study: td.design.Study, project: Path) -> None:  # noqa: N802
