@@ -246,7 +246,7 @@ def _settled(model: td.Model, surface: str) -> float:
 def run(folder: Path, say: Callable[[str], None] = lambda text: None) -> Work:
     """Return the whole study, worked through in a folder."""
     study = td.design.load_study(HERE / "study.toml")
-    say(f"{len(study.components)} physical items, {len(study.actions)} actions; making {len(laboratory.TESTS)} synthetic logs")
+    say(f"{len(study.components)} physical items, {len(study.content.actions)} actions; making {len(laboratory.TESTS)} synthetic logs")
     laboratory.main(folder)
 
     def told(what: str) -> Callable[[str, int, float], None]:

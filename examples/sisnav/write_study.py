@@ -101,8 +101,8 @@ def text(done: work.Work) -> str:
     outside = "; ".join(f"{r.stage}: {r.name}" for r in found if not r.inside) or "none"
     meters = dict(zip(("alone", "paused", "flat"), warm_up.main(done.folder / "warm_up"), strict=True))
     values = {
-        "document": done.study.document,
-        "subject": done.study.subject,
+        "document": done.study.content.document,
+        "subject": done.study.content.knowledge.subject,
         "parts": rows(parts(done.study), (0, 1, 2, 3)),
         "folder": FOLDER,
         "nodes": str(len(td.simulation.compile_network(done.study.model).nodes)),

@@ -43,7 +43,7 @@ def without(project: Path, table: str) -> Path:
 def test_K1_the_eleven_physical_items_and_the_use(study: td.design.Study) -> None:  # noqa: N802
     assert tuple(study.components) == ELEVEN
     assert len({c.at for c in study.components.values()}) == 11
-    assert "replaced" in study.use
+    assert "replaced" in study.content.knowledge.use
     assert study.model.title == "m_Sd"
 
 
@@ -69,9 +69,9 @@ def test_K1_every_mass_is_part_of_one_item(project: Path) -> None:  # noqa: N802
 
 
 def test_K2_every_node_is_light_grey(study: td.design.Study) -> None:  # noqa: N802
-    assert set(study.boxes.values()) == {"light grey"}
-    assert len(study.boxes) == len(td.simulation.compile_network(study.model).nodes)
-    assert set(study.part_boxes.values()) == {"light grey"}
+    assert set(study.model.node_boxes.values()) == {"light grey"}
+    assert len(study.model.node_boxes) == len(td.simulation.compile_network(study.model).nodes)
+    assert set(study.model.part_boxes.values()) == {"light grey"}
 
 
 def test_K2_a_mixed_tag_is_kept_on_aggregation(project: Path) -> None:  # noqa: N802
@@ -79,19 +79,19 @@ def test_K2_a_mixed_tag_is_kept_on_aggregation(project: Path) -> None:  # noqa: 
     fog = project / "FOG_h.toml"
     fog.write_text(fog.read_text(encoding="utf-8").replace('box    = "light grey"', 'box    = "black"'), encoding="utf-8")
     mixed = td.design.load_study(project / "study.toml")
-    assert mixed.part_boxes["imu.fog_x"] == "black"
-    assert mixed.part_boxes["imu"] == mixed.part_boxes[""] == "light grey + black"
-    assert mixed.part_boxes["pre"] == mixed.part_boxes["imu.fog_y"] == "light grey"
-    assert {n for n, box in mixed.boxes.items() if box == "black"} == {"imu.fog_x.case"}
+    assert mixed.model.part_boxes["imu.fog_x"] == "black"
+    assert mixed.model.part_boxes["imu"] == mixed.model.part_boxes[""] == "light grey + black"
+    assert mixed.model.part_boxes["pre"] == mixed.model.part_boxes["imu.fog_y"] == "light grey"
+    assert {n for n, box in mixed.model.node_boxes.items() if box == "black"} == {"imu.fog_x.case"}
 
 
 def test_K3_both_set_ups_round_trip(study: td.design.Study, project: Path) -> None:  # noqa: N802
     again = td.design.load_study(study.save(project / "again.toml"))
     assert again == study
     assert again.options.error == 1e-4
-    assert "ode15s" in again.solver
-    assert "of order 4" in again.solver  # tests/unit/kernel/test_tableau.py measures it
-    sensor, channel = again.sensors["DS18B20"], again.sensors["ProcSISNAV channel"]
+    assert "ode15s" in again.content.theory.solver
+    assert "of order 4" in again.content.theory.solver  # tests/unit/kernel/test_tableau.py measures it
+    sensor, channel = again.content.sensors["DS18B20"], again.content.sensors["ProcSISNAV channel"]
     assert (sensor.accuracy, sensor.resolution) == (0.5, 1 / 16)
     assert channel.accuracy == 3.0
     assert channel.range == pytest.approx((218.15, 369.15))
@@ -99,10 +99,10 @@ def test_K3_both_set_ups_round_trip(study: td.design.Study, project: Path) -> No
 
 
 def test_K4_twelve_actions_in_their_places(study: td.design.Study) -> None:  # noqa: N802
-    assert len(study.actions) == 12
-    assert [a.state for a in study.actions] == ["done"] * 7 + ["with qualification"] * 5
-    assert study.metrics == ("rmse", "max_error", "final_error")
-    assert study.rules
+    assert len(study.content.actions) == 12
+    assert [a.state for a in study.content.actions] == ["done"] * 7 + ["with qualification"] * 5
+    assert study.content.procedure.metrics == ["rmse", "max_error", "final_error"]
+    assert study.content.procedure.rules
 
 
 def test_K4_a_log_of_every_step(study: td.design.Study, project: Path) -> None:  # noqa: N802
@@ -131,7 +131,7 @@ def test_K4_a_log_of_every_step(study: td.design.Study, project: Path) -> None: 
         ("EleGFO", "two", "T_ELE", True),
     ]
     for step in log:
-        assert step.action in {a.name for a in study.actions}
+        assert step.action in {a.name for a in study.content.actions}
         assert step["rmse"] == pytest.approx(0.05, rel=0.1)
         assert 2 * step["rmse"] < abs(step["max_error"]) < 5 * step["rmse"]
         assert abs(step["final_error"]) < 3 * 0.05 / np.sqrt(16)  # mean of the last 16 samples

@@ -18,7 +18,7 @@ import numpy as np
 import thermid as td
 from thermid.bench.bench_files import load_programme, load_sensors
 from thermid.campaign._judge.verdict import _read as read_looks, look
-from thermid.campaign.stages import CampaignSource, load_limits, recall
+from thermid.campaign.stages import CampaignSource, KeptStage, load_limits
 from thermid.interop.initfcn import read_initfcn
 from thermid.measure.readers import read_plain
 from thermid.values.store import FittedValue, FittedValues
@@ -383,7 +383,7 @@ KINDS: Final[dict[str, Kind]] = {
     "values": Kind("unit.values.toml", _values, (("simulate", "unit.toml", "--scenario", "day.toml", "--values", "{}"),)),
     "values by hand": Kind("by_hand.toml", lambda f: None, (("steady", "unit.toml", "--scenario", "day.toml", "--values", "{}"),)),
     "looks": Kind("looks.json", lambda f: read_looks(f.parent)),
-    "kept fit": Kind("unit.fit.json", lambda f: recall(f.parent, "unit", "k")),
+    "kept fit": Kind("unit.fit.json", lambda f: KeptStage(f.parent, "unit").recall("k")),
     "sensor map": Kind("sensors.toml", load_sensors),
     "programme": Kind("programme.toml", load_programme),
     "log": Kind("rig.csv", _record, (("look", "{}"), ("look", "{}", "--json"), ("settle", "{}"))),

@@ -7,8 +7,9 @@ second. `scripts/write_schema.py` lists the kinds and writes a JSON Schema of ea
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from dataclasses import MISSING, fields
 from functools import cache
-from typing import Annotated, Any, ClassVar, Literal, Self, TypeAlias, TypeVar, Union
+from typing import Annotated, Any, ClassVar, Literal, Self, TypeAlias, TypeVar, Union, get_args, get_origin, get_type_hints
 
 from pydantic import (
     BaseModel,
@@ -20,6 +21,7 @@ from pydantic import (
     Tag,
     ValidationError,
     WithJsonSchema,
+    create_model,
 )
 from pydantic_core import PydanticCustomError, core_schema
 
@@ -147,6 +149,28 @@ class StrictTable(Grammar):
     """Base of every table of a grammar: a key that it does not know is refused."""
 
     model_config = ConfigDict(extra="forbid")
+
+
+def table_of(record: type, **forms: Any) -> GetPydanticSchema:
+    """Return the mark of a field that is written as a table with the fields of a dataclass, and holds an instance of it.
+
+    Parameters
+    ----------
+    record : type   The dataclass. A tuple is written as a list; numbers and flags are strict.
+    forms : types   Field -> how it is written, where that is not as it is held. A field with a default may be left out.
+    """
+    hints = get_type_hints(record)
+    listed = {name: list[get_args(hint)[0]] for name, hint in hints.items() if get_origin(hint) is tuple}  # type: ignore[misc]
+    forms = {name: {float: Real, bool: Flag, int: Whole}.get(hint, hint) for name, hint in hints.items()} | listed | forms
+    entries: dict[str, Any] = {f.name: (forms[f.name], ... if f.default is MISSING else f.default) for f in fields(record)}
+    table: Any = create_model(record.__name__, __base__=StrictTable, __doc__=(record.__doc__ or "").partition("\n")[0], **entries)
+
+    def held(written: Any) -> Any:
+        """Return the record that a table stands for."""
+        values = {name: getattr(written, name) for name in entries}
+        return record(**values | {name: tuple(values[name]) for name in listed})
+
+    return reads(table, held)
 
 
 class TimesTable(StrictTable):

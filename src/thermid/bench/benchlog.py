@@ -369,8 +369,7 @@ def _clock_rate(run: _Run) -> float | None:
     if board[-1] - board[0] < _MIN_DRIFT_TIME:
         return None
     for _ in range(3):  # a stalled host stamps late, never early
-        x = board[keep] - board[0]
-        slope, start = np.polyfit(x, host[keep], 1)
+        slope, start = np.polyfit(board[keep] - board[0], host[keep], 1)
         off = host - (start + slope * (board - board[0]))
         keep = np.abs(off - np.median(off)) <= 4.0 * max(1e-3, float(np.median(np.abs(off - np.median(off)))))
     return float(slope)

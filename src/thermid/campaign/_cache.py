@@ -6,9 +6,9 @@ import hashlib
 import json
 import sys
 import zipfile
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Mapping
 from contextlib import suppress
-from dataclasses import asdict, fields
+from dataclasses import asdict, dataclass, fields
 from functools import cache, partial
 from importlib.util import find_spec
 from pathlib import Path
@@ -52,51 +52,68 @@ def file_name(stage: str) -> str:
     return "".join(c if c.isalnum() or c in "-_" else "_" for c in stage)
 
 
-def recall(folder: Path | None, stage: str, key: str) -> KeptFit | None:
-    """Return what is kept of the fit of a finished stage, or None when nothing is kept or anything has changed since."""
-    if folder is None:
-        return None
-    try:
-        stored = json.loads((folder / f"{file_name(stage)}.fit.json").read_text(encoding="utf-8"))
-        fitted = {str(k): float(v) for k, v in stored["fitted"].items()}
-        same = (stored["key"], stored["code"]) == (key, code_digest()) and np.isfinite(list(fitted.values())).all()
-        return KeptFit(fitted, int(stored["evaluations"]), str(stored["search"]), tuple(map(str, stored["remarks"]))) if same else None
-    except (OSError, ValueError, KeyError, TypeError, AttributeError, OverflowError, RecursionError):
-        return None  # no file, or a damaged one, which is as good as none: the stage runs again
+@dataclass(frozen=True)
+class KeptStage:
+    """What a results folder keeps of one stage.
 
+    Parameters
+    ----------
+    folder : Path or None   The folder; None keeps nothing.
+    stage : str             The stage.
+    """
 
-def changed_since(folder: Path | None, stage: str, ingredients: Mapping[str, str]) -> tuple[str, ...]:
-    """Return which ingredients of a stage's result are not those of the end that is kept; none where nothing is kept."""
-    path = folder / f"{file_name(stage)}.fit.json" if folder is not None else None
-    if path is None or not path.is_file():
-        return ()
-    try:
-        stored = json.loads(path.read_text(encoding="utf-8"))
-        before = {str(k): str(v) for k, v in stored.get("ingredients", {}).items()}
-        names = [n for n in {**before, **ingredients} if before.get(n) != ingredients.get(n)]
-        return (*names, *(["code"] if stored["code"] != code_digest() else []))
-    except (ValueError, KeyError, TypeError, AttributeError, OverflowError, RecursionError):
-        return ("the cached file is damaged",)
+    folder: Path | None
+    stage: str
 
+    def _file(self, what: str) -> Path:
+        """Return the file that keeps the fit or the errors of the stage."""
+        return (self.folder or Path()) / f"{file_name(self.stage)}.{what}.json"
 
-def remember(folder: Path | None, stage: str, key: str, end: KeptFit | None, ingredients: Mapping[str, str] | None = None) -> None:
-    """Keep the end of a stage, with what its fit took and the hashes of what it depends on."""
-    if folder is None or end is None:
-        return
-    folder.mkdir(parents=True, exist_ok=True)
-    content = {"key": key, "code": code_digest(), "ingredients": dict(ingredients or {}), **asdict(end)}
-    FileKinds.RESULTS_FILE.save_text(folder / f"{file_name(stage)}.fit.json", json.dumps(content, indent=1))
+    def recall(self, key: str) -> KeptFit | None:
+        """Return what is kept of the finished fit, or None when nothing is kept or anything has changed since."""
+        if self.folder is None:
+            return None
+        try:
+            stored = json.loads(self._file("fit").read_text(encoding="utf-8"))
+            fitted = {str(k): float(v) for k, v in stored["fitted"].items()}
+            same = (stored["key"], stored["code"]) == (key, code_digest()) and np.isfinite(list(fitted.values())).all()
+            return KeptFit(fitted, int(stored["evaluations"]), str(stored["search"]), tuple(map(str, stored["remarks"]))) if same else None
+        except (OSError, ValueError, KeyError, TypeError, AttributeError, OverflowError, RecursionError):
+            return None  # no file, or a damaged one, which is as good as none: the stage runs again
 
+    @property
+    def has_fit(self) -> bool:
+        """Whether the end of a fit is kept, whatever it depended on."""
+        return self.folder is not None and self._file("fit").is_file()
 
-def forget(folder: Path | None, stages: Iterable[str]) -> None:
-    """Remove the ends of finished stages and their models of error from a results folder; looks at hold-out records stay."""
-    for path in [folder / f"{file_name(stage)}.{kind}.json" for stage in stages for kind in ("fit", "errors")] if folder else []:
-        path.unlink(missing_ok=True)
+    def changed_since(self, ingredients: Mapping[str, str]) -> tuple[str, ...]:
+        """Return which ingredients of its result are not those of the end that is kept; none where nothing is kept."""
+        if not self.has_fit:
+            return ()
+        try:
+            stored = json.loads(self._file("fit").read_text(encoding="utf-8"))
+            before = {str(k): str(v) for k, v in stored.get("ingredients", {}).items()}
+            names = [n for n in {**before, **ingredients} if before.get(n) != ingredients.get(n)]
+            return (*names, *(["code"] if stored["code"] != code_digest() else []))
+        except (ValueError, KeyError, TypeError, AttributeError, OverflowError, RecursionError):
+            return ("the cached file is damaged",)
 
+    def remember(self, key: str, end: KeptFit | None, ingredients: Mapping[str, str] | None = None) -> None:
+        """Keep the end of its fit, with what that took and the hashes of what it depends on."""
+        if self.folder is None or end is None:
+            return
+        self.folder.mkdir(parents=True, exist_ok=True)
+        content = {"key": key, "code": code_digest(), "ingredients": dict(ingredients or {}), **asdict(end)}
+        FileKinds.RESULTS_FILE.save_text(self._file("fit"), json.dumps(content, indent=1))
 
-def errors_kept(folder: Path | None, stage: str, key: str) -> Keeping | None:
-    """Return what keeps the model of error of a stage, for a fit; None where no results folder is."""
-    return None if folder is None else partial(_errors_kept, folder / f"{file_name(stage)}.errors.json", key)
+    def forget(self) -> None:
+        """Remove its end and its model of error; looks at hold-out records stay."""
+        for what in ("fit", "errors") if self.folder is not None else ():
+            self._file(what).unlink(missing_ok=True)
+
+    def errors(self, key: str) -> Keeping | None:
+        """Return what keeps its model of error, for a fit; None where no results folder is."""
+        return None if self.folder is None else partial(_errors_kept, self._file("errors"), key)
 
 
 def _errors_kept(path: Path, key: str, make: Callable[[], dict[str, Any]]) -> dict[str, Any]:

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from thermid.base.errors import IdentificationError, look_up, nearest, refuse_unknown
-from thermid.campaign._cache import recall, remember
+from thermid.campaign._cache import KeptStage
 from thermid.fit.calibration import (
     Calibration,
     Influence,
@@ -333,10 +333,11 @@ def fit_jointly(
         remarks=(*remarks, *uncounted),
         seen={sha: who for c in done.values() for sha, who in c.used_records.items()},
     )
-    recalled = recall(cache, NAME, key)
+    kept = KeptStage(cache, NAME)
+    recalled = kept.recall(key)
     calibration = fit_problem(whole, problem, progress, recalled)
     if recalled is None and calibration.converged and key:
-        remember(cache, NAME, key, calibration.end.place if calibration.end is not None else None)
+        kept.remember(key, calibration.end.place if calibration.end is not None else None)
     store = replace(calibration.store, left_out=(*calibration.store.left_out, *map(LeftOut, uncounted)))
     return _judged(replace(calibration, store=store), levels, shared, done if staged else {})
 

@@ -5,14 +5,14 @@ from __future__ import annotations
 import fnmatch
 import os
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 from thermid.base.errors import DeckError, NameNotFoundError, nearest, refuse_unknown
 from thermid.base.files import FileKinds, Places, by_grammar, read_toml, resolve_inside
 from thermid.base.results import Shown
-from thermid.base.units import ICE_POINT, TEMPERATURE, Kelvin
+from thermid.base.units import ICE_POINT, Kelvin
 from thermid.campaign._file import CampaignSource
 from thermid.campaign._judge.verdict import Residuals, metric
 from thermid.campaign._stages import Campaign
@@ -21,7 +21,7 @@ from thermid.model.tree import Model, Names, literal, load_model
 from thermid.simulation.runs import Options, Solution
 
 if TYPE_CHECKING:
-    from thermid.campaign._schema import ComponentTable, SensorTable, StudyFile
+    from thermid.campaign._schema import StudyFile
 
 
 @dataclass(frozen=True)
@@ -54,20 +54,20 @@ class SensorSpec:
     Parameters
     ----------
     accuracy : float        Largest error. [K]
+    channels : tuple of str Patterns of the channels of the campaign that it stands behind.
     resolution : float      LogEntry of its readings; 0 where none is given. [K]
     range : tuple           Lowest and highest temperature, empty where none is given. [K]
     conversion : float      Time from the instant of a value to its reading. [s]
     certificate : str       How it was calibrated.
-    channels : tuple of str Patterns of the channels of the campaign that it stands behind.
     basis : str             Where this is said.
     """
 
     accuracy: float
+    channels: tuple[str, ...]
     resolution: float = 0.0
     range: tuple[float, ...] = ()
     conversion: float = 0.0
     certificate: str = ""
-    channels: tuple[str, ...] = ()
     basis: str = ""
 
 
@@ -76,7 +76,7 @@ class ProcedureAction:
     """One action of the procedure: its name, its state, the stages that do it, a note."""
 
     name: str
-    state: str
+    state: Literal["done", "with qualification", "open"] = "open"
     stages: tuple[str, ...] = ()
     note: str = ""
 
@@ -129,52 +129,21 @@ class Study(Shown):
 
     Parameters
     ----------
-    title, document, note : str     What it is called, what it follows, what its author says.
-    subject, use : str              LogEntry 1: what is modelled, and the intended use of the model.
-    facts : tuple of str            LogEntry 1: what is known beforehand.
-    components : dict               LogEntry 1: physical item -> Component.
-    model : Model                   The model of the whole.
-    names : tuple of str            Other names of the whole.
-    reason : str                    LogEntry 2: why the box colours are what they are.
-    solver : str                    LogEntry 3: what solves the equations.
-    options : Options               LogEntry 3: the error of its runs.
-    theory, experiment : tuple      LogEntry 3: remarks on both set-ups.
-    sensors : dict                  LogEntry 3: kind of sensor -> SensorSpec.
-    campaign : Path                 LogEntry 4: the campaign file.
-    rules, metrics : tuple of str   LogEntry 4.
-    actions : tuple of ProcedureAction       LogEntry 4: in order.
+    title : str             What it is called.
+    content : StudyFile     Its tables and keys, checked by the grammar.
+    model : Model           The model of the whole.
+    components : dict       Physical item -> Component, each at the path of its place.
+    options : Options       The error of its runs.
+    campaign : Path         The campaign file.
     """
 
     title: str
-    document: str
-    note: str
-    subject: str
-    use: str
-    facts: tuple[str, ...]
-    components: Mapping[str, Component]
+    content: StudyFile = field(repr=False)
     model: Model
-    names: tuple[str, ...]
-    reason: str
-    solver: str
+    components: Mapping[str, Component]
     options: Options
-    theory: tuple[str, ...]
-    experiment: tuple[str, ...]
-    sensors: Mapping[str, SensorSpec]
     campaign: Path = field(compare=False)
-    rules: tuple[str, ...]
-    metrics: tuple[str, ...]
-    actions: tuple[ProcedureAction, ...]
     _data: Mapping[str, Any] = field(compare=False, repr=False)
-
-    @property
-    def boxes(self) -> dict[str, str]:
-        """Node -> box colour of the part that it belongs to."""
-        return self.model.node_boxes
-
-    @property
-    def part_boxes(self) -> dict[str, str]:
-        """Submodel -> its box colour with those of everything in it; the empty path is the whole."""
-        return self.model.part_boxes
 
     def find(self, name: str) -> str:
         """Return the path of a submodel or node by any of its names: a component, an alias, with or without a name of the whole before it.
@@ -185,12 +154,12 @@ class Study(Shown):
         ------
         NameNotFoundError   With the nearest name.
         """
-        if name in (self.model.title, *self.names):
+        heads = sorted({self.model.title, *self.content.knowledge.names}, key=len, reverse=True)
+        if name in heads:
             return ""
         if name in self.components:
             return self.components[name].at
-        places = {*self.part_boxes, *self.boxes} - {""}
-        heads = sorted({self.model.title, *self.names}, key=len, reverse=True)
+        places = {*self.model.part_boxes, *self.model.node_boxes} - {""}
         for text in (name, *(name[len(h) + 1 :] for h in heads if name.startswith((f"{h}.", f"{h}_")))):
             path = self.model.canonical(text)
             if path in places:
@@ -201,7 +170,7 @@ class Study(Shown):
 
     def log(self, campaign: Campaign) -> tuple[LogEntry, ...]:
         """Return what every stage and every verdict found, sensor by sensor."""
-        action = {stage: a.name for a in self.actions for stage in a.stages}
+        action = {stage: a.name for a in self.content.actions for stage in a.stages}
         steps = [_entry(action.get(stage, ""), stage, block) for stage, c in campaign.stages.items() for block in c.blocks]
         steps += [_entry(action.get(v.model, ""), v.model, block, True) for v in campaign.verdicts for block in v.blocks]
         return tuple(steps)
@@ -283,43 +252,27 @@ def load_study(path: str | os.PathLike[str]) -> Study:
             code="value.incomplete",
         )
     model = load_model(resolve_inside(target.parent, content.knowledge.model, where("knowledge.model")))
-    components = {name: _component(model, name, table, where(f"components.{name}")) for name, table in content.components.items()}
+    components = {name: _placed(model, name, c, where(f"components.{name}")) for name, c in content.components.items()}
     _all_belong(model, components, where("components"))
-    sensors = {name: _sensor(table, where(f"sensors.{name}")) for name, table in content.sensors.items()}
     campaign = resolve_inside(target.parent, content.procedure.campaign, where("procedure.campaign"))
     _campaign_fits(campaign, content, where)
-    theory = content.theory
     return Study(
         content.title,
-        content.document,
-        content.note,
-        content.knowledge.subject,
-        content.knowledge.use,
-        tuple(content.knowledge.facts),
-        components,
+        content,
         model,
-        tuple(content.knowledge.names),
-        content.box.reason,
-        theory.solver,
-        Options(error=literal(theory.error, "K", where("theory.error"))),
-        tuple(theory.notes),
-        (*([content.experiment.platform] if content.experiment.platform else []), *content.experiment.notes),
-        sensors,
+        components,
+        Options(error=literal(content.theory.error, "K", where("theory.error"))),
         campaign,
-        tuple(content.procedure.rules),
-        tuple(content.procedure.metrics),
-        tuple(ProcedureAction(a.name, a.state, tuple(a.stages), a.note) for a in content.actions),
         data,
     )
 
 
-def _component(model: Model, name: str, table: ComponentTable, where: str) -> Component:
-    """Return a component of a study from its table; a place that the model does not have is refused."""
-    path = model.canonical(table.at)
+def _placed(model: Model, name: str, component: Component, where: str) -> Component:
+    """Return a component of a study at the path of its place; one that the model does not have is refused."""
+    path = model.canonical(component.at)
     places = {*model.part_boxes, *Names(model).nodes} - {""}
-    refuse_unknown([path], places, where, f"'{name}' has the place '{table.at}', which the model does not have.", NameNotFoundError)
-    low, high = (literal(t, TEMPERATURE, where) if t else None for t in (table.lowest, table.highest))
-    return Component(path, table.what, low, high, table.basis)
+    refuse_unknown([path], places, where, f"'{name}' has the place '{component.at}', which the model does not have.", NameNotFoundError)
+    return replace(component, at=path)
 
 
 def _all_belong(model: Model, components: Mapping[str, Component], where: str) -> None:
@@ -331,24 +284,6 @@ def _all_belong(model: Model, components: Mapping[str, Component], where: str) -
         if len(holders) != 1:
             complaint = f"belongs to {' and '.join(holders)}" if holders else "belongs to no component"
             raise DeckError(f"node '{path}' of the model {complaint}. Assign every mass to one component.", where, code="campaign.refused")
-
-
-def _sensor(table: SensorTable, where: str) -> SensorSpec:
-    """Return the specification of a sensor from its table: accuracy and resolution [K], range [K], conversion time [s]."""
-
-    def kelvin(text: str) -> float:
-        """Return a temperature difference of the table, zero where none is given. [K]"""
-        return literal(text, "K", where) if text else 0.0
-
-    return SensorSpec(
-        kelvin(table.accuracy),
-        kelvin(table.resolution),
-        tuple(literal(t, TEMPERATURE, where) for t in table.range),
-        literal(table.conversion, "s", where) if table.conversion else 0.0,
-        table.certificate,
-        tuple(table.channels),
-        table.basis,
-    )
 
 
 def _campaign_fits(campaign: Path, content: StudyFile, where: Any) -> None:
@@ -363,7 +298,7 @@ def _campaign_fits(campaign: Path, content: StudyFile, where: Any) -> None:
             f"'{action.name}' names stage '{{}}', which {campaign.name} does not have.",
             DeckError,
         )
-    patterns = [p for table in content.sensors.values() for p in table.channels]
+    patterns = [p for sensor in content.sensors.values() for p in sensor.channels]
     for name, record in content_of_campaign.records.items():
         for channel, target in record.channels.items():
             thermometer = isinstance(target, Mapping) and bool({"node", "boundary"} & set(target))

@@ -445,8 +445,7 @@ def _touched_values(done: Calibration, level: Level, inner: str, new: Model) -> 
         number = float(numbers[path]) * (1.0 + change if (1.0 + change) * float(numbers[path]) <= high else 1.0 / (1.0 + change))
         words = f"a change of {100 * change:.0f} %"
         changed = after.with_values({path: Parameter.exact(number, parameter.unit)}, words) if parameter.is_literal else after
-        moved = _observed(_steady(changed, rest), done)
-        kelvin = max(abs(t - still[o]) for o, t in moved.items())
+        kelvin = max(abs(t - still[o]) for o, t in _observed(_steady(changed, rest), done).items())
         held = ""
         if stays:
             held = f"stays with {', '.join(elsewhere)}; {start_of[path].path} now has a separate value"

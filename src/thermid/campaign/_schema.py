@@ -7,8 +7,11 @@ from typing import Annotated, Any, Literal, TypeAlias
 
 from pydantic import Field, WithJsonSchema
 
-from thermid.base.grammar import Amount, SineTable, StrictTable, TimesTable, in_form
+from thermid.base.grammar import Amount, SineTable, StrictTable, TimesTable, in_form, reads, table_of
+from thermid.base.units import TEMPERATURE
+from thermid.campaign._methodology import Component, ProcedureAction, SensorSpec
 from thermid.measure.readers import channel_schema
+from thermid.model.tree import literal
 from thermid.simulation.grammars import GasTable
 
 CourseField: TypeAlias = Annotated[Any, in_form(Amount, (SineTable, ("mean", "amplitude")), (TimesTable, ()))]
@@ -220,16 +223,6 @@ class KnowledgeTable(StrictTable):
     facts: list[str] = []
 
 
-class ComponentTable(StrictTable):
-    """A physical item: where it stands in the model, and the limits at its reference point."""
-
-    at: str
-    what: str = ""
-    lowest: str = ""
-    highest: str = ""
-    basis: str = ""
-
-
 class BoxTable(StrictTable):
     """Step 2: why the parts have the box colours that their decks say."""
 
@@ -251,16 +244,13 @@ class ExperimentTable(StrictTable):
     notes: list[str] = []
 
 
-class SensorTable(StrictTable):
-    """Step 3, experiment: what a kind of sensor is said to do."""
+def _in(unit: str, empty: float | None = 0.0) -> Any:
+    """Return the form of a number in SI that is written as a text with a unit; an empty text is `empty`."""
+    return Annotated[Any, reads(str, lambda text: literal(text, unit) if text else empty)]
 
-    accuracy: str
-    resolution: str = ""
-    range: list[str] = []
-    conversion: str = ""
-    certificate: str = ""
-    channels: list[str]
-    basis: str = ""
+
+_LIMITS = dict.fromkeys(("lowest", "highest"), _in(TEMPERATURE, None))
+_SENSOR = {"accuracy": _in("K"), "resolution": _in("K"), "range": list[_in(TEMPERATURE)], "conversion": _in("s")}  # type: ignore[misc]
 
 
 class ProcedureTable(StrictTable):
@@ -271,15 +261,6 @@ class ProcedureTable(StrictTable):
     metrics: list[str] = ["rmse", "max_error", "final_error"]
 
 
-class ActionTable(StrictTable):
-    """One action of the procedure, with the stages of the campaign that do it."""
-
-    name: str
-    state: Literal["done", "with qualification", "open"] = "open"
-    stages: list[str] = []
-    note: str = ""
-
-
 class StudyFile(StrictTable):
     """The four steps of a study."""
 
@@ -287,10 +268,10 @@ class StudyFile(StrictTable):
     document: str = ""
     note: str = ""
     knowledge: KnowledgeTable
-    components: dict[str, ComponentTable] = {}
+    components: dict[str, Annotated[Component, table_of(Component, **_LIMITS)]] = {}
     box: BoxTable = BoxTable()
     theory: TheoryTable = TheoryTable()
     experiment: ExperimentTable = ExperimentTable()
-    sensors: dict[str, SensorTable] = {}
+    sensors: dict[str, Annotated[SensorSpec, table_of(SensorSpec, **_SENSOR)]] = {}
     procedure: ProcedureTable
-    actions: list[ActionTable] = []
+    actions: list[Annotated[ProcedureAction, table_of(ProcedureAction)]] = []

@@ -26,7 +26,7 @@ from thermid.base.errors import (
 from thermid.base.files import resolve_inside
 from thermid.base.results import Named, Row
 from thermid.base.units import counted, duration_text, short
-from thermid.campaign._cache import changed_since, errors_kept, file_name, forget, recall, remember
+from thermid.campaign._cache import KeptStage, file_name
 from thermid.campaign._file import CampaignSource, accepting, local_of, scenario_of
 from thermid.campaign._joint import JointFit, fit_jointly, joint_key
 from thermid.campaign._judge.verdict import Criteria, Verdict, look, not_judged, validate
@@ -275,8 +275,7 @@ def plain_readings(tables: Mapping[str, Any]) -> dict[str, Any]:
 
 def keyed(request: Request, stage: StageTable, keys: Mapping[str, str]) -> tuple[Request, dict[str, str]]:
     """Return a stage's request with its key, and the ingredients of that; `keys` are those of the stages below."""
-    below = [keys[name] for i in stage.inherit.values() for name in i.stages]
-    ingredients = request.ingredients(below)
+    ingredients = request.ingredients([keys[name] for i in stage.inherit.values() for name in i.stages])
     return replace(request, key=digest(ingredients)), ingredients
 
 
@@ -571,7 +570,9 @@ def run_stages(
     source = campaign if isinstance(campaign, CampaignSource) else CampaignSource.read(campaign, data)
     folder = Path(cache) if cache is not None else None
     source = accepting(replace(source, results=folder or source.results), accept)
-    forget(folder if fresh else None, (*(s.name for s in source.content.stages), "joint"))
+    kept = {name: KeptStage(folder, name) for name in (*(s.name for s in source.content.stages), "joint")}
+    for stage in kept.values() if fresh else ():
+        stage.forget()
     done, keys, requests, changed = dict[str, Calibration](), dict[str, str](), dict[str, Request](), dict[str, tuple[str, ...]]()
     todo = {k: s for k, s in enumerate(source.content.stages) if not only or s.name in only or s.name in source.below(only)}
     workers = KeptTasks.of_workers(executor).workers
@@ -586,12 +587,12 @@ def run_stages(
                 request, ingredients[name] = keyed(request_of(source, todo[k], k, done), todo[k], keys)
             requests[name], keys[name] = request, (key := request.key)
             alone = (progress_of(notice, name), executor) if len(ready) == 1 else (None, None)
-            tasks.append((place, (request, source.path.name, place, recall(folder, name, key), errors_kept(folder, name, key), *alone)))
+            tasks.append((place, (request, source.path.name, place, kept[name].recall(key), kept[name].errors(key), *alone)))
         for _, (fitted, new) in in_tasks(_fitted, tasks, workers if len(ready) > 1 else None):
             name = fitted.stage
-            changed |= {name: changed_since(folder, name, ingredients[name])} if new else {}
+            changed |= {name: kept[name].changed_since(ingredients[name])} if new else {}
             if new and fitted.converged:
-                remember(folder, name, keys[name], fitted.end.place if fitted.end is not None else None, ingredients[name])
+                kept[name].remember(keys[name], fitted.end.place if fitted.end is not None else None, ingredients[name])
             done[name] = fitted
             _go_on(fitted, [s.name for s in todo.values() if s.name not in done], source)
         todo = {k: s for k, s in todo.items() if k not in ready}
@@ -777,5 +778,4 @@ def _verdict_standing(failed: list[Verdict], accepted: bool) -> Standing | None:
         return None
     first = max((c for v in failed for c in v.missed), key=lambda c: c.used)
     records = ", ".join(dict.fromkeys(v.record for v in failed))
-    words = f"verdict on {records}: {first.sensor} {first.words}"
-    return Standing("failed", words, failed[0].model, accepted)
+    return Standing("failed", f"verdict on {records}: {first.sensor} {first.words}", failed[0].model, accepted)

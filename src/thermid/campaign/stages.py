@@ -1,12 +1,6 @@
 """Campaigns: stages of fits, their values and state; verdicts, correlation and limits; studies and replaced parts."""
 
-from thermid.campaign._cache import (
-    changed_since as changed_since,
-    errors_kept as errors_kept,
-    file_name as file_name,
-    recall as recall,
-    remember as remember,
-)
+from thermid.campaign._cache import KeptStage as KeptStage, file_name as file_name
 from thermid.campaign._credibility import CredibilityRecord as CredibilityRecord, credibility as credibility
 from thermid.campaign._file import CampaignSource as CampaignSource, local_of as local_of, scenario_of as scenario_of
 from thermid.campaign._joint import JointFit as JointFit

@@ -471,8 +471,7 @@ def step_grid(breaks: list[float], end: float, step: float) -> Array:
     times = [0.0]
     for until in (*breaks, end):
         while times[-1] < until - 1e-9 * step:
-            remaining = until - times[-1]
-            times.append(times[-1] + step if remaining > step * (1.0 + 1e-6) else until)
+            times.append(times[-1] + step if (until - times[-1]) > step * (1.0 + 1e-6) else until)
     return np.array(times)
 
 

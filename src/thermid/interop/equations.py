@@ -96,8 +96,7 @@ class Equations(Shown):
                 self.title,
                 code="model.element-not-supported",
             )
-        heat = [self.expanded(q) for q in self.heat]
-        solutions = sympy.solve(heat, self.states, dict=True)
+        solutions = sympy.solve([self.expanded(q) for q in self.heat], self.states, dict=True)
         if not solutions or set(solutions[0]) != set(self.states):
             raise ThermidError(
                 "no steady state exists: a part has no path to a boundary. Connect it.", self.title, code="run.no-steady-state"
@@ -200,8 +199,7 @@ def equations(model: Model, names: Mapping[str, str] | None = None) -> Equations
     """
     sympy = optional("sympy", "a derivation of equations")
     network = compile_network(model)
-    table = _Symbols(network, dict(names or {}), model)
-    return _Derivation(sympy, network, table).result()
+    return _Derivation(sympy, network, _Symbols(network, dict(names or {}), model)).result()
 
 
 class _Symbols:

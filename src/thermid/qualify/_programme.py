@@ -305,7 +305,7 @@ def _margins_of(plan: Plan, t: Trial, every: Sequence[Assumption]) -> tuple[Marg
     spread = [f"scale.{find(n.removeprefix('scale.'))}" if n.startswith("scale.") else find(n) for n in t.test.spread]
     states = {name: t.test.state_without_loads}
     more = margins({name: t.expected}, t.limits, policy.policy, tested=policy.balance_tested, states=states)
-    mark = "read" if t.course is None or t.course.decides else "memory"
+    mark = "read" if t.course is None or t.course.profile.decides else "memory"
     moved = {x.point: assumed_half_width(every, x.point, t.test.name, spread) for x in t.limits}
     return tuple(replace(m, course_mark=mark, assumed=moved[m.point], not_counted=_not_counted(t, m, moved[m.point])) for m in more)
 

@@ -117,7 +117,7 @@ class Trial:
     def within(self) -> bool | None:
         """Whether no limit is passed, as predicted and as measured; None where that is not decided."""
         outcomes = [c.passed for c in self.checks] + [h.passed for h in self.heaters]
-        if not self.checks or (self.course is not None and not self.course.decides):
+        if not self.checks or (self.course is not None and not self.course.profile.decides):
             outcomes.append(None)
         return weigh(outcomes)
 
@@ -148,8 +148,8 @@ class Trial:
         out = list(dict.fromkeys(c.undecided for c in self.checks if c.undecided))
         if not self.checks:
             out.append("no limit was checked in this test")
-        if self.course is not None and not self.course.decides:
-            out.append(f"the course uses numbers {self.course.trust}")
+        if self.course is not None and not self.course.profile.decides:
+            out.append(f"the course uses numbers {self.course.profile.trust}")
         out += [f"the power margin of heater {h.load} is quoted from memory" for h in self.heaters if h.passed is None]
         if self._judged and self.correlation is None:
             out.append(CodedText(f"there is no log yet, so {', '.join(self.test.criteria)} could not be judged", "verdict.no-log"))
@@ -191,9 +191,8 @@ class Trial:
         """Verdicts, the nearest limit, criteria that failed and open points, a line for each."""
         lines = [f"{self.test.name} ({self.test.kind}, {self.test.state}): limits {VERDICTS[self.within]}"]
         if self.course is not None:
-            lines[0] += (
-                f"; {self.course.duration / 3600:.1f} h, of it {self.course.waited / 3600:.1f} h waiting; profile: {self.course.trust}"
-            )
+            hours, waited = self.course.duration / 3600, self.course.waited / 3600
+            lines[0] += f"; {hours:.1f} h, of it {waited:.1f} h waiting; profile: {self.course.profile.trust}"
         if self.worst is not None:
             lines.append(f"  nearest: {self.worst}")
         lines += [f"  {c}" for c in self.checks if c.crossings and c is not self.worst]

@@ -293,8 +293,7 @@ def humid(
     ------
     ScenarioError   When no surface exchanges heat with the chamber as with a gas.
     """
-    flat = compile_network(model, media=scenario.media()).flat
-    parts = [c for c in surfaces_in_gas(flat) if c.gas in gases]
+    parts = [c for c in surfaces_in_gas(compile_network(model, media=scenario.media()).flat) if c.gas in gases]
     if not parts:
         raise ScenarioError(
             f"no surface exchanges heat with {' or '.join(gases)} by convection, so no surface can condense water. Give the deck "

@@ -96,8 +96,7 @@ class OpenSky(Shown, Sky):
         """Return what the sky sends less than surroundings as warm as the air. [W/m^2]"""
         if self.downward is None or around is None:
             return None
-        share = sky_share((facing or Facing(0.0)).tilt)
-        return Mixed(Received(share), (self.downward, around))
+        return Mixed(Received(sky_share((facing or Facing(0.0)).tilt)), (self.downward, around))
 
 
 @dataclass(frozen=True)

@@ -306,8 +306,7 @@ class Weather(Named[WeatherSeries]):
         later, length = self.begun(begin, duration)
         cut = {}
         for name, s in later.series.items():
-            inside = s.times[(s.times > 0.0) & (s.times < length)]
-            times = np.concatenate(([0.0], inside, [length]))
+            times = np.concatenate(([0.0], s.times[(s.times > 0.0) & (s.times < length)], [length]))
             cut[name] = WeatherSeries(times, np.interp(times, s.times, s.values))
         return replace(later, series=cut)
 

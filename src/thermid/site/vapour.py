@@ -438,8 +438,7 @@ class _Interval:
                 after, middle, error = self._doubled(state, share, width, wet)
             yield state, after, width, middle
             state, share = after, share + width
-            turned = self._turned(state, share, wet)
-            wet = np.where(turned, ~wet, wet)
+            wet = np.where(self._turned(state, share, wet), ~wet, wet)
             width *= min(5.0, 0.9 * max(error, 1e-8) ** (-1.0 / 6.0)) if not crossed.any() else 1.0
             width = max(width, SHORTEST_STEP)
 

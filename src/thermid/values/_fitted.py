@@ -8,7 +8,7 @@ import tomllib
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, fields, is_dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -17,8 +17,11 @@ from thermid.base.files import FileKinds, Places, by_grammar, parse_toml, read_t
 from thermid.base.linear_algebra import square_root
 from thermid.base.results import Named, Row
 from thermid.base.units import Array, counted, from_si, unit
-from thermid.model.tree import UNJUDGED, Dropped, Parameter, Standing
-from thermid.values._store import LaterTable, LeftOut, Normal, Source, State, Store, ValueOrigin, deviated, domain, error_table_of
+from thermid.model.tree import UNJUDGED, Parameter, Standing
+from thermid.values._store import LaterTable, Normal, Source, State, Store, ValueOrigin, deviated, domain, error_table_of
+
+if TYPE_CHECKING:
+    from thermid.values._schema import StateTable, ValuesFile
 
 VALUES_SCHEMA = 2
 AGREES = 1e-6
@@ -395,7 +398,7 @@ def load_store(path: str | os.PathLike[str]) -> tuple[Store, str]:
             code="file.another-kind",
         )
     checked = by_grammar("thermid.values._schema.ValuesFile", data, Places(target.name))
-    store = _read(data, checked.sources)
+    store = _read(data, checked)
     for name, v in data["values"].items():
         from_row, in_table = store.error(name), float(v["error"])
         if from_row != in_table and not math.isclose(from_row, in_table, rel_tol=AGREES):
@@ -408,10 +411,9 @@ def load_store(path: str | os.PathLike[str]) -> tuple[Store, str]:
     return store, checked.stage
 
 
-def _read(data: Mapping[str, Any], source_rows: Sequence[Any]) -> Store:
-    """Return the store of a file of schema 2 that follows its grammar; `source_rows` are its sources, their laws as distributions."""
-    states = {name: _state(name, v) for name, v in data["values"].items()}
-    sources = tuple(Source(s.name, s.kind, s.law, s.words) for s in source_rows)
+def _read(data: Mapping[str, Any], content: ValuesFile) -> Store:
+    """Return the store of a file of schema 2, as it is written and as its grammar has it."""
+    states, sources = {name: _state(name, table) for name, table in content.values.items()}, tuple(content.sources)
     root, order = np.zeros((len(states), len(sources))), {name: k for k, name in enumerate(states)}
     for group in data.get("root", []):
         columns = group["sources"]
@@ -427,39 +429,33 @@ def _read(data: Mapping[str, Any], source_rows: Sequence[Any]) -> Store:
             stage: {**of_stage, "errors": LaterTable.of_table(of_stage["errors"])} if "errors" in of_stage else of_stage
             for stage, of_stage in data.get("provenance", {}).items()
         },
-        tuple(data["cuts"]),
-        tuple(Dropped(**d) for d in data["dropped"]),
-        tuple(LeftOut(**x) for x in data["left_out"]),
+        tuple(content.cuts),
+        tuple(content.dropped),
+        tuple(content.left_out),
     )
 
 
-def _origin(table: Mapping[str, Any]) -> ValueOrigin:
-    """Return the origin that a table of a values file holds."""
-    return ValueOrigin(**{**table, "records": tuple(table["records"])})
-
-
-def _state(name: str, v: Mapping[str, Any]) -> State:
+def _state(name: str, v: StateTable) -> State:
     """Return the state that the table [values.<name>] of a values file holds; the inverse of `_as_table`."""
-    low, high = v["bounds"]
     return State(
         name,
-        float(v["value"]),
-        v["transform"] == "log",
-        v["unit"],
-        (float(low), float(high)),
-        _origin(v["origin"]),
-        v["kind"],
-        tuple(v["acts"]),
-        tuple(v["hidden"]),
-        v["at"],
-        v["deck"],
-        tuple(_origin(o) for o in v["history"]),
-        Standing.read(v["standing"]),
-        float(v["start"]),
-        float(v["error_random"]),
-        (float(v["prior"][0]), float(v["prior"][1])) if "prior" in v else None,
-        v["known"],
-        v.get("of_logs", False),
+        v.value,
+        v.transform == "log",
+        v.unit,
+        (v.bounds[0], v.bounds[1]),
+        v.origin,
+        v.kind,
+        tuple(v.acts),
+        tuple(v.hidden),
+        v.at,
+        v.deck,
+        tuple(v.history),
+        v.standing,
+        v.start,
+        v.error_random,
+        (v.prior[0], v.prior[1]) if v.prior else None,
+        v.known,
+        v.of_logs,
     )
 
 

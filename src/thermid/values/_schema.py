@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any, ClassVar, Literal, Self, get_args
+from typing import Annotated, Any, ClassVar, Literal, Self, TypeAlias
 
 from pydantic import ConfigDict, Field, model_validator
 from pydantic_core import PydanticCustomError
 
 from thermid.base.errors import DeckError
-from thermid.base.grammar import Finite, Flag, Real, StrictTable, Whole, reads
+from thermid.base.grammar import Finite, Flag, Real, StrictTable, Whole, reads, table_of
 from thermid.base.units import unit
-from thermid.model.tree import State as StandingState
-from thermid.values._store import DISTRIBUTIONS, Distribution, Kind
+from thermid.model.tree import Dropped, Standing
+from thermid.values._store import DISTRIBUTIONS, Distribution, LeftOut, Source, ValueOrigin
 
 LEAD = "this is not a values file of thermid, or it was changed by hand. Run the calibration again, or take the file from version control."
 Pair = Annotated[list[Real], Field(min_length=2, max_length=2)]
@@ -36,24 +36,12 @@ def _law(table: Any) -> Distribution:
     return law
 
 
-class OriginTable(StrictTable):
-    """Who gave a value."""
-
-    kind: Literal["deck", "hand", "fit", "split", "twin"]
-    stage: str = ""
-    records: list[str] = []
-    key: str = ""
-    date: str = ""
+Origin: TypeAlias = Annotated[ValueOrigin, table_of(ValueOrigin)]
+"""Who gave a value."""
 
 
-class StandingTable(StrictTable):
-    """How far a value may be trusted."""
-
-    state: Literal[get_args(StandingState)]  # type: ignore[valid-type]
-    because: str
-    stage: str
-    accepted: Flag = False
-    beside: list[StandingTable] = []
+TrustField: TypeAlias = Annotated[Standing, table_of(Standing)]
+"""How far a value may be trusted."""
 
 
 class StateTable(StrictTable):
@@ -73,9 +61,9 @@ class StateTable(StrictTable):
     at: str
     deck: str
     known: Flag
-    origin: OriginTable
-    history: list[OriginTable]
-    standing: StandingTable
+    origin: Origin
+    history: list[Origin]
+    standing: TrustField
     prior: Pair | None = None
     of_logs: Flag = False
 
@@ -87,15 +75,6 @@ class StateTable(StrictTable):
         return self
 
 
-class CauseTable(StrictTable):
-    """A named cause of uncertainty."""
-
-    name: str
-    kind: Literal[get_args(Kind)]  # type: ignore[valid-type]
-    law: Annotated[Any, reads(dict[str, Any], _law)]
-    words: str
-
-
 class RootTable(StrictTable):
     """Rows of a root of the covariance: path of a value -> its response to some sources."""
 
@@ -103,23 +82,6 @@ class RootTable(StrictTable):
     __pydantic_extra__: dict[str, list[Finite]]
 
     sources: list[Annotated[Whole, Field(ge=0)]]
-
-
-class DroppedTable(StrictTable):
-    """A value that went with an old part."""
-
-    path: str
-    text: str
-    origin: str
-    why: str
-
-
-class LeftOutTable(StrictTable):
-    """Something uncertain that is not counted."""
-
-    what: str
-    kelvin: Real = float("nan")
-    listed: Flag = False
 
 
 class BesideTable(StrictTable):
@@ -233,11 +195,11 @@ class ValuesFile(StrictTable):
     stage: str
     seen: dict[str, str]
     cuts: list[Any]
-    dropped: list[DroppedTable]
-    left_out: list[LeftOutTable]
+    dropped: list[Annotated[Dropped, table_of(Dropped)]]
+    left_out: list[Annotated[LeftOut, table_of(LeftOut)]]
     provenance: dict[str, MadeTable] = {}
     values: dict[str, StateTable]
-    sources: list[CauseTable] = []
+    sources: list[Annotated[Source, table_of(Source, law=Annotated[Any, reads(dict[str, Any], _law)])]] = []
     root: list[RootTable] = []
 
     @model_validator(mode="after")

@@ -9,15 +9,17 @@ from thermid.values._fitted import (
     rooted as rooted,
     save_store as save_store,
 )
-from thermid.values._ranges import (
+from thermid.values._spreads import (
     RANGE_OF as RANGE_OF,
     RangedValue as RangedValue,
     bracketed as bracketed,
+    cut as cut,
+    deviation as deviation,
     narrowed as narrowed,
     range_shares as range_shares,
+    read_spread as read_spread,
     without_spread as without_spread,
 )
-from thermid.values._spreads import cut as cut, deviation as deviation, read_spread as read_spread
 from thermid.values._store import (
     AS_FITTED as AS_FITTED,
     DISTRIBUTIONS as DISTRIBUTIONS,

@@ -213,17 +213,17 @@ def test_the_digest_of_the_code_knows_every_source_and_the_kernel(monkeypatch: p
 
 def test_a_finished_stage_does_not_outlive_the_code(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     end = KeptFit({"htc": 1.5}, 8, "two starts", ("one remark", "another"))
-    cache.remember(tmp_path, "box", "key", end)
-    assert cache.recall(tmp_path, "box", "key") == end
+    cache.KeptStage(tmp_path, "box").remember("key", end)
+    assert cache.KeptStage(tmp_path, "box").recall("key") == end
     monkeypatch.setattr(cache, "code_digest", lambda: "another")
-    assert cache.recall(tmp_path, "box", "key") is None
+    assert cache.KeptStage(tmp_path, "box").recall("key") is None
 
 
 def test_a_model_of_error_is_made_once_and_again_where_anything_changed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     made: list[float] = []
 
     def errors(key: str) -> object:
-        keeping = cache.errors_kept(tmp_path / "results", "box", key)
+        keeping = cache.KeptStage(tmp_path / "results", "box").errors(key)
         assert keeping is not None
         return keeping(lambda: made.append(1.0) or {"table": {"misfit": 0.1 + 0.2}, "number": len(made)})
 
@@ -256,4 +256,4 @@ def test_a_damaged_fit_is_as_good_as_none(tmp_path: Path, damage: str, monkeypat
     """A whole number that no float holds, lists without an end, a text, no count: the stage runs again."""
     monkeypatch.setattr(cache, "code_digest", lambda: "c")
     (tmp_path / "box.fit.json").write_text(f'{{"key": "key", "code": "c", "ingredients": {{}}, {damage}}}', encoding="utf-8")
-    assert cache.recall(tmp_path, "box", "key") is None
+    assert cache.KeptStage(tmp_path, "box").recall("key") is None

@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from thermid.campaign._cache import changed_since, remember
+from thermid.campaign._cache import KeptStage
 from thermid.campaign._file import CampaignSource
 from thermid.campaign._stages import keyed, request_of, run_stages
 from thermid.fit._problem import request as room
@@ -129,8 +129,8 @@ def told(folder: Path, done: Any) -> dict[str, str]:
         known[stage.name] = request.key
         kept = folder / "kept" / f"{stage.name}.fit.json"
         if not kept.is_file():
-            remember(folder / "kept", stage.name, request.key, KeptFit({}, 1), made)
-        out[stage.name] = ", ".join(changed_since(folder / "kept", stage.name, made))
+            KeptStage(folder / "kept", stage.name).remember(request.key, KeptFit({}, 1), made)
+        out[stage.name] = ", ".join(KeptStage(folder / "kept", stage.name).changed_since(made))
     return {n: reason for n, reason in out.items() if reason}
 
 

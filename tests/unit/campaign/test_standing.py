@@ -12,6 +12,7 @@ from typing import get_args
 import numpy as np
 import pytest
 from hypothesis import given, settings, strategies as st
+from pydantic import TypeAdapter
 
 import thermid as td
 from by_code import raises_code
@@ -21,6 +22,7 @@ from thermid.campaign._file import CampaignSource
 from thermid.campaign._stages import Campaign, request_of, run_stages
 from thermid.fit._calibrate import rests_on
 from thermid.model.tree import CREDIBLE, UNJUDGED, Standing, State, load_model
+from thermid.values._schema import TrustField
 from thermid.values.store import FittedValue, FittedValues
 from unit.fit.planted import BOX_VALUES, CAMPAIGN, planted
 
@@ -237,7 +239,7 @@ def test_what_rests_on_several_is_never_better_than_any(several: list[Standing],
     taken = whole.accept(accepted)
     assert taken.rank == whole.rank
     assert (taken.exit_code == 0) == all(c.accepted for c in taken.causes)
-    assert Standing.read(whole.as_table()) == whole
+    assert TypeAdapter(TrustField).validate_python(whole.as_table()) == whole
     if any(not c.accepted and not c.usable for s in several for c in s.causes):
         assert whole.exit_code == 1
 

@@ -17,7 +17,7 @@ from pydantic import BaseModel
 from thermid.base.files import grammar_of
 from thermid.bench.bench_files import MappedSensor, load_sensors, save_sensor
 from thermid.campaign._judge.verdict import _read, look
-from thermid.campaign.stages import recall, remember
+from thermid.campaign.stages import KeptStage
 from thermid.fit._error_model.elements import JointLaw, SurfaceLaw
 from thermid.fit._error_model.kept import ErrorModel, KeptWay, SeenValue
 from thermid.fit._error_model.own_values import Beside
@@ -230,5 +230,5 @@ def test_sensors_looks_and_kept_fits_with_every_key_are_read_back(tmp_path: Path
     (seen,) = _read(tmp_path)
     assert (seen.record, seen.stage, seen.key, seen.passed) == ("r", "s", "k", False)
     end = KeptFit({"x": 0.1 + 0.2}, 7, "searched", ("a remark",))
-    remember(tmp_path, "s", "k", end, {"deck": "h"})
-    assert recall(tmp_path, "s", "k") == end
+    KeptStage(tmp_path, "s").remember("k", end, {"deck": "h"})
+    assert KeptStage(tmp_path, "s").recall("k") == end

@@ -255,7 +255,7 @@ class Outcome:
         out += [f"margin of {m.point}, {m.side}: {m.undecided}" for m in self.margins if m.undecided]
         if self.course is not None:
             missing = self.course.profile.missing_cycles(self.course.cycles_beside)
-            out += [] if self.course.decides else ["numbers of the profile are quoted from memory"]
+            out += [] if self.course.profile.decides else ["numbers of the profile are quoted from memory"]
             out += [f"{missing:g} of the cycles that the clause requires are missing"] if missing > 0.0 else []
         return tuple(dict.fromkeys([*out, *(self.trial.open if self.trial is not None else ())]))
 
@@ -359,8 +359,8 @@ def outcome_object(outcome: Outcome, window: Window = None) -> dict[str, Any]:
         "title": outcome.title,
         "duration": float(solution.times[-1]),
         "waited": None if run is None else run.waited,
-        "trust": "" if run is None else run.trust,
-        "decides": run is None or run.decides,
+        "trust": "" if run is None else run.profile.trust,
+        "decides": run is None or run.profile.decides,
         "standing": outcome.standing.to_dict(),
         "verdict": _doubted(outcome, _verdict(outcome)),
         "passed": outcome.passed,

@@ -471,8 +471,7 @@ class Desk:
     def moment(self, values: Mapping[str, float], run: int, time: float) -> Moment:
         """Return temperatures, heat flows and powers at a time of one run. [s]"""
         model, scenario = self.run_of(run, values)
-        at = min(max(time, 0.0), scenario.seconds)
-        solution = prepare(model, scenario, times=np.unique([0.0, at])).run()
+        solution = prepare(model, scenario, times=np.unique([0.0, min(max(time, 0.0), scenario.seconds)])).run()
         last = {name: {k: float(v[-1]) for k, v in table.items()} for name, table in _tables(solution).items()}
         return Moment(model, last["temperatures"], last["flows"], last["powers"])
 

@@ -16,16 +16,13 @@ from thermid.base.units import from_si
 from thermid.campaign.stages import (
     Campaign,
     CampaignSource,
+    KeptStage,
     RetunePlan,
     Verdict,
-    changed_since,
-    errors_kept,
     file_name,
     joint,
     keyed,
     plan_retune,
-    recall,
-    remember,
     request_of,
 )
 from thermid.fit.calibration import Calibration, Request, build_problem, fit, fit_problem
@@ -144,6 +141,7 @@ class Project:
             return self._set(StageState(name, "deck", "a deck alone, without logs"))
         if name in self.done and name in self._requests:
             return self.states[name]
+        kept = KeptStage(self.results, name)
         direct, before, fitted = self.below(name), self._keys.get(name), self.done.pop(name, None)
         self.campaign = None
         missing = [n for n in direct if self.states[n].state != "done"]
@@ -156,17 +154,17 @@ class Project:
                 return self._finish(name, fitted, unchanged=self.states[name].state == "done")
             if request.hand is not None:
                 return self._finish(name, fit(request))  # values tuned by hand: there is nothing to run
-            recalled = recall(self.results, name, self._keys[name])
+            recalled = kept.recall(self._keys[name])
             if recalled is None:
                 compile_network(request.model)  # what it would end in when it is run: a wrong unit, a node that nothing holds
         except ThermidError as error:
             return self._set(StageState(name, "failed", str(error), direct))
         if recalled is None:
-            ran = fitted is not None or (self.results / f"{file_name(name)}.fit.json").is_file()
-            changed = ", ".join(changed_since(self.results, name, self._made_of[name]))
+            ran = fitted is not None or kept.has_fit
+            changed = ", ".join(kept.changed_since(self._made_of[name]))
             why = f"changed since it was run: {changed}" if changed else "run it again" if ran else "never run"
             return self._set(StageState(name, "stale" if ran else "new", why, direct))
-        return self._finish(name, fit(request, None, recalled, keeping=errors_kept(self.results, name, self._keys[name])))
+        return self._finish(name, fit(request, None, recalled, keeping=kept.errors(self._keys[name])))
 
     def run(self, name: str, progress: Told | None = None) -> StageState:
         """Run a stage again from what its files say; the ones below must be done.
@@ -177,12 +175,11 @@ class Project:
         """
         if self.source is None:
             raise DeckError("a deck has no stages to run. Open a campaign.", self.path.name, code="studio.not-now")
-        request = self._request(name)
-        calibration = fit(request, progress, keeping=errors_kept(self.results, name, self._keys[name]))
+        request, kept = self._request(name), KeptStage(self.results, name)
+        calibration = fit(request, progress, keeping=kept.errors(self._keys[name]))
         if calibration.converged:
-            remember(
-                self.results, name, self._keys[name], calibration.end.place if calibration.end is not None else None, self._made_of[name]
-            )
+            end = calibration.end.place if calibration.end is not None else None
+            kept.remember(self._keys[name], end, self._made_of[name])
             calibration.save(self.results / f"{file_name(name)}.values.toml")
         for above in self.stages:
             if name in self.below(above):
@@ -205,7 +202,7 @@ class Project:
         notice = None if progress is None else lambda name, count, rms: progress(name)
         whole = self.source.content.joint is not None and len(campaign.stages) == len(self.stages)
         try:
-            if whole and (write or (self.results / "joint.fit.json").is_file()):
+            if whole and (write or KeptStage(self.results, "joint").has_fit):
                 campaign = replace(campaign, joint=joint(campaign, notice=notice, cache=self.results))
             campaign = campaign.judged(self.results, notice)
         except ThermidError as error:

@@ -292,8 +292,7 @@ def serve(room: Room, port: int, ready: Callable[[str], None] | None = None) -> 
     token = secrets.token_urlsafe()
     if ready is not None:
         ready(f"http://127.0.0.1:{taken}/?token={token}")
-    server = uvicorn.Server(limited(application(room, taken, token), log_level="warning"))
-    server.run(sockets=[listener])
+    uvicorn.Server(limited(application(room, taken, token), log_level="warning")).run(sockets=[listener])
 
 
 def limited(app: Any, **more: Any) -> Config:

@@ -106,8 +106,7 @@ def compare_models(old: Model, new: Model, scenarios: Scenario | Sequence[Scenar
     ScenarioError   When a scenario does not fit a version.
     """
     common = "every boundary at 20 degC, loads as in the deck: no scenario was given"
-    needs = {*old.needs, *new.needs}
-    at_twenty = Scenario("20 degC", boundaries=dict.fromkeys(sorted(needs), "20 [degC]"))
+    at_twenty = Scenario("20 degC", boundaries=dict.fromkeys(sorted({*old.needs, *new.needs}), "20 [degC]"))
     conditions = (scenarios,) if isinstance(scenarios, Scenario) else tuple(scenarios) or (at_twenty,)
     before, after = ([_temperatures(model, scenario) for scenario in conditions] for model in (old, new))
     moved, changes = _values(old, new, conditions, before)

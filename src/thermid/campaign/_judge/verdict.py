@@ -80,8 +80,7 @@ def p95(r: Residuals) -> float:
 
 def final(r: Residuals) -> float:
     """Mean over the last twentieth of the record, with its sign."""
-    end = r.times >= r.times[-1] - FINAL * (r.times[-1] - r.times[0])
-    return float(np.mean(r.kelvin[end]))
+    return float(np.mean(r.kelvin[(r.times >= r.times[-1] - FINAL * (r.times[-1] - r.times[0]))]))
 
 
 @dataclass(frozen=True)
@@ -512,7 +511,7 @@ def _read(folder: Path | None) -> tuple[RecordedLook, ...]:
     path = folder / FILE if folder is not None else None
     if path is None or not path.is_file():
         return ()
-    return tuple(RecordedLook(**dict(one)) for one in read_json(path, "thermid.campaign._judge.schema.LooksFile").root)
+    return tuple(read_json(path, "thermid.campaign._judge.schema.LooksFile").root)
 
 
 @dataclass(frozen=True, eq=False)

@@ -279,8 +279,7 @@ def _crossings(item: _LimitSide, grid: np.ndarray, spare: np.ndarray) -> Iterato
             if turn.fun < 0.0:
                 points.append(float(turn.x))
                 heights.append(side * float(turn.fun))
-    order = np.argsort(points)
-    for i, j in pairwise(order):
+    for i, j in pairwise(np.argsort(points)):
         if heights[i] == 0.0:
             yield points[i]
         elif heights[i] * heights[j] < 0.0:

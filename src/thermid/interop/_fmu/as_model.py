@@ -406,8 +406,7 @@ def fmu_model(path: str | Path, trust: bool = False) -> Model:
     """
     file = FmuFile(Path(path), trust)
     runner = FmuRunner.of_file(file)
-    model = model_from_dict(runner.deck(file.digest[:16]))
-    return replace(model, file=Path(path).name, runner=runner)
+    return replace(model_from_dict(runner.deck(file.digest[:16])), file=Path(path).name, runner=runner)
 
 
 @dataclass(frozen=True, eq=False)
@@ -534,8 +533,7 @@ class FmuRunner:
         last = dict(zip(nodes, kelvin[-1], strict=True))
         final = np.array([last.get(n, np.nan) for n in a.reduced.nodes])
         statistics = {"method": "FMU", "reason": self.file.derivatives, "steps": 0, "rejected": 0, "switchings": []}
-        none = np.zeros(0)
-        flows = (np.zeros(len(engine.load_names)), np.zeros(len(wiring.network.boundaries)), none)
+        flows = (np.zeros(len(engine.load_names)), np.zeros(len(wiring.network.boundaries)), np.zeros(0))
         return Answer(kelvin[rows], moves[rows], a.initial, final, *flows, end, statistics, np.zeros(0, dtype=np.int32))
 
     def _cached_run(self, wiring: Wiring, key: tuple[Any, ...], size: int, make: Callable[[], tuple[Array, Array]]) -> tuple[Array, Array]:
@@ -695,8 +693,7 @@ def _course(signal: Drawn, factor: float, offset: float) -> InputCourse:
     if isinstance(signal, TableSignal):
         times, values = signal.instants, factor * signal.levels + offset
         if signal.held:
-            jumps = times[1:][np.diff(values) != 0.0]
-            return InputCourse(partial(_held, times, values), jumps)
+            return InputCourse(partial(_held, times, values), times[1:][np.diff(values) != 0.0])
         step = float(np.median(np.diff(times))) if times.size > 1 else np.inf
         return InputCourse(partial(_between, times, values), step=step)
     return InputCourse(partial(_drawn, signal, factor, offset))

@@ -186,8 +186,7 @@ class _Exchange(_FmuRun):
         place = 0
         for stop, wanted in sorted(stops):
             while True:
-                ahead = min(stop, due)
-                event = self._step(solver, ahead)
+                event = self._step(solver, min(stop, due))
                 jump = stop <= due and not wanted and not event and self.now >= stop - SAME_INSTANT * self.end
                 if jump:
                     self.since = stop

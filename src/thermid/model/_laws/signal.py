@@ -400,8 +400,7 @@ class TableSignal:
         if end <= begin:
             return float(self.at(np.array([begin]))[0])
         whole = self.drawn(end)
-        inside = whole.times[(whole.times > begin) & (whole.times < end)]
-        times = np.concatenate(([begin], inside, [end]))
+        times = np.concatenate(([begin], whole.times[(whole.times > begin) & (whole.times < end)], [end]))
         values = whole.at(times)
         levels = values[:-1] if self.hold else 0.5 * (values[1:] + values[:-1])
         return float(levels @ np.diff(times)) / (end - begin)

@@ -100,23 +100,10 @@ class Standing:
         return replace(self, accepted=self.accepted or (not self.fair and self.stage in stages), beside=beside)
 
     def as_table(self) -> dict[str, Any]:
-        """Return its fields as a table for a file, from which `read` makes it again."""
+        """Return its fields as a table for a file."""
         out: dict[str, Any] = {"state": self.state, "because": self.because, "stage": self.stage}
         out |= {"accepted": True} if self.accepted else {}
         return out | ({"beside": [s.as_table() for s in self.beside]} if self.beside else {})
-
-    @classmethod
-    def read(cls, table: Mapping[str, Any]) -> Standing:
-        """Return the standing that `as_table` wrote as this table.
-
-        Raises
-        ------
-        ValueError   When there is no such state.
-        """
-        if table["state"] not in ORDER:
-            raise ValueError(f"unknown state '{table['state']}'")
-        beside = tuple(cls.read(s) for s in table.get("beside", ()))
-        return cls(table["state"], str(table["because"]), str(table["stage"]), bool(table.get("accepted", False)), beside)
 
     def to_dict(self, of: str = "") -> dict[str, Any]:
         """Return it as the JSON of a command holds it, for a result of a stage: the reason is that of its first line."""

@@ -645,8 +645,7 @@ def _slots(flat: Flat, model: Tree) -> Iterator[tuple[str, str, str, str]]:
 
 def _require(fitting: set[tuple[str, str]], parameters: ParameterSet, path: str, slot: str) -> None:
     """Refuse a value whose dimension is not that of its slot; (unit, slot) pairs found to fit are added to `fitting`."""
-    root = parameters.literal_behind(path)
-    entry = parameters.table[root]
+    entry = parameters.table[parameters.literal_behind(path)]
     literal = entry.parameter.expression.literal
     if literal is None or (literal.unit.text, slot) not in fitting:
         with errors_at(entry.where):

@@ -216,8 +216,7 @@ def _set(rows: dict[str, _Row], model: Tree, owner: str, file: str) -> None:
         path = model.canonical(raw)
         if path not in rows:
             continue  # refused by the table of values, with the nearest name
-        old = rows[path].given
-        whole = value.laid_over(old)
+        whole = value.laid_over(rows[path].given)
         limits = (*(None if b is None else f"{b:.12g}" for b in (whole.minimum, whole.maximum)), whole.spread)
         part = next((p for p in _prefixes(path) if p in of), "")
         key = (of[part], path.removeprefix(part), _number(whole), *limits) if part else path

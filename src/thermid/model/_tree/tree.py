@@ -436,8 +436,7 @@ class Names:
 
     def node_seen(self, model: Tree, prefix: str, raw: str, key: str) -> str:
         """Return the canonical node that a surface sees under a name: of a need that is bound apart, the one it sees."""
-        node = self.end(model, prefix, raw, key)
-        return self._seen.get(prefix + model.canonical(raw), node)
+        return self._seen.get(prefix + model.canonical(raw), self.end(model, prefix, raw, key))
 
     def _nearest(self, prefix: str, path: str) -> str:
         """Return the end of a message that names the nearest node below a prefix."""
@@ -446,8 +445,7 @@ class Names:
 
     def surface(self, model: Tree, prefix: str, raw: str, key: str) -> tuple[str, Tree, str]:
         """Return the canonical path of a surface, the model that owns it and that model's prefix."""
-        path = model.canonical(raw)
-        owner, own_prefix, rest = model, prefix, path
+        owner, own_prefix, rest = model, prefix, model.canonical(raw)
         while "." in rest and rest.partition(".")[0] in owner.submodels:
             head, _, tail = rest.partition(".")
             part = owner.submodels[head].model

@@ -226,8 +226,7 @@ class Leg:
         """
         a = self.assembled if self.bench.memory or state is None else replace(self.assembled, initial=state)
         axis = times + self.begin
-        end = float(axis[-1])
-        answer = self.engine.integrate(a, axis, a.reduced.nodes, end, self.bench.options)
+        answer = self.engine.integrate(a, axis, a.reduced.nodes, float(axis[-1]), self.bench.options)
         return answer.temperatures, answer.final
 
     @property
@@ -267,8 +266,7 @@ class Leg:
 
 def reason_for_one_run(model: Model, scenario: Scenario) -> str:
     """Return why stretches cannot be run one by one: a thermostat, an input or a gas with a clock of its own; empty where they can."""
-    flat = network_for(model, scenario).flat
-    for load in flat.loads:
+    for load in network_for(model, scenario).flat.loads:
         for word, why in (
             ("thermostat", "its thermostat keeps a state"),
             ("periodic", "it follows a clock"),
@@ -412,8 +410,7 @@ def _trailing_mean(of: Array, times: Array, average: float) -> Array:
     """
     if not average:
         return of
-    step = float(times[1] - times[0])
-    count = round(average / step)
+    count = round(average / float(times[1] - times[0]))
     inside = np.vstack((np.zeros((1, of.shape[1])), np.cumsum(0.5 * (of[1:] + of[:-1]), axis=0)))
     out = of.copy()
     out[count:] = (inside[count:] - inside[:-count]) / count
@@ -637,8 +634,7 @@ class _Course:
     def _way_duration(self, step: ProfileStep, after: ChamberConditions) -> float:
         """Return how long the way to other conditions takes: the step's time or |dT| / ramp, at least |dT| / the chamber's limit. [s]"""
         way = abs(after.chamber - self.now.chamber)
-        moving = way > 0.0 or after.pressure != self.now.pressure or after.humidity != self.now.humidity
-        if not moving:
+        if not (way > 0.0 or after.pressure != self.now.pressure or after.humidity != self.now.humidity):
             return 0.0
         wanted = step.over if step.over is not None else way / step.ramp if step.ramp else 0.0
         least = way / self.limit
@@ -769,8 +765,7 @@ def _as_profile_run(course: _Course, every: str | float, progress: Callable[[int
     step = amount(every, "s", "every")
     if step <= 0.0:
         raise ScenarioError("the interval of output must be above zero.", "every", code="value.outside-range")
-    grid = np.arange(0.0, scenario.seconds, step)
-    times = np.unique(np.concatenate([grid, plan.times]))
+    times = np.unique(np.concatenate([np.arange(0.0, scenario.seconds, step), plan.times]))
     times = times[np.append(True, np.diff(times) > 1e-6)]
     solution = simulate(bench.model, scenario, times=times, options=bench.options)
     wet: SettledWater | None = None

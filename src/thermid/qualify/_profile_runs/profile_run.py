@@ -147,21 +147,6 @@ class ProfileRun(Result):
         return self.phases[-1].end if self.phases else 0.0
 
     @property
-    def mark(self) -> str:
-        """The weakest mark of the profile's numbers."""
-        return self.profile.mark
-
-    @property
-    def decides(self) -> bool:
-        """Whether a verdict may use it: no number of the profile comes from memory."""
-        return self.profile.decides
-
-    @property
-    def trust(self) -> str:
-        """How far the profile's numbers can be relied on, in words."""
-        return self.profile.trust
-
-    @property
     def waited(self) -> float:
         """Sum of the durations of all waits. [s]"""
         return sum(p.duration for p in self.phases if p.kind == "wait")
@@ -198,9 +183,9 @@ class ProfileRun(Result):
         balance = self.solution.heat_balance()
         return {
             "profile": self.profile.title,
-            "mark": self.mark,
-            "decides": self.decides,
-            "trust": self.trust,
+            "mark": self.profile.mark,
+            "decides": self.profile.decides,
+            "trust": self.profile.trust,
             "duration": self.duration,
             "waited": self.waited,
             "phases": phases,
@@ -228,7 +213,7 @@ class ProfileRun(Result):
             if n not in self.chamber:
                 lines.append(f"  {n:<{width}}  {self[n].lowest:8.2f} to {self[n].highest:8.2f} degC")
         lines += [f"  remark: {r}" for r in self.remarks]
-        return "\n".join([*lines, f"  trust: {self.trust}"])
+        return "\n".join([*lines, f"  trust: {self.profile.trust}"])
 
     def _as_traces(self) -> Sequence[PlottedTrace]:
         """Return the temperature of every node over the whole run."""

@@ -19,7 +19,47 @@ from thermid.base.results import Result, check_mark, weakest
 from thermid.base.units import ATMOSPHERE, ICE_POINT, TEMPERATURE, Kelvin, Quantity, amount, si_value
 from thermid.measure.records import StabilityRule
 from thermid.model.tree import literal
-from thermid.qualify._profiles.numbers import SLOTS, USUAL, WORDS
+
+SLOTS: Final[Mapping[str, str]] = {
+    "hot": TEMPERATURE,
+    "cold": TEMPERATURE,
+    "middle": TEMPERATURE,
+    "ambient": TEMPERATURE,
+    "hot_least": TEMPERATURE,
+    "cold_least": TEMPERATURE,
+    "margin": "K",
+    "tolerance": "K",
+    "ramp": "K/s",
+    "ramp_least": "K/s",
+    "cycles": "1",
+    "base_cycles": "1",
+    "base_range": "K",
+    "range_exponent": "1",
+    "dwell": "s",
+    "soak": "s",
+    "soak_ends": "s",
+    "operate": "s",
+    "operate_ends": "s",
+    "off": "s",
+    "pressure": "Pa",
+    "rough_pressure": "Pa",
+    "pump_down": "s",
+    "humidity": "1",
+    "longest_wait": "s",
+    "average": "s",
+}
+"""Numbers of a profile -> their unit."""
+
+USUAL: Final[Mapping[str, str]] = {TEMPERATURE: "degC", "K/s": "K/min", "s": "h"}
+"""Unit of a number -> the one that a person means who writes none."""
+
+WORDS: Final[Mapping[str, tuple[str, ...]]] = {
+    "stable": (),
+    "starts": ("each", "first and last", "never"),
+    "first": ("hot", "cold"),
+    "last": ("hot", "cold"),
+}
+"""Words of a profile -> what they may be; the rule of stability is checked by itself."""
 
 
 @dataclass(frozen=True)
@@ -637,8 +677,7 @@ def _condensation_remarks(profile: ThermalProfile) -> Iterator[str]:
     """Yield a remark for the first and the last half cycle where it is cold, below ambient: water may then condense on the unit."""
     if profile.kind != "thermal cycling" or profile.plan:
         return
-    low = [s for s in profile.steps if s.target is not None and s.target < profile.value("ambient")]
-    if not low:
+    if not [s for s in profile.steps if s.target is not None and s.target < profile.value("ambient")]:
         return
     turns = [s.name.split(",")[0].removeprefix("to ") for s in profile.steps if s.target is not None and s.name.startswith("to ")]
     for place, side in (("first", turns[0]), ("last", turns[-1])):

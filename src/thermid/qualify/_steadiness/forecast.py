@@ -145,8 +145,7 @@ class Approach:
     def slowest(self, share: float) -> float:
         """Return the longest time constant t with P(tau >= t) >= `share`, tau the slowest of a curve. [s]"""
         order = np.argsort(self.taus[:, -1])
-        tail = np.cumsum(self.weights[order][::-1])[::-1]
-        above = np.flatnonzero(tail >= share)
+        above = np.flatnonzero(np.cumsum(self.weights[order][::-1])[::-1] >= share)
         return float(self.taus[order[above[-1]], -1])
 
 
@@ -251,8 +250,7 @@ def _medians(times: FloatArray, kelvin: FloatArray, begin: float) -> tuple[Float
         return t, y, float(np.median(np.abs(steps)) / 0.6745 / 2.0**0.5) if steps.size else 0.0
     edges = np.linspace(t[0], t[-1], MEDIANS_OF_READINGS + 1)
     index = np.clip(np.searchsorted(edges, t, side="right") - 1, 0, MEDIANS_OF_READINGS - 1)
-    groups = [index == k for k in range(MEDIANS_OF_READINGS)]
-    filled = [g for g in groups if g.any()]
+    filled = [g for g in [index == k for k in range(MEDIANS_OF_READINGS)] if g.any()]
     axis = np.array([t[g].mean() for g in filled])
     # a mean of the middle half resists spikes as a median does, and is not bound to the steps of a sensor
     ordered = [np.sort(y[g]) for g in filled]
@@ -477,8 +475,7 @@ class Forecast(EndForecast, Result):
     def __str__(self) -> str:
         """The forecast in words, with the time that it saves and its risk."""
         watched = duration_text(self.now - self.start)
-        head = f"{self.channel} of {self.record}: {self.latest - ICE_POINT:.2f} degC after {watched}"
-        lines = [head]
+        lines = [f"{self.channel} of {self.record}: {self.latest - ICE_POINT:.2f} degC after {watched}"]
         if self.declined:
             lines.append(f"  final temperature: declined. {self.declined}")
         else:

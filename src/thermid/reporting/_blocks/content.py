@@ -455,8 +455,7 @@ def _with_folded_numbers(page: str) -> str:
                 notes[at] = f' <span class="soft">Fig.\u00a0{ends}</span>'
         elif m[0].startswith("<details"):
             open_folds.append((m.end(), []))
-    parts = [page[a:b] + notes.get(b, "") for a, b in pairwise([0, *sorted(notes), len(page)])]
-    return "".join(parts)
+    return "".join([page[a:b] + notes.get(b, "") for a, b in pairwise([0, *sorted(notes), len(page)])])
 
 
 def check_audience(audience: str) -> str:

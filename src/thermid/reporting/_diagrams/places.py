@@ -130,8 +130,7 @@ def places(nodes: Sequence[str], pairs: Sequence[tuple[str, str]], widths: Mappi
     sizes = [(2.0 * _up(0.5 * w), 2.0 * _up(0.5 * h)) for w, h in needs]  # so that the middles of a column lie below one another
     ends = [(index[a], index[b]) for a, b in between]
     cards, size = _placed_cards([rows[n] for n in names], weight, sizes, ends, foot)
-    drawn = lines(*_corners(cards), ends)
-    points = [tuple((float(x), float(y)) for x, y in line) for line in drawn]
+    points = [tuple((float(x), float(y)) for x, y in line) for line in lines(*_corners(cards), ends)]
     return MapPlaces(tuple(cards), hubs, docks, dict(zip(between, points, strict=True)), *size)
 
 

@@ -103,8 +103,7 @@ def without_error(c: Calibration, block: SensorTrace) -> SensorTrace:
 
 def hottest_moment(run: Solution, nodes: Collection[str]) -> int:
     """Return the sample at which the hottest of some nodes is near its peak (2 % of its rise), and powers are on where they ever are."""
-    columns = [k for k, n in enumerate(run.nodes) if n in nodes]
-    peak = run.temperatures[:, columns].max(axis=1)
+    peak = run.temperatures[:, [k for k, n in enumerate(run.nodes) if n in nodes]].max(axis=1)
     at_peak = peak >= peak.max() - 0.02 * np.ptp(peak)
     heat = total_power(run)
     if heat is not None:
@@ -523,14 +522,6 @@ def _bands(campaign: Campaign) -> tuple[Table | None, list[str]]:
     judged = {(v.model, v.record): v.bands for v in campaign.verdicts if v.bands is not None and v.bands.bands}
     if not judged:
         return None, []
-    columns = [
-        Head("model"),
-        Head("hold-out record"),
-        Head("sensor"),
-        Head("inside, %", True, "readings inside the 95 % band"),
-        Head("95 % band, ± K", True, "mean half-width"),
-        Head("worst stretch", wrapped=True),
-    ]
     rows: list[Line] = []
     for (model, record), run in judged.items():
         for k, (sensor, b) in enumerate(run.bands.items()):
@@ -539,7 +530,17 @@ def _bands(campaign: Campaign) -> tuple[Table | None, list[str]]:
             worst = f"{w.begin / 60:.3g} to {w.end / 60:.3g} min: {100 * w.inside:.0f} % inside, centre off by {w.rmse:.2g} K"
             rows.append([*first, sensor, f"{100 * b.inside():.0f}", rounded(float(b.half_width().mean())), worst])
     remarks = list(dict.fromkeys(f"{model}: {words}" for (model, _), run in judged.items() for words in run.warnings))
-    return Table.of_rows(columns, rows), remarks
+    return Table.of_rows(
+        [
+            Head("model"),
+            Head("hold-out record"),
+            Head("sensor"),
+            Head("inside, %", True, "readings inside the 95 % band"),
+            Head("95 % band, ± K", True, "mean half-width"),
+            Head("worst stretch", wrapped=True),
+        ],
+        rows,
+    ), remarks
 
 
 def _dots(campaign: Campaign) -> list[Dots]:
@@ -642,18 +643,6 @@ LOOKS = {MOVED: "bad", NOT_REJECTED: "good", UNDECIDED: "soft"}
 
 def moved(calibration: Calibration) -> Table:
     """Return inherited values against what this stage's logs say of them alone: per parameter, per part, and all together."""
-    columns = [
-        Head("inherited"),
-        Head("from stage"),
-        Head("there", True),
-        Head("logs alone", True, "the value from the logs of this stage alone, without its prior; for a joint fit its value there"),
-        Head("unit"),
-        Head("change, %", True),
-        Head("deviations", True, "the change over its standard error; for several values chi-square"),
-        Head("chance", True, "probability of such a change if the value is the same, corrected for the number of values tested"),
-        Head("found, %", True, "the change that would be found with 90 % power, in parts of the value"),
-        Head("result"),
-    ]
     rows: list[Line] = [_line(m) for m in calibration.moved.values]
     for g in calibration.moved.groups:
         square = f"χ² {number(g.chi_square)} of {g.directions}" if g.directions else DASH
@@ -662,7 +651,22 @@ def moved(calibration: Calibration) -> Table:
         "A value that changed: the part behaves differently in the assembly than alone, or the stage below lacks physics. A value is "
         "called not rejected only if the logs would show a change of 10 %."
     )
-    return Table.of_rows(columns, rows, how)
+    return Table.of_rows(
+        [
+            Head("inherited"),
+            Head("from stage"),
+            Head("there", True),
+            Head("logs alone", True, "the value from the logs of this stage alone, without its prior; for a joint fit its value there"),
+            Head("unit"),
+            Head("change, %", True),
+            Head("deviations", True, "the change over its standard error; for several values chi-square"),
+            Head("chance", True, "probability of such a change if the value is the same, corrected for the number of values tested"),
+            Head("found, %", True, "the change that would be found with 90 % power, in parts of the value"),
+            Head("result"),
+        ],
+        rows,
+        how,
+    )
 
 
 def _result(verdict: str) -> Cell:

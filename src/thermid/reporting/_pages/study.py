@@ -70,14 +70,20 @@ def study_report(
     sheets = Sheets.beside(to, audience=audience)
     records, of = tables.made_records(campaign)
     text = f"{len(records)} of {of} records are synthetic, so results from them are not evidence about real hardware." if records else ""
-    banners = [(watermark.upper() or "SYNTHETIC DATA", " ".join(t for t in (study.note, text) if t))] if watermark or records else []
+    banners = (
+        [(watermark.upper() or "SYNTHETIC DATA", " ".join(t for t in (study.content.note, text) if t))] if watermark or records else []
+    )
     if audience == "summary":
         shown = [Section.of_blocks("verdicts", "Verdicts", [_verdicts(campaign, ranked=True)] if campaign.verdicts else [])]
     else:
         first = [Section.of_blocks("steps", "The four steps", steps(study)), _parts_section(study)]
         shown = sheets.shortened([*first, *(s for s in sections if audience in s.audiences), _record_section(study, campaign)])
     outcomes = [v.passed for v in campaign.verdicts]
-    about = (study.subject, f"Intended use: {study.use}.", f"After: {study.document}." if study.document else "")
+    about = (
+        study.content.knowledge.subject,
+        f"Intended use: {study.content.knowledge.use}.",
+        f"After: {study.content.document}." if study.content.document else "",
+    )
     return write_page(
         "study.html.jinja",
         to,
@@ -101,10 +107,13 @@ def study_report(
 
 def steps(study: Study) -> list[PageBlock]:
     """Return knowledge and use, box colours, set-ups and procedure as recorded."""
-    theory = (("solver", study.solver), ("error of a run", f"{study.options.error:g} K"))
+    theory, experiment = (
+        (("solver", study.content.theory.solver), ("error of a run", f"{study.options.error:g} K")),
+        study.content.experiment,
+    )
     boxes: list[Line] = [
         [Cell(path or study.model.title, "", "main"), study.model.submodel(path).title if path else "the whole", box]
-        for path, box in study.part_boxes.items()
+        for path, box in study.model.part_boxes.items()
     ]
     box_table = Table.of_rows([Head("part"), Head("deck"), Head("box colour, with those inside")], boxes)
     actions = Table.of_rows(
@@ -116,24 +125,24 @@ def steps(study: Study) -> list[PageBlock]:
                 Cell(f"✓ {a.state}", "", "good") if a.state == "done" else Cell(a.state, "", "soft"),
                 ", ".join(a.stages) or a.note or DASH,
             ]
-            for k, a in enumerate(study.actions, 1)
+            for k, a in enumerate(study.content.actions, 1)
         ],
     )
     return [
         Heading("1  Knowledge and intended use"),
         Facts((("physical items", str(len(study.components))), ("model of the whole", study.model.title))),
-        *(Words(fact) for fact in study.facts),
+        *(Words(fact) for fact in study.content.knowledge.facts),
         Heading("2  Box colour"),
-        Words(study.reason),
-        Facts((("the whole", study.part_boxes[""]),)),
-        folded("Box colours part by part", [box_table], counted(len(study.part_boxes), "part")),
+        Words(study.content.box.reason),
+        Facts((("the whole", study.model.part_boxes[""]),)),
+        folded("Box colours part by part", [box_table], counted(len(study.model.part_boxes), "part")),
         Heading("3  Theoretical and experimental set-up"),
         Facts(theory),
-        *(Words(text) for text in (*study.theory, *study.experiment)),
+        *(Words(text) for text in (*study.content.theory.notes, *filter(None, (experiment.platform, *experiment.notes)))),
         _instruments(study),
         Heading("4  Procedure"),
-        Notes(study.rules, "Rules"),
-        Words(f"Metrics: {', '.join(m.replace('_', ' ') for m in study.metrics)} of measured less simulated."),
+        Notes(tuple(study.content.procedure.rules), "Rules"),
+        Words(f"Metrics: {', '.join(m.replace('_', ' ') for m in study.content.procedure.metrics)} of measured less simulated."),
         actions,
     ]
 
@@ -160,7 +169,7 @@ def _instruments(study: Study) -> Table:
                 s.certificate or DASH,
                 s.basis or DASH,
             ]
-            for name, s in study.sensors.items()
+            for name, s in study.content.sensors.items()
         ],
     )
 
@@ -180,20 +189,22 @@ def _parts_section(study: Study) -> Section:
 
 def parts(study: Study) -> Table:
     """Return the physical items: what each is, where it stands in the model, its box colour and its limits."""
-    boxes, colours = study.boxes, study.part_boxes
+    boxes, colours = study.model.node_boxes, study.model.part_boxes
     rows: list[Line] = []
     for name, c in study.components.items():
         limits = [f"{sign} {plain(t - ICE_POINT)} °C" for sign, t in (("≥", c.lowest), ("≤", c.highest)) if t is not None]
         box = colours.get(c.at) or boxes[c.at]
         rows.append([Cell(name, "", "main"), c.what or DASH, c.at, box, Cell(", ".join(limits) or DASH, c.basis)])
-    columns = [
-        Head("physical item"),
-        Head("what it is", wrapped=True),
-        Head("in the model"),
-        Head("box"),
-        Head("limits"),
-    ]
-    return Table.of_rows(columns, rows)
+    return Table.of_rows(
+        [
+            Head("physical item"),
+            Head("what it is", wrapped=True),
+            Head("in the model"),
+            Head("box"),
+            Head("limits"),
+        ],
+        rows,
+    )
 
 
 def _decks(model: Model) -> dict[str, Model]:
@@ -224,20 +235,23 @@ def provenance(study: Study) -> Table:
         ranges = [" .. ".join(ends)] * any(ends) + [f"± {pretty(p.spread)}"] * (p.spread != "" and not p.is_range)
         line += [", ".join(ranges) or DASH, Cell(p.source, "", look.get(p.source, "")), p.basis or p.note or DASH]
         rows.append(line)
-    columns = [
-        Head("deck"),
-        Head("value"),
-        Head("is", True),
-        Head("unit"),
-        Head("range"),
-        Head("source"),
-    ]
-    return Table.of_rows([*columns, Head("formula or reason", wrapped=True)], rows)
+    return Table.of_rows(
+        [
+            Head("deck"),
+            Head("value"),
+            Head("is", True),
+            Head("unit"),
+            Head("range"),
+            Head("source"),
+            Head("formula or reason", wrapped=True),
+        ],
+        rows,
+    )
 
 
 def step_log(study: Study, campaign: Campaign) -> Table:
     """Return what every step found: RMSE, largest and final error of each sensor."""
-    metrics = {key: metric(key) for key in study.metrics}
+    metrics = {key: metric(key) for key in study.content.procedure.metrics}
     rows: list[Line] = []
     for s in study.log(campaign):
         kind = Cell("held out", "no stage uses it", "good") if s.held_out else Cell("fit", s.action)

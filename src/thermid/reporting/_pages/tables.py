@@ -45,20 +45,6 @@ HIGH_CORRELATION = 0.95
 
 def parameters(calibration: Calibration) -> Table:
     """Return what was fitted: before, after, random and total error, bounds, shift in standard errors, source and state."""
-    columns = [
-        Head("parameter"),
-        Head("before", True),
-        Head("after", True, "to quote; where the fit does not explain the readings, as expected if elements depart from their laws"),
-        Head("fitted ± total", True, "what draws the curves, where that differs from the value to quote"),
-        Head("± random", True, "standard error from the noise of the samples alone"),
-        Head("± total", True, "standard error with the constant errors of sensors and powers"),
-        Head("total, %", True),
-        Head("unit"),
-        Head("bounds", True),
-        Head("shift / ±", True, "after less before, over the total standard error"),
-        Head("source before"),
-        Head("state"),
-    ]
     table = calibration.given_model.parameter_table()
     rows: list[Line] = []
     for path, v in calibration.values.parameters.items():
@@ -83,7 +69,23 @@ def parameters(calibration: Calibration) -> Table:
                 _state(v),
             ]
         )
-    return Table.of_rows(columns, rows)
+    return Table.of_rows(
+        [
+            Head("parameter"),
+            Head("before", True),
+            Head("after", True, "to quote; where the fit does not explain the readings, as expected if elements depart from their laws"),
+            Head("fitted ± total", True, "what draws the curves, where that differs from the value to quote"),
+            Head("± random", True, "standard error from the noise of the samples alone"),
+            Head("± total", True, "standard error with the constant errors of sensors and powers"),
+            Head("total, %", True),
+            Head("unit"),
+            Head("bounds", True),
+            Head("shift / ±", True, "after less before, over the total standard error"),
+            Head("source before"),
+            Head("state"),
+        ],
+        rows,
+    )
 
 
 def bounds_text(v: FittedValue) -> str:
@@ -176,20 +178,6 @@ def _level_row(names: Names, values_by_stage: Mapping[str, tuple[float, FittedVa
 
 def sensors(calibration: Calibration) -> Table:
     """Return how the model meets each sensor, over all records of a stage."""
-    columns = [
-        Head("sensor"),
-        Head("node", wrapped=True),
-        Head("records", True),
-        Head("samples", True),
-        Head("RMSE, K", True),
-        Head("median RMSE, K", True, "median over the records"),
-        Head("mean, K", True, "mean of measured minus simulated"),
-        Head("largest, K", True, "the largest residual by size, with its sign"),
-        Head("bias, K", True, "constant error of the sensor: reading minus truth, fitted or fixed"),
-        Head("stated ±, K", True, "standard deviation of the constant error, as stated for the sensor"),
-        Head("noise, K", True, "standard deviation of a sample, the weight of the fit"),
-        Head("white", False, "whether neighbouring residuals are uncorrelated; else their correlation"),
-    ]
     accuracy = {o.sensor: o.accuracy for e in calibration.experiments for o in e.observations}
     rows: list[Line] = []
     for name, s in calibration.sensors.items():
@@ -213,7 +201,24 @@ def sensors(calibration: Calibration) -> Table:
             ]
         )
     shares = "".join(f" {capitalised(str(share))}." for share in (*calibration.sensor_shares, *calibration.instrument_shares))
-    return Table.of_rows(columns, rows, f"Residuals are measured minus simulated, without the sensor's constant error.{shares}")
+    return Table.of_rows(
+        [
+            Head("sensor"),
+            Head("node", wrapped=True),
+            Head("records", True),
+            Head("samples", True),
+            Head("RMSE, K", True),
+            Head("median RMSE, K", True, "median over the records"),
+            Head("mean, K", True, "mean of measured minus simulated"),
+            Head("largest, K", True, "the largest residual by size, with its sign"),
+            Head("bias, K", True, "constant error of the sensor: reading minus truth, fitted or fixed"),
+            Head("stated ±, K", True, "standard deviation of the constant error, as stated for the sensor"),
+            Head("noise, K", True, "standard deviation of a sample, the weight of the fit"),
+            Head("white", False, "whether neighbouring residuals are uncorrelated; else their correlation"),
+        ],
+        rows,
+        f"Residuals are measured minus simulated, without the sensor's constant error.{shares}",
+    )
 
 
 def instruments(calibration: Calibration) -> Table:
@@ -390,23 +395,15 @@ def data(campaign: Campaign) -> list[Table]:
     tables = [Table.of_rows(columns, rows, "Hover over a checksum to see all of it.", "Data")]
     prepared: list[Line] = [[group_cell(_some(names), k), step] for of, names in steps.items() for k, step in enumerate(of)]
     how = "What was done to the samples; a record that is not listed stands as it was read."
-    heads = [Head("record"), Head("prepared by", wrapped=True)]
-    return [*tables, Table.of_rows(heads, prepared, how, "Preparation of the data")] if prepared else tables
+    return (
+        [*tables, Table.of_rows([Head("record"), Head("prepared by", wrapped=True)], prepared, how, "Preparation of the data")]
+        if prepared
+        else tables
+    )
 
 
 def models(campaign: Campaign) -> Table:
     """Return what each stage rests on: the model's identity and size, the effort, version and date, and the key of its result."""
-    columns = [
-        Head("stage"),
-        Head("model"),
-        Head("identity", False, "hash of the model's content, independent of its formatting"),
-        Head("nodes", True),
-        Head("conductors", True),
-        Head("evaluations", True),
-        Head("thermid"),
-        Head("date"),
-        Head("result key", False, "hash of all inputs of the result"),
-    ]
     rows: list[Line] = []
     for stage, c in campaign.stages.items():
         flat, provenance = Flat.of_model(c.given_model), c.values.provenance
@@ -415,7 +412,20 @@ def models(campaign: Campaign) -> Table:
         code = Cell(identity[:12], identity, "code")
         made_with = [str(provenance.get("version", DASH)), str(provenance.get("date", DASH))]
         rows.append([Cell(stage, "", "main"), c.given_model.title, code, *sizes, *made_with, Cell(key[:12] or DASH, key, "code")])
-    return Table.of_rows(columns, rows)
+    return Table.of_rows(
+        [
+            Head("stage"),
+            Head("model"),
+            Head("identity", False, "hash of the model's content, independent of its formatting"),
+            Head("nodes", True),
+            Head("conductors", True),
+            Head("evaluations", True),
+            Head("thermid"),
+            Head("date"),
+            Head("result key", False, "hash of all inputs of the result"),
+        ],
+        rows,
+    )
 
 
 def versions() -> Table:
@@ -437,16 +447,6 @@ def held(calibration: Calibration) -> Table:
     """Return every value of the fitted model: who set it, from what source, and which values it hides."""
     values = ParameterSet(calibration.model)
     numbers = values.evaluate({})
-    columns = [
-        Head("parameter"),
-        Head("value", True),
-        Head("unit"),
-        Head("written as", wrapped=True),
-        Head("source"),
-        Head("set by"),
-        Head("basis", wrapped=True),
-        Head("hides", wrapped=True),
-    ]
     rows: list[Line] = []
     for path, entry in values.table.items():
         literal = entry.parameter.expression.literal
@@ -457,27 +457,43 @@ def held(calibration: Calibration) -> Table:
         look = "main" if path in calibration.values.assignments else ""
         cells = [entry.parameter.source or DASH, entry.origin, entry.parameter.basis or entry.parameter.note or DASH]
         rows.append([Cell(path, "", look), shown, pretty(text), written, *cells, Cell(hides or DASH, "", "" if hides else "soft")])
-    return Table.of_rows(columns, rows, "The value of every parameter after the fit; bold if this stage fitted it.")
+    return Table.of_rows(
+        [
+            Head("parameter"),
+            Head("value", True),
+            Head("unit"),
+            Head("written as", wrapped=True),
+            Head("source"),
+            Head("set by"),
+            Head("basis", wrapped=True),
+            Head("hides", wrapped=True),
+        ],
+        rows,
+        "The value of every parameter after the fit; bold if this stage fitted it.",
+    )
 
 
 def inputs(calibration: Calibration) -> Table:
     """Return every boundary, load and start of every record with its source, what is assumed first."""
-    columns = [
-        Head("source"),
-        Head("input"),
-        Head("of"),
-        Head("record"),
-        Head("range", True),
-        Head("mean", True),
-        Head("unit"),
-        Head("what", wrapped=True),
-    ]
     rows: list[Line] = []
     for r in calibration.inputs.rows:
         source = Cell(r.source, "not given", "warn") if r.source == "assumed" else Cell(r.source)
         words = ", ".join(w for w in (r.words, "fitted" if r.fitted and "fitted" not in r.words else "") if w)
         rows.append([source, r.kind, Cell(r.name, "", "main"), r.record, r.range, r.shown(r.mean), pretty(r.unit), words or DASH])
-    return Table.of_rows(columns, rows, "Inputs of the fit and their sources.")
+    return Table.of_rows(
+        [
+            Head("source"),
+            Head("input"),
+            Head("of"),
+            Head("record"),
+            Head("range", True),
+            Head("mean", True),
+            Head("unit"),
+            Head("what", wrapped=True),
+        ],
+        rows,
+        "Inputs of the fit and their sources.",
+    )
 
 
 LINES = 5
@@ -554,13 +570,6 @@ def _values(campaign: Campaign) -> Iterator[tuple[Calibration, FittedValue]]:
 
 def _fitted(campaign: Campaign) -> Table:
     """Return the table of the values of the uppermost fit with their 95 % intervals; it counts those of the stages below."""
-    columns = [
-        Head("value"),
-        Head("stage"),
-        Head("found", True),
-        Head("95 % interval", True),
-        Head("unit"),
-    ]
     rows: list[Line] = []
     every = list(_values(campaign))
     shown = [(c, v) for c, v in every if c is every[0][0]]
@@ -572,7 +581,18 @@ def _fitted(campaign: Campaign) -> Table:
         rows.append([Cell(v.path, v.origin, "main"), c.stage, Cell(significant(v.in_unit, error), "", "main"), ends, pretty(v.unit)])
     if more := len(every) - len(shown):
         rows.append([Cell(f"and {counted(more, 'value')} of stages below: see the parameters by level", "", "soft wrap"), "", "", "", ""])
-    return Table.of_rows(columns, rows, "Intervals include the constant errors of sensors and powers.", "Fitted values")
+    return Table.of_rows(
+        [
+            Head("value"),
+            Head("stage"),
+            Head("found", True),
+            Head("95 % interval", True),
+            Head("unit"),
+        ],
+        rows,
+        "Intervals include the constant errors of sensors and powers.",
+        "Fitted values",
+    )
 
 
 def _twins(c: Calibration) -> list[tuple[str, str, float]]:

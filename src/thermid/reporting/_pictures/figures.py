@@ -292,8 +292,7 @@ def choose(blocks: Sequence[SensorTrace], most: int = MOST_TRACES) -> list[tuple
     size = {id(b): float(np.sqrt(np.mean(b.residuals**2))) for b in blocks}
     ranked = sorted(blocks, key=lambda b: size[id(b)])
     marks: dict[int, str] = {}
-    sensors = dict.fromkeys(b.sensor for b in blocks)
-    for sensor in sensors:
+    for sensor in dict.fromkeys(b.sensor for b in blocks):
         of_sensor = [b for b in ranked if b.sensor == sensor]
         if len(of_sensor) > 2:
             for k, word in ((0, "best"), (len(of_sensor) // 2, "median"), (-1, "worst")):
@@ -601,5 +600,4 @@ def _axes(
 ) -> Panel:
     """Return a panel from a name as "quantity, symbol, unit" and lines over time in units of `length`. [s]"""
     what, _, unit = name.partition(", ")
-    drawn = [replace(c, x=c.x / length) for c in lines]
-    return Panel(what, unit, drawn, areas, top=top, share=share)
+    return Panel(what, unit, [replace(c, x=c.x / length) for c in lines], areas, top=top, share=share)

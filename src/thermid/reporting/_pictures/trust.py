@@ -230,7 +230,7 @@ def draw_run(figure: Figure, run: ProfileRun) -> None:
         f"{run.profile.title} on {run.solution.title}\n{long:.1f} h, {waited:.1f} h of it waiting for the unit; weakest number: {run.mark}",
         loc="left",
     )
-    if not run.decides:
+    if not run.profile.decides:
         _watermark(figure, "NUMBERS FROM MEMORY")
 
 

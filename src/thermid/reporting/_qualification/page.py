@@ -244,16 +244,22 @@ def _as_run(q: Qualification) -> list[PageBlock]:
         log = Cell("SYNTHETIC", t.log_sha256, "bad") if t.synthetic else Cell(t.log_sha256[:12] or DASH, t.log_sha256, "code")
         where = [t.test.host or "alone", t.test.orientation or DASH, t.test.gravity or DASH]
         rows.append([Cell(t.test.name, "", "main"), t.test.purpose or DASH, t.test.state, t.test.date or DASH, *where, deviations, log])
-    columns = [
-        Head("test"),
-        Head("purpose", wrapped=True),
-        Head("state"),
-        Head("date"),
-        Head("on"),
-        Head("orientation"),
-        Head("gravity"),
+    return [
+        Table.of_rows(
+            [
+                Head("test"),
+                Head("purpose", wrapped=True),
+                Head("state"),
+                Head("date"),
+                Head("on"),
+                Head("orientation"),
+                Head("gravity"),
+                Head("as-run deviations", wrapped=True),
+                Head("log"),
+            ],
+            rows,
+        )
     ]
-    return [Table.of_rows([*columns, Head("as-run deviations", wrapped=True), Head("log")], rows)]
 
 
 def _leaks(q: Qualification) -> list[PageBlock]:

@@ -34,22 +34,11 @@ from thermid.reporting._pages.tables import bounds_text
 
 def tests(q: Qualification) -> Table:
     """Return the tests: kind, state, course, criteria, limits and correlation."""
-    columns = [
-        Head("test"),
-        Head("limits"),
-        Head("correlation"),
-        Head("smallest margin"),
-        Head("at", True),
-        Head("left, K", True, "less the uncertainty of the model and the margins of the policy"),
-        Head("state"),
-        Head("lasts", True),
-        Head("course", wrapped=True),
-    ]
     rows: list[Line] = []
     for t in q.trials:
         course = Cell(t.foresight.scenario.title)
         if t.course is not None:
-            course = Cell(t.course.profile.title, t.course.trust, "" if t.course.decides else "warn")
+            course = Cell(t.course.profile.title, t.course.profile.trust, "" if t.course.profile.decides else "warn")
         worst, why = q.smallest(t.test.name), "; ".join(t.open)
         where = [Cell(DASH), Cell(DASH), Cell(DASH)]
         if worst is not None:
@@ -71,7 +60,21 @@ def tests(q: Qualification) -> Table:
                 course,
             ]
         )
-    return Table.of_rows(columns, rows, title="Tests")
+    return Table.of_rows(
+        [
+            Head("test"),
+            Head("limits"),
+            Head("correlation"),
+            Head("smallest margin"),
+            Head("at", True),
+            Head("left, K", True, "less the uncertainty of the model and the margins of the policy"),
+            Head("state"),
+            Head("lasts", True),
+            Head("course", wrapped=True),
+        ],
+        rows,
+        title="Tests",
+    )
 
 
 def sensors(q: Qualification) -> Table:
@@ -104,14 +107,6 @@ def sensors(q: Qualification) -> Table:
 
 def boundaries(q: Qualification) -> Table:
     """Return the lowest and highest temperature of every boundary, as planned and as logged, and what is not known exactly of it."""
-    columns = [
-        Head("test"),
-        Head("boundary"),
-        Head("planned, °C", True),
-        Head("logged, °C", True),
-        Head("column"),
-        Head("stated ±"),
-    ]
     rows: list[Line] = []
     for t in q.trials:
         run, driven = t.foresight.solution, {v: k for k, v in t.test.log.boundaries.items()} if t.test.log is not None else {}
@@ -124,7 +119,18 @@ def boundaries(q: Qualification) -> Table:
             logged_cell = Cell(logged, "", "warn" if logged == "not logged" else "")
             spread = stated_text(t.test.spread.get(name, DASH))
             rows.append([group_cell(t.test.name, k), name, planned, logged_cell, column or DASH, spread])
-    return Table.of_rows(columns, rows, "Lowest to highest over the test.")
+    return Table.of_rows(
+        [
+            Head("test"),
+            Head("boundary"),
+            Head("planned, °C", True),
+            Head("logged, °C", True),
+            Head("column"),
+            Head("stated ±"),
+        ],
+        rows,
+        "Lowest to highest over the test.",
+    )
 
 
 def stated_text(spread: str | Mapping[str, str | float]) -> str:
@@ -166,29 +172,19 @@ def duties(q: Qualification) -> list[PageBlock]:
             if w.any():
                 lines.append([load, number(float(np.trapezoid(w, times) / times[-1])), number(float(w.max())), spread])
         if lines:
-            heads = [Head("load"), Head("mean, W", True), Head("largest, W", True), Head("stated ±")]
             total = sum(float(np.max(w)) for w in t.foresight.solution.load_powers.values())
             out.append(
-                folded(f"Power in {t.test.name}", [Table.of_rows(heads, lines)], f"{len(lines)} loads, at most {total:.4g} W together")
+                folded(
+                    f"Power in {t.test.name}",
+                    [Table.of_rows([Head("load"), Head("mean, W", True), Head("largest, W", True), Head("stated ±")], lines)],
+                    f"{len(lines)} loads, at most {total:.4g} W together",
+                )
             )
     return out
 
 
 def phases(t: Trial) -> Table:
     """Return the phases of a course: what was waited for, the slowest part, what the rule left unfinished."""
-    columns = [
-        Head("at", True),
-        Head("for", True),
-        Head("cycle", True),
-        Head("phase", wrapped=True),
-        Head("unit"),
-        Head("chamber, °C", True),
-        Head("rule"),
-        Head("slowest part"),
-        Head("rate, K/h", True),
-        Head("furthest from steady state"),
-        Head("left, K", True),
-    ]
     rows: list[Line] = []
     for p in t.course.phases if t.course is not None else ():
         name = f"{p.name}, wait" if p.kind == "wait" else p.name
@@ -208,7 +204,22 @@ def phases(t: Trial) -> Table:
                 remaining,
             ]
         )
-    return Table.of_rows(columns, rows)
+    return Table.of_rows(
+        [
+            Head("at", True),
+            Head("for", True),
+            Head("cycle", True),
+            Head("phase", wrapped=True),
+            Head("unit"),
+            Head("chamber, °C", True),
+            Head("rule"),
+            Head("slowest part"),
+            Head("rate, K/h", True),
+            Head("furthest from steady state"),
+            Head("left, K", True),
+        ],
+        rows,
+    )
 
 
 def half_width(o: Overlay) -> float:
@@ -218,16 +229,6 @@ def half_width(o: Overlay) -> float:
 
 def foreseen(q: Qualification, t: Trial) -> Table:
     """Return the pre-test predictions of a test per sensor, and what was measured where its log has come back."""
-    columns = [
-        Head("sensor"),
-        Head("lowest, °C", True),
-        Head("measured, °C", True),
-        Head("highest, °C", True),
-        Head("measured, °C", True),
-        Head("last, °C", True),
-        Head("measured, °C", True),
-        Head("outside 95 %"),
-    ]
     overlays = {o.sensor: o for o in t.correlation.overlays} if t.correlation is not None else {}
     rows: list[Line] = []
     for sensor, (node, _) in sensors_of(q.plan, t.test).items():
@@ -246,7 +247,16 @@ def foreseen(q: Qualification, t: Trial) -> Table:
             cells.append(Cell(celsius(extreme), f"{extreme - float(band.kelvin[k]):+.2f} K", "warn" if off else ""))
         rows.append([*cells, Cell(", ".join(beyond), "", "warn") if beyond else ("none" if o is not None else DASH)])
     return Table.of_rows(
-        columns,
+        [
+            Head("sensor"),
+            Head("lowest, °C", True),
+            Head("measured, °C", True),
+            Head("highest, °C", True),
+            Head("measured, °C", True),
+            Head("last, °C", True),
+            Head("measured, °C", True),
+            Head("outside 95 %"),
+        ],
         rows,
         "± 95 % of the model's values and of the stated errors of the test, ? without any; outside: including the sensor's error.",
     )
@@ -267,15 +277,6 @@ def flows(t: Trial) -> Table:
 
 def changes(q: Qualification) -> Table:
     """Return what was fitted: before, after, error, bound, and the reason where the plan gives any."""
-    columns = [
-        Head("parameter"),
-        Head("before", True),
-        Head("after", True),
-        Head("±", True),
-        Head("unit"),
-        Head("bounds", True),
-        Head("reason", wrapped=True),
-    ]
     reasons, rows, unreasoned = q.plan.content.model.reasons, [], 0
     for several in q.knowledge.values:
         for path, v in several.parameters.items():
@@ -296,7 +297,19 @@ def changes(q: Qualification) -> Table:
         if unreasoned
         else ""
     )
-    return Table.of_rows(columns, rows, caption).without_usual({"reason": DASH})
+    return Table.of_rows(
+        [
+            Head("parameter"),
+            Head("before", True),
+            Head("after", True),
+            Head("±", True),
+            Head("unit"),
+            Head("bounds", True),
+            Head("reason", wrapped=True),
+        ],
+        rows,
+        caption,
+    ).without_usual({"reason": DASH})
 
 
 def deviations(c: Correlation) -> Table:
@@ -396,20 +409,6 @@ def excluded(q: Qualification) -> Table:
 
 def checks(q: Qualification) -> Table:
     """Return every reference point in every test and state against its limits, crossings with their times."""
-    columns = [
-        Head("test"),
-        Head("reference point"),
-        Head("state"),
-        Head("by"),
-        Head("lowest, °C", True),
-        Head("highest, °C", True),
-        Head("limits, °C", True),
-        Head("left, K", True),
-        Head("first passed", True),
-        Head("beyond for", True),
-        Head("mark"),
-        Head("result"),
-    ]
     rows: list[Line] = []
     for t in q.trials:
         for k, c in enumerate(t.checks):
@@ -437,21 +436,28 @@ def checks(q: Qualification) -> Table:
             )
     stands_in = any(c.stand_in for t in q.trials for c in t.checks)
     less = " Without limits for a unit switched off, the operating limits apply." if stands_in else ""
-    return Table.of_rows(columns, rows, f"Hover over a temperature for its time.{less}")
+    return Table.of_rows(
+        [
+            Head("test"),
+            Head("reference point"),
+            Head("state"),
+            Head("by"),
+            Head("lowest, °C", True),
+            Head("highest, °C", True),
+            Head("limits, °C", True),
+            Head("left, K", True),
+            Head("first passed", True),
+            Head("beyond for", True),
+            Head("mark"),
+            Head("result"),
+        ],
+        rows,
+        f"Hover over a temperature for its time.{less}",
+    )
 
 
 def settled(t: Trial) -> Table:
     """Return what the readings of a test say about every settled stretch: drift with its error, by the test's rule, the slowest first."""
-    columns = [
-        Head("stretch, h"),
-        Head("sensor"),
-        Head("drift, K/h", True),
-        Head("±, K/h", True),
-        Head("rule"),
-        Head("mark"),
-        Head("left, K", True, "remaining change forecast from the readings"),
-        Head("settled"),
-    ]
     words = {"stable": True, "not stable": False}
     rows: list[Line] = []
     for s in t.settled:
@@ -472,26 +478,24 @@ def settled(t: Trial) -> Table:
                     verdict_cell(steady),
                 ]
             )
-    return Table.of_rows(columns, rows, "Readings of the log; ±: two standard errors.")
+    return Table.of_rows(
+        [
+            Head("stretch, h"),
+            Head("sensor"),
+            Head("drift, K/h", True),
+            Head("±, K/h", True),
+            Head("rule"),
+            Head("mark"),
+            Head("left, K", True, "remaining change forecast from the readings"),
+            Head("settled"),
+        ],
+        rows,
+        "Readings of the log; ±: two standard errors.",
+    )
 
 
 def margin_table(q: Qualification) -> Table:
     """Return what is added up from the predicted temperature to the limit, and the fixed margin of a standard beside it."""
-    columns = [
-        Head("reference point"),
-        Head("side"),
-        Head("worst case"),
-        Head("at", True),
-        Head("predicted, °C", True),
-        Head("± model, K", True, "half of the 95 % interval"),
-        Head("acceptance, K", True),
-        Head("qualification, K", True),
-        Head("limit, °C", True),
-        Head("margin, K", True),
-        Head("result"),
-        Head("fixed margin, K", True),
-        Head("left with it, K", True),
-    ]
     rows: list[Line] = []
     for m in q.margins:
         a, b = m.policy.acceptance, m.policy.qualification
@@ -505,25 +509,44 @@ def margin_table(q: Qualification) -> Table:
     policy = q.margins[0].policy.name if q.margins else DASH
     tested = "correlated by a balance test" if q.plan.content.margins.balance_tested else "no balance test yet"
     return Table.of_rows(
-        columns, rows, f"Policy: {policy}; {tested}. A number marked 'memory' is shown for information and not used for a verdict."
+        [
+            Head("reference point"),
+            Head("side"),
+            Head("worst case"),
+            Head("at", True),
+            Head("predicted, °C", True),
+            Head("± model, K", True, "half of the 95 % interval"),
+            Head("acceptance, K", True),
+            Head("qualification, K", True),
+            Head("limit, °C", True),
+            Head("margin, K", True),
+            Head("result"),
+            Head("fixed margin, K", True),
+            Head("left with it, K", True),
+        ],
+        rows,
+        f"Policy: {policy}; {tested}. A number marked 'memory' is shown for information and not used for a verdict.",
     )
 
 
 def counted(q: Qualification) -> Table:
     """Return what the uncertainty of every margin counts and does not count."""
-    columns = [
-        Head("reference point"),
-        Head("side"),
-        Head("± model, K", True),
-        Head("counts", wrapped=True),
-        Head("and does not count", wrapped=True),
-    ]
     rows: list[Line] = []
     for m in q.margins:
         shares = "; ".join(f"{c} {100 * s:.0f} %" for c, s in m.shares.items() if s >= 0.005)
         less = Cell("; ".join(m.not_counted), "", "warn") if m.not_counted else Cell(DASH)
         rows.append([Cell(m.point, "", "main"), m.side, f"{m.printed:.1f}", shares or "nothing", less])
-    return Table.of_rows(columns, rows, "Shares of the variance.")
+    return Table.of_rows(
+        [
+            Head("reference point"),
+            Head("side"),
+            Head("± model, K", True),
+            Head("counts", wrapped=True),
+            Head("and does not count", wrapped=True),
+        ],
+        rows,
+        "Shares of the variance.",
+    )
 
 
 def outside(q: Qualification) -> Table:
@@ -542,33 +565,29 @@ def outside(q: Qualification) -> Table:
 
 def assumed(q: Qualification) -> Table:
     """Return the assumed values by what they do in kelvin."""
-    columns = [
-        Head("value"),
-        Head("is"),
-        Head("spread, %", True),
-        Head("moves by, K", True),
-        Head("reference point"),
-        Head("test"),
-        Head("fitted around"),
-        Head("rests on", wrapped=True),
-    ]
     rows: list[Line] = []
     for a in q.assumptions:
         spread = Cell(f"{100 * a.spread:.0f}", "its range over the root of 12" if a.ranged else "no range given: a tenth")
         around = Cell("yes: moves less", "the fitted values compensate most of a change", "soft") if a.fitted_around else Cell("no")
         rows.append([Cell(a.path, "", "main"), pretty(a.text), spread, rounded(a.effect), a.point, a.run, around, a.basis or DASH])
-    return Table.of_rows(columns, rows, "Effect of one standard deviation on the most sensitive reference point, with all else fixed.")
+    return Table.of_rows(
+        [
+            Head("value"),
+            Head("is"),
+            Head("spread, %", True),
+            Head("moves by, K", True),
+            Head("reference point"),
+            Head("test"),
+            Head("fitted around"),
+            Head("rests on", wrapped=True),
+        ],
+        rows,
+        "Effect of one standard deviation on the most sensitive reference point, with all else fixed.",
+    )
 
 
 def service(q: Qualification) -> Table:
     """Return what the model as it is now says of every reference point in the cases that margins are taken over, with its 95 % interval."""
-    columns = [
-        Head("case"),
-        Head("reference point"),
-        Head("lowest, °C", True),
-        Head("highest, °C", True),
-        Head("last, °C", True),
-    ]
     rows: list[Line] = []
     for t in q.service:
         for k, one in enumerate(t.limits):
@@ -579,7 +598,15 @@ def service(q: Qualification) -> Table:
                 cells.append(Cell(shown, f"at {hours(float(band.times[at]))}"))
             rows.append([group_cell(t.test.name, k), one.point, *cells])
     return Table.of_rows(
-        columns, rows, "The logs of this plan are included; contributions not included in the intervals are listed with the margins."
+        [
+            Head("case"),
+            Head("reference point"),
+            Head("lowest, °C", True),
+            Head("highest, °C", True),
+            Head("last, °C", True),
+        ],
+        rows,
+        "The logs of this plan are included; contributions not included in the intervals are listed with the margins.",
     )
 
 

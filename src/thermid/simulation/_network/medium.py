@@ -274,8 +274,7 @@ def correlation_rows(c: FlatConductor, law: Law, state: GasState) -> tuple[Condu
         signal = f"{state.gust} {k}" if state.gust else ""
         moving.append(ConductorRow(c.path, c.ends, Law("natural", (scale, root)), curve, signal, state.named("natural")))
     molecular = ACCOMMODATION * gas.free_molecular_htc(ANCHOR, 1.0) * length / (gas.k(ANCHOR) * least)
-    still = _rest(c, scale * least, molecular, state)
-    return still, *moving
+    return _rest(c, scale * least, molecular, state), *moving
 
 
 def duct_row(c: FlatConductor, law: Law, state: GasState) -> ConductorRow:

@@ -263,7 +263,7 @@ def test_several_boundaries_need_a_chamber():
 def test_printed_and_as_an_object(run):
     text = str(run)
     assert "to hot, wait" in text
-    assert run.trust in text
+    assert run.profile.trust in text
     found = run.as_object()
     assert found["decides"] is True
     assert len(found["phases"]) == len(run.phases)
