@@ -100,6 +100,7 @@ def _normalised(text: str) -> str:
         ("percent", "%"),
     ):
         text = text.replace(old, new)
+    text = re.sub(r"\b([cdm]?m|ft|in)([23])\b", r"\1^\2", text)  # as loggers and data sheets write areas and volumes
     parts = text.replace("(", " ( ").replace(")", " ) ").replace("/", " / ").replace("*", " ").split()
     out = ""
     for part in parts:

@@ -142,3 +142,24 @@ def test_a_meter_of_alternating_current_is_one_power_and_a_speed_says_what_it_is
     rows = [f"{60 * k},24.{k % 10},{w / 24.0:.4f},{1.0 + (k % 3)}" for k, w in enumerate(watts)]
     (tmp_path / "two.csv").write_text("\n".join(["time_s,U [V],I [A],P_FAN [W]", *rows]))
     assert td.look(tmp_path / "two.csv").supplies
+
+
+def test_each_supply_of_a_meter_with_watts_is_one_power(tmp_path: Path) -> None:
+    """Of two supplies with volts, amperes and watts each, every power was proposed twice, and a common step added both."""
+    watts = {"proc": np.repeat([0.0, 18.3, 9.1], 10), "gyro": np.repeat([6.0, 0.0, 3.0], 10)}
+    head = ["time_s", *(f"{n} {unit}" for n in watts for unit in ("[V]", "A [A]", "W [W]"))]
+    rows = [[f"{60 * k}", *(f"{x:.4f}" for p in watts.values() for x in (24.0 + k % 2, p[k] / 24.5, p[k]))] for k in range(30)]
+    (tmp_path / "two.csv").write_text("\n".join(",".join(row) for row in [[c.replace(" [V]", " V [V]") for c in head], *rows]))
+    seen = td.look(tmp_path / "two.csv")
+    assert not seen.supplies
+    assert [c.name for c in seen.courses()] == ["proc W", "gyro W"]
+
+
+def test_a_duty_that_follows_a_measured_power_is_no_second_power(tmp_path: Path) -> None:
+    """A load of 100 % beside its 48 W was a power of its own, so a common step had the same heat twice."""
+    duty = np.repeat([0.0, 100.0, 50.0], 10)
+    rows = [f"{60 * k},{48.0 + 0.01 * (k % 3)},{0.01 * d},{d}" for k, d in enumerate(duty)]
+    (tmp_path / "drive.csv").write_text("\n".join(["time_s,U [V],I [A],LOAD [%]", *rows]))
+    seen = td.look(tmp_path / "drive.csv")
+    assert [c.name for c in seen.courses()] == ["U * I"]
+    assert "LOAD" in seen.campaign()

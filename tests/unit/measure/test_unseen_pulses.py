@@ -83,12 +83,13 @@ def test_a_log_that_sees_every_pulse_leaves_nothing_open(tmp_path: Path, on: flo
         lambda r: 5.0 + 0.05 * r.standard_normal(300),
         lambda r: r.uniform(0.0, 20.0, 300),
         lambda r: 20.0 * np.clip(r.normal(0.4, 0.15, 300), 0.0, 1.0),
+        lambda r: np.repeat([0.0, 60.0, 29.93], [60, 480, 180]) + 0.05 * r.standard_normal(720),
     ],
-    ids=["last digit", "noise", "a computer", "means"],
+    ids=["last digit", "noise", "a computer", "means", "a level in the middle"],
 )
 def test_other_powers_that_change_at_every_reading_are_no_pulses(readings) -> None:  # type: ignore[no-untyped-def]
     channel = td.Channel.from_array("P", readings(np.random.default_rng(3)), unit="W", quantity="power", role="load", target="heat")
-    assert td.Record.from_arrays("log", 30.0 * np.arange(300), {"P": channel}).questions == ()
+    assert td.Record.from_arrays("log", 30.0 * np.arange(channel.values.size), {"P": channel}).questions == ()
 
 
 def test_a_log_with_a_row_at_every_change_and_one_of_means_are_right(tmp_path: Path) -> None:

@@ -16,7 +16,6 @@ import tomlkit
 from thermid.base.errors import NameNotFoundError, RecordError, ThermidError, nearest
 from thermid.base.files import FileKind, FileKinds, by_grammar, file_kinds, json_schema, parse_toml, read_text
 from thermid.campaign._start.proposal import Proposal
-from thermid.campaign._start.switching import instants_text, with_instants
 from thermid.fit.calibration import LocalSpec, Request
 from thermid.measure.records import Record, thinned_step
 from thermid.model.tree import Parameter, model_text
@@ -328,7 +327,6 @@ def write_project(
     OutputError     When a file is there that thermid did not write.
     """
     request, fixed, left_out = proposal.first_fit.request, proposal.first_fit.fixed, proposal.first_fit.left_out
-    *fitted, holdout = with_instants([*fitted, holdout], proposal.instants)
     texts = (
         _deck(proposal, request, fixed, left_out, source, title),
         _scenario(proposal, fitted),
@@ -468,7 +466,7 @@ def _campaign(
         "The noise is estimated from second differences of the readings.",
         *([proposal.powers_text] if proposal.powers_text else []),
         proposal.offsets_text,
-        *([instants_text(proposal.instants)] if proposal.instants else []),
+        *([proposal.instants_text] if proposal.instants_text else []),
         *(f"{reason}; empty in the logs beside this file." for reason in masked),
     ]
     return _as_comments(head) + tomlkit.dumps(document)
@@ -487,13 +485,13 @@ def _written(record: Record, channels: Mapping[str, Mapping[str, Any]], whole: M
 
 
 def _channels(proposal: Proposal, request: Request, seats: Mapping[str, str]) -> dict[str, dict[str, Any]]:
-    """Return column -> its table: thermometers at the nodes that they read, powers with a row at every change where it was found."""
+    """Return column -> its table: thermometers at the nodes that they read, powers that changed between their samples marked so."""
     accuracy = {c.name: c.accuracy for r in request.records for c in r.channels.values() if c.accuracy}
     channels = proposal.roles.channels(proposal.noise, accuracy)
     for column, node in seats.items():
         channels[column]["node"] = node
-    for power in proposal.roles.powers if proposal.instants else ():
-        channels[power.channel]["prompt"] = True
+    for c in (c for r in request.records for c in r.channels.values() if c.prompt is False):
+        channels[c.name]["prompt"] = False
     return channels
 
 

@@ -16,7 +16,7 @@ import numpy as np
 from thermid.base.errors import DeckError, IdentificationError, ThermidError, refuse_unknown
 from thermid.base.units import amount, duration_text, value_of
 from thermid.campaign._start.roles import ACCURACY, JOIN, SURROUNDINGS, Power, Roles, noise_of, part_name, with_noise
-from thermid.campaign._start.switching import Instants, found_instants, instants_text, with_instants
+from thermid.campaign._start.switching import between_samples
 from thermid.fit.calibration import MOST_EVALUATIONS, Calibration, LocalSpec, Request, first_reading, fit
 from thermid.inference.criticism import (
     EVALUATIONS,
@@ -284,7 +284,6 @@ class Proposal:
     noise : dict                Column -> noise of one reading, as found. [K]
     assumed : str               What was assumed because the log cannot tell it; empty for nothing.
     known : StatedFacts               What was known beside the log.
-    instants : dict             Record -> when its powers changed, where the readings say.
     """
 
     roles: Roles
@@ -292,7 +291,6 @@ class Proposal:
     noise: Mapping[str, float]
     assumed: str
     known: StatedFacts = StatedFacts()
-    instants: Mapping[str, Instants] = field(default_factory=dict)
 
     @property
     def chosen(self) -> FittedStructure:
@@ -394,6 +392,15 @@ class Proposal:
         return f"Offsets of thermometers, accuracy {self.known.accuracy:g} K assumed{against}: {offsets}. {where}"
 
     @property
+    def instants_text(self) -> str:
+        """When powers changed between the samples of the logs; empty where they count from these."""
+        count = sum(len(e.instants) for e in self.chosen.problem.experiments)
+        if not count:
+            return ""
+        changes = "1 change of a power lies" if count == 1 else f"{count} changes of powers lie"
+        return f"By the temperatures, {changes} between samples. The campaign states prompt = false, so that its fits find the instants."
+
+    @property
     def powers_text(self) -> str:
         """Which part all of a power heats that nobody placed, and how it is shared among several; empty where it is told."""
         loads = self.chosen.request.model.loads
@@ -419,7 +426,7 @@ class Proposal:
         """Return the answer first, then what was tried and what the log cannot tell."""
         hidden = self.chosen.masses - len(self.roles.parts)
         answer = f"{self.chosen.masses} masses: {len(self.roles.parts)} measured, {hidden} hidden; RMSE {self.chosen.rmse:.3g} K."
-        below = (self.offsets_text, instants_text(self.instants), *self.roles.questions)
+        below = (self.offsets_text, self.instants_text, *self.roles.questions)
         return "\n".join(t for t in (answer, self.powers_text, self.shares_text, *self.findings, *below, str(self.search)) if t)
 
     @property
@@ -645,9 +652,10 @@ def propose(
     roles, begun = _begun(roles, prepared, facts, budget)
     begun, facts = _bounded_where_it_matters(roles, prepared, facts, begun, budget)
     changes = _within(roles, facts)
-    instants = found_instants(begun, changes, budget)
-    request = replace(begun.request, records=tuple(with_instants(begun.request.records, instants)))
-    search = search_structure(request, changes=changes, evaluations=budget, begin=begun.fitted)
+    search = search_structure(begun.request, changes=changes, evaluations=budget, begin=begun.fitted)
+    budget = EvaluationBudget(max(evaluations - budget.spent, evaluations // 2), progress)
+    if (moved := between_samples(begun, search.proposed, budget)) is not None:
+        search = search_structure(moved, changes=changes, evaluations=budget, begin=begun.fitted)
     assumed = ""
     if _ratios_only(roles, facts):
         first = next(iter(roles.parts.values()))
@@ -655,7 +663,7 @@ def propose(
             f"{first}.capacitance = {ASSUMED:g} J/K, because no column gives a power in watts, so the log determines ratios to it "
             f"only. Give --full-scale COLUMN='... [W]', or a mass: --mass {first}='1.2 [kg]'."
         )
-    proposal = Proposal(roles, search, sizes, assumed, facts, instants)
+    proposal = Proposal(roles, search, sizes, assumed, facts)
     if not roles.powers and proposal.unexplained:
         raise IdentificationError(" ".join([proposal.unexplained, *roles.questions]), prepared[0].name, code="fit.not-determined")
     return proposal

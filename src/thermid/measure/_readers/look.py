@@ -248,11 +248,7 @@ class Look(Result):
         if self.times is None:
             return []
         times = self.times.values - self.times.values[0]
-        shown = [(c, c.guess in ("power", "duty")) for c in self.columns if c.guess in _SHOWN and c.good.any()]
-        out = [
-            LogCourse(c.name, power, times[c.good], in_si(c.values[c.good], c.unit or ("W" if power else "degC")), c.guess != "boundary")
-            for c, power in shown
-        ]
+        powers = {c.name: np.where(c.good, in_si(c.values, c.unit or "W"), np.nan) for c in self._shown("power")}
         for columns in self.supplies.values():
             sizes = [in_si(c.values, c.unit) for c in columns]
             if len(columns) == 1:  # the mean power until the next reading
@@ -260,9 +256,16 @@ class Look(Result):
                 watts = np.where(slopes >= 0.0, slopes, np.nan)
             else:
                 watts = sizes[0] * sizes[1]
-            good = np.isfinite(watts)
-            out.append(LogCourse(" * ".join(c.name for c in columns), True, times[good], watts[good]))
-        return out
+            powers[" * ".join(c.name for c in columns)] = watts
+        duties = {c.name: np.where(c.good, in_si(c.values, c.unit or "W"), np.nan) for c in self._shown("duty")}
+        powers |= {n: v for n, v in duties.items() if not any(_alike(v, watts) for watts in powers.values())}
+        warm = self._shown("temperature", "boundary")
+        out = [LogCourse(c.name, False, times[c.good], in_si(c.values[c.good], c.unit or "degC"), c.guess != "boundary") for c in warm]
+        return out + [LogCourse(n, True, times[good], v[good]) for n, v in powers.items() if (good := np.isfinite(v)).any()]
+
+    def _shown(self, *guesses: str) -> list[Column]:
+        """Return the columns with readings that seem to be one of these."""
+        return [c for c in self.columns if c.guess in guesses and c.good.any()]
 
     @property
     def unjoined(self) -> list[str]:
@@ -304,19 +307,18 @@ class Look(Result):
     @property
     def supplies(self) -> dict[str, tuple[Column, ...]]:
         """Name of a power -> its columns in volts and in amperes, or that of a counter of energy where the log has no other power."""
-        if (pairs := self._pairs()) or any(c.guess == "power" for c in self.columns):
+        powers = [in_si(c.values, c.unit or "W") for c in self.columns if c.guess == "power"]
+        pairs = {n: (u, i) for n, (u, i) in self._pairs().items() if not any(_metered(watts, u, i) for watts in powers)}
+        if pairs or powers:
             return pairs
         counters = [c for c in self.columns if c.unit and _is(c.unit, "J") and c.values.size]
         return {SUPPLY + (f"_{k}" if k > 1 else ""): (c,) for k, c in enumerate(counters, 1)}
 
-    def _pairs(self) -> dict[str, tuple[Column, ...]]:
+    def _pairs(self) -> dict[str, tuple[Column, Column]]:
         """Return a power for the only voltage and current, the only ones with the same other words, or every current of one voltage."""
         volts, amperes = ([c for c in self.columns if c.unit and _is(c.unit, slot) and c.values.size] for slot in ("V", "A"))
         if len(volts) == len(amperes) == 1:
-            product = in_si(volts[0].values, volts[0].unit) * in_si(amperes[0].values, amperes[0].unit)
-            powers = [in_si(c.values, c.unit or "W") for c in self.columns if c.guess == "power"]
-            metered = any(_metered(watts, product) for watts in powers)
-            return {} if metered else {SUPPLY: (volts[0], amperes[0])}
+            return {SUPPLY: (volts[0], amperes[0])}
         # what names of voltages and currents say beside that, in the characters of a bare key
         names = [[[_ELECTRIC.sub("", w) for w in re.split(r"[\W_]+", c.name)] for c in columns] for columns in (volts, amperes)]
         words, others = (["_".join(filter(None, name)) for name in several] for several in names)
@@ -363,13 +365,18 @@ WHICH_ZONE: Final = "Stamps alone leave whole hours open, and no common step dec
 _OF_DAY = re.compile(r"(\d{1,2}):(\d{2})(?::(\d{2}(?:[.,]\d+)?))?(?:\s*([AaPp])\.?[Mm])?")
 
 
-def _metered(watts: Array, volt_amperes: Array) -> bool:
+def _metered(watts: Array, volts: Column, amperes: Column) -> bool:
     """Return whether a power is that of a meter's volts and amperes, by its size and its course."""
-    good = np.isfinite(watts) & np.isfinite(volt_amperes)
-    own, product = watts[good], volt_amperes[good]
-    if not own.size or not (np.ptp(own) and np.ptp(product)) or not LEAST_POWER_FACTOR < own.sum() / product.sum() < 1.05:
-        return False
-    return bool(np.corrcoef(own, product)[0, 1] ** 2 > MIN_EXPLAINED_SHARE[False])
+    product = in_si(volts.values, volts.unit) * in_si(amperes.values, amperes.unit)
+    good = np.isfinite(watts) & np.isfinite(product)
+    return _alike(watts, product) and bool(LEAST_POWER_FACTOR < watts[good].sum() / product[good].sum() < 1.05)
+
+
+def _alike(one: Array, other: Array) -> bool:
+    """Return whether two powers (samples,), NaN where there is none, have one course: what one explains of the other, scaled."""
+    good = np.isfinite(one) & np.isfinite(other)
+    a, b = one[good], other[good]
+    return bool(a.size and np.ptp(a) and np.ptp(b) and np.corrcoef(a, b)[0, 1] ** 2 > MIN_EXPLAINED_SHARE[False])
 
 
 def _time_of_day(look: Look) -> float | None:

@@ -895,7 +895,8 @@ def single_pulses(times: FloatArray, values: FloatArray) -> float:
     level = (read - low) / ((high - low) or 1.0) - 0.5
     even = np.mean(np.abs(steps / np.median(steps) - 1.0) <= CLEAR) >= MOST_PULSES  # else written by hand, or as it changes
     two_levels = 2.0 * abs(low) < abs(high) and np.mean(np.abs(level) > CLEAR) >= MOST_PULSES  # else means, or a last digit
-    lengths = np.diff(np.flatnonzero(np.diff(level > 0.0)))
+    shown = np.flatnonzero(np.abs(level) > CLEAR)  # noise of a third level in the middle switches nothing
+    lengths = np.diff(shown[1:][np.diff(level[shown] > 0.0)])
     shares = [float(np.mean(p == 1)) for p in (lengths[::2], lengths[1::2]) if p.size >= MIN_PULSES]
     return max(shares, default=math.nan) if even and two_levels else math.nan
 

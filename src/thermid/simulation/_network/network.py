@@ -109,7 +109,7 @@ class Network:
     def _streams(self) -> Streams:
         """Return the streams of gas at the model's own values; an empty set where no conductor is a flow."""
         if not streams_of(self.flat.conductors):
-            return Streams((), {}, {}, {}, self.media)
+            return Streams((), {}, {}, {}, frozenset(), self.media)
         return Streams.of_network(self.flat, self.flat.parameters.evaluate({}), self.media)
 
     def numbers(self, overrides: Mapping[str, Number] | None = None) -> Numbers:

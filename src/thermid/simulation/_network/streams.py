@@ -32,6 +32,7 @@ class Streams:
                             a line at a boundary, or a stream of a loop that begins nowhere. [-]
     lines : dict            Stream -> nodes of the streams that are joined with it.
     unfed : dict            What is said of streams of no fluid that leave a gas node which none enters, by path.
+    boundaries : frozenset  Nodes whose temperature is given, by path.
     media : Media
     memo : Memo             Courses that were worked out.
     """
@@ -40,6 +41,7 @@ class Streams:
     shares: Mapping[str, Mapping[str, float]]
     lines: Mapping[str, tuple[str, ...]]
     unfed: Mapping[str, str]
+    boundaries: frozenset[str]
     media: Media
     memo: Memo = field(init=False, default_factory=Memo, compare=False, repr=False)
 
@@ -62,7 +64,8 @@ class Streams:
                     code="model.needs-gas-law",
                 )
         gas, inner = tuple(c for c in streams_of(flat.conductors) if c.fluid in GASES), {n.path for n in flat.nodes}
-        return cls(gas, _shares(gas, values, inner), _lines(gas, inner), flat.unfed_streams, media)
+        ends = frozenset(n for c in gas for n in c.ends)
+        return cls(gas, _shares(gas, values, inner), _lines(gas, inner), flat.unfed_streams, ends - inner, media)
 
     def __contains__(self, path: str) -> bool:
         """Whether the conductor at a path is a stream of gas."""
@@ -215,8 +218,8 @@ class Streams:
 
     @property
     def _inner(self) -> set[str]:
-        """Nodes that at least one stream of gas enters."""
-        return {c.ends[1] for c in self.conductors}
+        """Nodes of the model that at least one stream of gas enters."""
+        return {c.ends[1] for c in self.conductors} - self.boundaries
 
     def _gone(self, path: str, end: float) -> float | None:
         """Return the first instant of a run at which a stream stands still for want of gas; None where it never does. [s]"""

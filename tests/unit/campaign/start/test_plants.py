@@ -51,8 +51,9 @@ def test_a_lag_and_a_law_that_bends_do_not_stand_for_two_masses(plants: ModuleTy
 
 def test_heat_that_arrives_through_masses_is_not_a_power_logged_early(plants: ModuleType) -> None:
     """Changes were found 26 s after their samples, so the log had its masses in its clock: 1.37 times the error on another log."""
-    plant = plants.drawn(10, 0.5)
-    assert plants.propose(plant.roles, [plant.log], 200).instants == {}
+    row = plants.judged(10, 0.5)
+    assert row["order"] in row["orders"]
+    assert row["error_K"] < 1.1 * row["known_error_K"]
 
 
 @pytest.mark.campaign

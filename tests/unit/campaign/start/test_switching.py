@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+import tomllib
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 import thermid as td
+from thermid.campaign._start.project import parted, write_project
 from thermid.campaign._start.proposal import propose
 from thermid.campaign._start.roles import Roles, roles_of
-from thermid.campaign._start.switching import Instants, instants_text, with_instants
+
+pytestmark = pytest.mark.usefixtures("values_alone")
 
 EDGES = (610.0, 2440.0, 4025.0)
 """When the power of the plate changes. [s]"""
@@ -32,31 +35,28 @@ def logged(path: Path, late: float = 0.0, edges: tuple[float, ...] = EDGES) -> t
     return roles, roles.read(path)
 
 
-@pytest.mark.parametrize("late", [0.0, 45.0])
-def test_powers_that_changed_between_samples_are_no_masses(tmp_path: Path, late: float) -> None:
+@pytest.mark.parametrize(
+    ("late", "edges", "count"),
+    [(0.0, EDGES, 3), (45.0, EDGES, 3), (0.0, (600.0, 2400.0, 4020.0), 0)],
+    ids=["between", "late", "at samples"],
+)
+def test_powers_that_changed_between_samples_are_no_masses(tmp_path: Path, late: float, edges: tuple[float, ...], count: int) -> None:
     """Taken as they are logged, 30 W half a minute late are 900 J: the log asked for more masses than the one plate."""
-    roles, record = logged(tmp_path / "log.csv", late)
+    roles, record = logged(tmp_path / "log.csv", late, edges)
     found = propose(roles, [record], 400)
     assert found.chosen.nodes == 1
     assert found.chosen.values["plate.capacitance"] == pytest.approx(900.0, rel=0.02)
-    (instants,) = found.instants.values()
-    assert instants.logged + instants.shifts == pytest.approx(EDGES, abs=4.0)
-    assert instants_text(found.instants) in str(found)
+    assert sum(len(e.instants) for e in found.chosen.problem.experiments) == count
 
 
-def test_powers_that_were_logged_when_they_changed_stay(tmp_path: Path) -> None:
-    roles, record = logged(tmp_path / "log.csv", edges=(600.0, 2400.0, 4020.0))
-    assert propose(roles, [record], 100).instants == {}
-
-
-def test_a_record_has_rows_at_its_instants_and_the_readings_stay(tmp_path: Path) -> None:
-    _, record = logged(tmp_path / "log.csv")
-    moved = Instants(np.array([660.0, 2460.0, 4080.0]), np.array([-50.0, -20.0, 30.0]), 60.0)
-    (made,) = with_instants([record], {record.name: moved})
-    new = np.setdiff1d(made.times, record.times)
-    assert new == pytest.approx([610.0, 2440.0, 4110.0])
-    assert np.count_nonzero(made["T_plate"].valid) == record.times.size
-    power = {float(t): float(v) for t, v in zip(made.times, made["P"].values, strict=True)}
-    assert [power[t] for t in (600.0, 610.0, 660.0, 2400.0, 2440.0, 4080.0, 4110.0)] == [0.0, 30.0, 30.0, 30.0, 6.0, 6.0, 18.0]
-    (other,) = with_instants([record], {"another": moved})  # no own temperatures said when: the mean of all
-    assert np.setdiff1d(other.times, record.times) == pytest.approx([660.0 - 40.0 / 3.0, 2460.0 - 40.0 / 3.0, 4080.0 - 40.0 / 3.0])
+def test_the_campaign_finds_the_instants_and_the_logs_stay_as_they_are(tmp_path: Path) -> None:
+    roles, record = logged(tmp_path / "log.csv", 45.0)
+    fitted, holdout, _ = parted([record])
+    written = write_project(tmp_path / "p", propose(roles, fitted, 400), fitted, holdout, "log.csv", "plate")
+    assert written.proposal.instants_text in str(written)
+    records = tomllib.loads((tmp_path / "p" / "campaign.toml").read_text())["records"]
+    assert [r["channels"]["P"]["prompt"] for r in records.values()] == [False, False]
+    again = td.read_record(tmp_path / "p" / "logs" / "fit.csv", {"P": {"load": "heat"}})
+    assert again.times.tolist() == fitted[0].times.tolist()
+    fit = td.run_stages(tmp_path / "p" / "campaign.toml").stages["first fit"]
+    assert fit.values["plate.capacitance"].value == pytest.approx(900.0, rel=0.02)

@@ -66,6 +66,12 @@ def test_no_stream_of_gas_flows_in_vacuum() -> None:
         assert td.simulate(bay(fan=stream("inlet", "gas", flow)), run()).warnings == ()
 
 
+def test_air_that_goes_back_to_the_room_it_came_from_comes_from_a_boundary() -> None:
+    """Every fan box in one room was said to have the density at 20 degC, and had that of its room."""
+    found = td.simulate(bay(fan=stream("inlet", "gas"), back=stream("gas", "inlet")), run())
+    assert found.warnings == ()
+
+
 @pytest.mark.parametrize("pressure", [101325.0, 60e3, 1e3])
 @pytest.mark.parametrize("celsius", [-20.0, 20.0, 60.0])
 def test_a_volume_flow_has_the_density_of_its_source(pressure: float, celsius: float) -> None:
