@@ -15,8 +15,6 @@ from types import MappingProxyType
 from thermid.base.errors import NameNotFoundError, nearest
 from thermid.base.files import parse_toml, read_text
 
-NOT_CHECKED = "not checked against the print"
-
 
 @dataclass(frozen=True)
 class Material:
@@ -30,8 +28,8 @@ class Material:
     conductivity : float    Conductivity. [W/(m K)]
     source : str            Where the values are from, with table or page.
     range : dict            Specific heat and conductivity -> share of the value within which 95 % of parts lie. [-]
+    read : str              What was read to check the row.
     diffusivity : float     As its source prints it; None where it does not. [m^2/s]
-    read : str              What was read to check the row; empty where nothing was.
     over : dict             'temperature' [K] and the properties at these temperatures, where they change much near 300 K.
     """
 
@@ -41,14 +39,14 @@ class Material:
     conductivity: float
     source: str
     range: Mapping[str, float]
+    read: str
     diffusivity: float | None = None
-    read: str = ""
     over: Mapping[str, Sequence[float]] = field(default_factory=dict)
 
     @property
     def basis(self) -> str:
         """Text of the source of its values, as a deck quotes it."""
-        return f"catalogue: {self.name}; {self.source}; {self.read or NOT_CHECKED}"
+        return f"catalogue: {self.name}; {self.source}; {self.read}"
 
     @staticmethod
     def named(name: str) -> Material:

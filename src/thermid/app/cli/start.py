@@ -35,7 +35,7 @@ from thermid.fit.calibration import Calibration
 from thermid.inference.criticism import EVALUATIONS, criticise as criticised, plausibility as ranges_of
 from thermid.model.tree import STANDARD, Standing, load_model, standard_parts
 from thermid.physics.finishes import FINISHES
-from thermid.physics.materials import NOT_CHECKED, Material
+from thermid.physics.materials import Material
 
 Stage = Annotated[str, typer.Option("--stage", help="One stage; all that were fitted to logs without it.")]
 
@@ -219,6 +219,10 @@ def example(
     say(as_json, content, str(copied))
 
 
+NOT_CHECKED = "not checked against the print"
+"""How the decks of standard parts mark such values."""
+
+
 def _parts_listed() -> tuple[dict[str, object], str]:
     """Return the standard parts, each with its needs and how many of its values were not checked."""
     rows, lines, open_values = [], [], 0
@@ -239,9 +243,8 @@ def _materials_listed() -> tuple[dict[str, object], str]:
     library = Material.table()
     rows = [{k: getattr(m, k) for k in ("name", "density", "specific_heat", "conductivity", "source", "read")} for m in library.values()]
     finishes = [{"name": f.name, "emissivity": f.typical, "low": f.low, "high": f.high, "basis": f.basis} for f in FINISHES.values()]
-    unread = sum(not m.read for m in library.values())
     lines = [
-        f"{len(library)} materials near 300 K, for material = NAME of nodes and conductors; {unread} {NOT_CHECKED}",
+        f"{len(library)} materials near 300 K, for material = NAME of nodes and conductors, each with what was read to check it",
         f"{'':<34} {'kg/m3':>7} {'J/(kg K)':>9} {'W/(m K)':>9}",
         *(
             f"{m.name:<34} {m.density:>7g} {m.specific_heat:>9g} {m.conductivity:>9g}  {m.basis.partition('; ')[2]}"
