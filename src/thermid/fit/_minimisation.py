@@ -366,7 +366,7 @@ def minimise(
     start : array           In the fitted form; the unknowns' own start by default.
     progress : callable     Called with the number of evaluations and the RMS of the weighted residuals.
     done : float            The descent ends once the step ahead is below this part of a standard error. [-]
-    rounds : int            It ends after so many evaluations in any case, not converged.
+    rounds : int            Each of its two parts, to a relative 1e-3 of the cost and to the end, has at most so many evaluations.
     stoppable : bool        Whether the interrupt key ends it with the best values so far, once there are any: `Fit.stopped`, not converged.
 
     Raises

@@ -96,7 +96,12 @@ class Population:
         return np.asarray(np.clip((fitted[self.at] - self.low) / (self.high - self.low), 0.0, 1.0))
 
     def costs(self, shares: Array) -> Array:
-        """Return half the weighted sum of squares (members,) at points of the unit cube, priors included; infinite where a run fails."""
+        """Return half the sum of losses of weighted residuals and of squared priors (members,) [-]; infinite where a run fails.
+
+        Parameters
+        ----------
+        shares : array (members, parameters)    Points of the unit cube, as of `placed`. [-]
+        """
         points = self.placed(shares)
         cost = np.array([float(r @ r) for r in (self.problem.prior_rows(p)[0] for p in points)])
         for i, bench in enumerate(self.problem.benches()):
@@ -273,7 +278,11 @@ class Search:
     spent: list[float] = field(default_factory=list)
 
     def descent(self, start: Array | None, rounds: int = MOST_EVALUATIONS) -> Fit:
-        """Return the end of one descent, after `rounds` in each of its two parts in any case, and note what it took."""
+        """Return the end of one descent from `start` (unknowns,), fitted form, and note its time [s] in `spent`.
+
+        Without a start, from the problem's own. `rounds` evaluations at most in each of its two parts, the first to a relative change of
+        the cost of 1e-3, the second to the end (`minimise`).
+        """
         p, begun = self.population, time.perf_counter()
 
         def priced(count: int, rms: float) -> None:
@@ -382,7 +391,11 @@ class Search:
         )
 
     def from_all(self, starts: Array, rounds: int) -> Iterator[Fit]:
-        """Yield the ends of descents from starts (starts, unknowns), in their order; those that the model cannot be run at have none."""
+        """Yield the ends of descents from starts (starts, unknowns), fitted form, in their order; none where the model cannot be run.
+
+        The executor's workers share them; the time announced is that of the descents in `spent`, of which one at least must be. `rounds` as
+        of `descent`.
+        """
         alone = self.executor is None
         worker = self if alone else replace(self, progress=None, stoppable=False, executor=None, spent=[])
         tasks = [(f"the search from start {k + 1}", (worker, start, rounds)) for k, start in enumerate(starts)]
@@ -625,7 +638,11 @@ def _calm(experiment: Experiment) -> Experiment | None:
 
 
 def _grid(problem: Problem, i: int, fitted: Array, number: int) -> Iterator[Array]:
-    """Yield values of all unknowns with one clock on a grid: offsets with both ends of their range, rates amid equal parts of theirs."""
+    """Yield values of all unknowns (unknowns,), fitted form, with the clock `number` of record `i` on a grid, the others as in `fitted`.
+
+    `GRID_OFFSETS` offsets [s] from end to end of their range, `GRID_RATES` rates [-] in the middles of equal parts of theirs; one where a
+    range is a point.
+    """
     clock = problem.experiments[i].ticks[number].clock
     (first, last), (slowest, fastest) = clock.offset, clock.rate
     offsets = np.linspace(first, last, GRID_OFFSETS if first < last else 1)

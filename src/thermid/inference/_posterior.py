@@ -25,7 +25,10 @@ MIN_LENGTH = 50
 EXTENSION = 16
 """Times the steps asked for to which chains that are not long enough are run on."""
 INDEPENDENT_STEP_SHARE = 0.7
-"""Share of the steps whose proposals are drawn by the covariance of the fit."""
+"""Share of the steps whose proposals are drawn by the covariance of the fit; any share gives the same law, the others serve curved valleys.
+
+[-]
+"""
 TAIL_DEGREES_OF_FREEDOM = 6
 """Degrees of freedom of these."""
 

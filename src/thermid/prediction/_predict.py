@@ -875,13 +875,16 @@ def missed(setting: Setting, linear: Linear) -> Missed:
 
 
 def _missed_at(node: str, wide: float, ends: Array, straight: Array, off: Array) -> Missed:
-    """Return the largest of three misses of the band of a node at one time: by its mean, by its width, by laws that are not normal.
+    """Return the largest miss of a node's 95 % band at one time, each as a share of its limit; an empty one where none is above zero.
+
+    Shift of the middle |mean(off)| / wide of `MAX_MEAN_MISS`; change of the width by bends, and by laws of inputs that are not normal,
+    (ends[1] - ends[0]) / (2 wide) - 1, of `MAX_WIDTH_MISS`.
 
     Parameters
     ----------
     node : str
     wide : float                Half-width by derivatives. [K]
-    ends : array (2,)           Quantiles of the straight model. [K]
+    ends : array (2,)           2.5 and 97.5 % of the straight model. [K]
     straight : array (members,) Deviations of the straight model. [K]
     off : array (members,)      What the members differ from it by. [K]
     """

@@ -421,11 +421,17 @@ def _beside_values(instruments: Rows, budget: Budget) -> Rows:
 
 
 def before_model(model: Model, priors: Mapping[str, Any], scenario: Scenario | None = None) -> Before:
-    """Return what priors say of a model.
+    """Return what is known of a model before any test: the budget of the given priors, each a normal source of its own.
+
+    Parameters
+    ----------
+    model : Model
+    priors : dict           Path of a value that can be freed -> its spread, such as "5 %".
+    scenario : Scenario     Of the prediction asked for, if any.
 
     Raises
     ------
-    IdentificationError   When there are none.
+    IdentificationError   When there are no priors.
     """
     if not priors:
         raise IdentificationError("a model alone has no uncertainties. Give priors, or a fit.", model.title, code="value.incomplete")

@@ -192,7 +192,7 @@ def test_scattering_readings_hold_less_information_and_a_prior_is_relative_to_it
 
 
 def test_an_inherited_value_is_no_reading_beside_inherited_and_own_instruments() -> None:
-    """A joint prior of a parameter and a thermometer, and a meter of its own: what they state of the parameter is no information of data."""
+    """A joint prior of a parameter and a thermometer, and a meter of its own: none of their rows that moves a parameter is of the data."""
     data = metered(log(box(), {}, {"T": "case"}, accuracy=0.5, samples=41), "heat", 3.0, accuracy=0.1)
     problem = build_problem(Request(box(), (data,), (HTC, MASS)))
     names = [u.name for u in problem.unknowns]

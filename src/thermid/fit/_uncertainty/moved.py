@@ -554,7 +554,7 @@ def _test_moves(request: Request, opened: Opened, inherited: _Inherited, at: Arr
     values = []
     for (k, state), s in zip(state_of_position.items(), shifts(test, list(state_of_position)), strict=True):
         u, there = unknowns[inherited.at[k]], inherited.at[k]
-        alone, used = _alone(u, float(at[there]), float(start[there] + s.size)), u.to_value(opened.fitted[there])
+        alone, used = _value_if_near(u, float(at[there]), float(start[there] + s.size)), u.to_value(opened.fitted[there])
         below = (u.to_value(start[there]), float(np.linalg.norm(inherited.root[k])) * u.slope(start[there]), state.random)
         values.append(_move(u.name, part_of(request.model, u.name), state.origin.stage or state.origin.kind, below, alone, used, u, s))
     rows = {m.path: k for m, k in zip(values, state_of_position, strict=True)}
@@ -566,10 +566,11 @@ def _test_moves(request: Request, opened: Opened, inherited: _Inherited, at: Arr
     return Moves(tuple(values), groups), np.clip(start + np.clip(step, -inside, inside), low, high)
 
 
-def _alone(u: Unknown, at: float, end: float) -> float:
-    """Return the value [SI] at the end of a linear step from `at` to `end`, both in the fitted form.
+def _value_if_near(u: Unknown, at: float, end: float) -> float:
+    """Return the value [SI] of `end`, fitted form; NaN outside its bounds, or where it is too far from `at` for derivatives taken there.
 
-    NaN outside its bounds, or where the step is longer than derivatives can be trusted.
+    Too far is a change of a logarithm by more than `MAX_LOG_CHANGE`, else one of more than `NONSENSE` times the larger of |at| and a
+    typical change.
     """
     low, high = u.fitted_bounds()
     reach = MAX_LOG_CHANGE if u.log else NONSENSE * max(abs(at), u.scale)

@@ -383,7 +383,10 @@ def _map_channels(request: Request, names: Iterable[str], law: Callable[[Array],
 
 
 def _per_cents(request: Request, network: Network) -> Iterator[Hypothesis]:
-    """Yield powers up to 100 W, well above the deck's, that may be duty cycles in per cent."""
+    """Yield a hypothesis for each logged power that may be a duty cycle in per cent: read as that share of the load's power in the deck.
+
+    Its largest value lies above 1 W and above the deck's power, and at or below `MAX_PER_CENT`.
+    """
     values = network.flat.parameters.evaluate({})
     decks = {row.path: float(values[row.fields["power"]]) for row in network.flat.loads if "power" in row.fields}
     for name, c in _channels(request, "power").items():

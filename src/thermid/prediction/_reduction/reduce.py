@@ -276,7 +276,11 @@ def _projected(part: Subnetwork, choice: Partition) -> tuple[Array, Array, Array
 
 
 def _response(part: Subnetwork, choice: Partition, drive: Drive) -> Array:
-    """Return what the points do (times, points) in the linear part; inputs are straight between samples. [K]"""
+    """Return the temperatures of the points (times, points) [K] of a linear part as the partition lumps it, exact by its modes.
+
+    Powers [W] and temperatures around [K] of `drive` are straight between its samples. It begins at `drive.start` [K], without it in
+    balance with the first inputs.
+    """
     contraction, whole, capacity, s, m = _projected(part, choice)
     o = list(range(len(choice.clusters), whole.shape[0]))
     inverse = np.linalg.inv(whole[np.ix_(m, m)])

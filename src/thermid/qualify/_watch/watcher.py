@@ -655,10 +655,10 @@ class _Window:
         return [Alarm(best.kind, best.suspect, best.since, f"{best.because}; {others} would explain it as well", best.gain)]
 
     def _alarms_since(self, since: float) -> list[Alarm]:
-        """Return an alarm for each suspect that explains part of the innovations, had it changed at a time of the window. [s]
+        """Return an alarm for each suspect and each sensor's constant error, up and down, of size a > 0 had it changed at `since` [s].
 
-        With innovations e, variances S and the signature d of a unit change: size a = sum(d e / S) / sum(d^2 / S), gain a^2 sum(d^2 / S) /
-        2.
+        With innovations e (instants, sensors) [K], their variances S [K^2] and the signature d of a unit change [K], the difference that it
+        makes to the innovations: a = sum(d e / S) / sum(d^2 / S), gain a^2 sum(d^2 / S) / 2. None with fewer than four innovations.
         """
         place = max(int(np.searchsorted(self.dynamics.grid, since)) - 1, 0)
         names = [*(s.path for s in self.suspects), *(f"sensor {k}" for k in range(self.values.sigma.size))]
