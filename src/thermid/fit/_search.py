@@ -460,7 +460,10 @@ def _apart(ranked: Iterator[Array], taken: list[Array]) -> Iterator[Array]:
 
 
 def _valleys(problem: Problem, best: Fit, ends: list[Fit], first: Fit) -> tuple[str, tuple[str, ...]]:
-    """Return what the ends of all descents say: in words, and remarks on other values that fit as well."""
+    """Return what the ends of all descents show: in words, and a remark on each other set of values that fits as well.
+
+    The same are ends within half a standard error in every parameter; as well means a cost within 2 times the level of the residuals.
+    """
     error = _errors(problem, best)
     # starts, offsets and what has no error, at a bound, do not separate ends
     error = np.where((error > 0.0) & np.array([u.kind == "parameter" for u in problem.unknowns]), error, np.inf)

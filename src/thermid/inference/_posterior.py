@@ -303,7 +303,11 @@ class _Density:
         return cls(problem, at, box, end, max(1.0, fit.reduced_chi_square))
 
     def stretched(self, fit: Calibration) -> _Density:
-        """Return the density whose distance to the best values is stretched so that its width is that of the fit's errors."""
+        """Return the density whose distance to the best values is stretched so that its width is that of the fit's errors.
+
+        The distance is multiplied by the symmetric A with A S^-1 A = C^-1: S the covariance at the best values by readings, over the factor
+        on their variances, and priors; C that of the fit (parameters, parameters), fitted form.
+        """
         names = [self.problem.unknowns[k].name for k in self.at]
         wanted = fit.store.covariance(names)
         variance_factor = fit.autocorrelation.variance_factor if fit.autocorrelation is not None else 1.0
@@ -357,7 +361,10 @@ class _Density:
         return self._marginal(x, compressed)
 
     def _marginal(self, x: Array, compressed: Compressed) -> float:
-        """Return ``-|r|^2 / 2 + |J d|^2 / 2 - ln det(J'J) / 2`` at `x` (unknowns,), J and the best step d of the other unknowns alone."""
+        """Return ``-|r|^2 / 2 + |J d|^2 / 2 - ln det(J'J) / 2`` [-] at `x` (unknowns,), J and the best step d of the other unknowns alone.
+
+        r are weighted residuals, over the root of the `level` of their variance, and priors; the sum is ln p(x) up to a constant.
+        """
         priors, prior_slopes = self.problem.prior_rows(x)
         scale = 1.0 / math.sqrt(self.level)
         rows = np.concatenate([compressed.rows * scale, priors])

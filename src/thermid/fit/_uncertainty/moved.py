@@ -244,7 +244,10 @@ def normal_together(sizes: Array, covariance: Array) -> Together:
 
 
 def _chi_square(weights: Array, scores: Array, spread: Array) -> Together:
-    """Return the chi-square test T' V^+ T of scores T (models, values) with covariances V (models, values, values)."""
+    """Return the chi-square test T' V^+ T of scores T (models, values) with covariances V (models, values, values).
+
+    It is averaged over noise models by `weights` (models,); directions of V below `RANK_TOLERANCE` of its largest do not count. [-]
+    """
     from scipy.special import chdtrc, chdtri  # chi-squared; scipy.stats would take half a second to load
 
     size = np.sqrt(np.maximum(np.diagonal(spread, axis1=1, axis2=2), 1e-300))

@@ -440,7 +440,17 @@ def autocorrelation(problem: Problem, minimum: Fit, loss: str = "linear", loss_s
 
 
 def _trace_noise(key: tuple[str, str], b: Binned, white: float, correlated: float, time: float) -> TraceNoise:
-    """Return the noise of a trace, with the independent samples that it is worth."""
+    """Return the noise of a trace with its effective number of readings.
+
+    n_eff = n (within + s) / (white + s c'Rc / n): R the correlation exp(-|dt| / time) of the bins, c their counts, s `correlated`. A
+    rounding shared by readings lowers it further.
+
+    Parameters
+    ----------
+    key : tuple                     (record, sensor).
+    white, correlated : float       Variances of single readings, and of what wanders. [K^2]
+    time : float                    Of the correlation. [s]
+    """
     total = float(b.count.sum())
     effective = total
     if white > 0.0:
@@ -544,7 +554,14 @@ class _Calm:
 
     @classmethod
     def of_trace(cls, b: Binned, unknown_root: Array, inputs: Array | None = None) -> _Calm:
-        """Return it, `unknown_root` a root (unknowns, unknowns) of the covariance of the unknowns."""
+        """Return a trace whitened by white noise and the noise of its inputs.
+
+        Parameters
+        ----------
+        b : Binned                                  Means of its residuals (bins,) [K], their slopes (bins, unknowns), counts (bins,).
+        unknown_root : array (unknowns, unknowns)   R, R R' the covariance of the unknowns, fitted form.
+        inputs : array (bins, inputs)               Answers of the means to the noise of inputs, in units of the white noise.
+        """
         root = np.sqrt(b.count)
         weights, plain = np.diag(root), None
         if inputs is not None and inputs.size:
@@ -861,7 +878,15 @@ def _scales(pieces: Sequence[Binned], priors: Array) -> Array:
 
 
 def _averaged(traces: Sequence[_TraceBasis], prior_information: Array, start: Array) -> tuple[Array, Array, Array]:
-    """Return weights, information and scores of noise models of several traces."""
+    """Return weights (models,) [-], information (models, values, values) and scores (models, values) of noise models of several traces.
+
+    One trace has a model for each node of its grid that is not negligible, by its probability; several have `DRAWS` models of equal weight,
+    each trace's nodes drawn by their probabilities given the likeliest nodes of the others.
+
+    Parameters
+    ----------
+    prior_information, start : array    Information (values, values) and score (values,) of the priors.
+    """
     grids = [_likely(t, prior_information, start, np.arange(GRID_TIMES * GRID_RATIOS)) for t in traces]
     if len(traces) == 1:
         chance = grids[0].chance.ravel()

@@ -105,7 +105,11 @@ class RestrictedLikelihood:
 
     @classmethod
     def at(cls, summaries: Summaries, root: Array) -> RestrictedLikelihood:
-        """Return the restricted likelihood at Omega = L L', L the `root` (values, values), with beta = (X' W X)^-1 X' W d and its slope."""
+        """Return the restricted likelihood at Omega = L L', L the `root` (values, values), fitted form, with its slope by Omega.
+
+        X (units, values, coefficients) is the design, W and v are those of `weigh`: beta = (X'WX)^-1 X'v, log likelihood = (v'X beta +
+        |C^-1 L'h|^2 - ln det A - ln det X'WX) / 2.
+        """
         x = summaries.design
         lower, along, weights, pushed = weigh(summaries.information, summaries.score, root)
         carried = weights @ x

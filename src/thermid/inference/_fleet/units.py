@@ -345,7 +345,11 @@ def _shared(judged: Mapping[str, UnitJudgement]) -> Array:
 def _iterated(
     units: Sequence[FleetUnit], unknowns: Sequence[Unknown], design: CovariateDesign, together: Bools, title: str, executor: Workers
 ) -> tuple[Array, PopulationFit, list[UnitSummary], bool]:
-    """Return reference (values,), population, unit summaries, and whether the linearisations converged; fitted form."""
+    """Return the reference (values,), population, unit summaries, and whether the linearisations converged; all in the fitted form.
+
+    At most `LINEARISATIONS` turns: each unit is fitted with the population as its prior, the population to the units' scores and
+    information. Converged is a mean and a spread that move by less than `MEANS_MOVE` standard errors.
+    """
     scale = np.array([u.scale for u in unknowns])
     begin = np.array([u.to_fitted(u.start) for u in unknowns])
     means, omega = np.repeat(begin[None], len(units), axis=0), np.diag((FIRST_PRIOR_SD * scale) ** 2)

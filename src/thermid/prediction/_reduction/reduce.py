@@ -305,7 +305,10 @@ def _response(part: Subnetwork, choice: Partition, drive: Drive) -> Array:
 
 
 def _modal_response(z: Array, force: Array, begun: Array) -> Array:
-    """Return x (times, modes) of dx/dt = f - z x at unit steps, x(0) = `begun`, f = `force` (times, modes) linear between: exact."""
+    """Return x (times, modes) of dx/dt = f - z x at unit steps, x(0) = `begun` (modes,), f = `force` (times, modes) straight between.
+
+    z (modes,) is rate times step [-], f force times step; x has the unit of f. Below z = 1e-5 the weight of the late force is its series.
+    """
     decay = np.exp(-z)
     whole = -np.expm1(-z) / z
     late = np.where(z > 1e-5, (1.0 - whole) / z, 0.5 - z / 6.0)

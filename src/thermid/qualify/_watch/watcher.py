@@ -120,7 +120,16 @@ def _min_jump(steps: Array) -> float:
 
 
 def _sensor_alarm(channel: Channel, times: Array, changed: Array) -> Alarm | None:
-    """Return the alarm of one channel by its readings (samples,), or None: no reading, a jump that stays, or no change."""
+    """Return the alarm of a temperature channel by its readings alone; None without a cause.
+
+    No reading among the last `MISSING_READINGS`; a jump beyond `_min_jump` [K] that stays for `JUMP_STAYS_TIME` [s] with no change of
+    conditions about it; the same value `STUCK_READINGS` times in readings that scatter by more than their steps.
+
+    Parameters
+    ----------
+    times : array (samples,)        [s]
+    changed : array (changes,)      When conditions changed. [s]
+    """
     name, valid = channel.name, channel.valid
     if valid.size >= MISSING_READINGS and not valid[-MISSING_READINGS:].any():
         last = np.flatnonzero(valid)
@@ -636,7 +645,11 @@ class _Window:
         return float(1.0 / max(np.abs(np.linalg.eigvals(local.jacobian)).max(), 1e-12))
 
     def alarms(self) -> list[Alarm]:
-        """Return the suspect that explains the innovations best, naming others that do as well; none below a gain of `MIN_GAIN`."""
+        """Return the suspect that explains the innovations with the largest gain in log likelihood [-]; none below a gain of `MIN_GAIN`.
+
+        Others within `MIN_GAIN_LEAD` of it are named in its sentence. Tried beginnings are `BEGINNINGS` [s] back, and `TRIED_AGAIN` more
+        about the best.
+        """
         end = float(self.dynamics.grid[-1])
         backs = [0.0, *(back for back in BEGINNINGS if back < end)]
         alarms = [a for back in backs[1:] for a in self._alarms_since(end - back)]
