@@ -328,7 +328,11 @@ class Search:
         return int(UNASKED / (USUAL * steps * (1 + len(problem.unknowns))))
 
     def confirmed(self, first: Fit, why: str) -> Fit:
-        """Return the better of a descent and one from the other side of its start; the best of several where these two differ."""
+        """Return the better of a descent and one from the other side of its start; the best of several where these two differ.
+
+        The other start is the mirror of the end at the start, in the unit cube at least `MIN_START_DISTANCE` away; to differ is to be more
+        than half a standard error apart in some value. `why` is the reason, in words.
+        """
         population = self.population
         if not self._further(first):
             return self.affordable(first, why)
@@ -405,7 +409,10 @@ class Search:
                 yield end
 
     def _screened(self, why: str, many: int) -> tuple[Array, Array]:
-        """Return points of the box (`SCREENED`, parameters), and their costs."""
+        """Return points of the unit cube (`SCREENED`, parameters), a scrambled Sobol sequence, and their costs (`SCREENED`,). [-]
+
+        `why` in words; `many` is the number of descents that the announced time includes.
+        """
         from scipy.stats import qmc
 
         begun = time.perf_counter()

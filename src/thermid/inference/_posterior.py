@@ -204,7 +204,7 @@ class _FitProposals:
     root: Array
 
     def log(self, points: Array) -> Array:
-        """Return the logarithm of the density at points (points, parameters), but for a constant."""
+        """Return ln of the density at points (points, parameters), fitted form, up to a constant: Student's t about the fit. [-]"""
         square = np.sum(np.linalg.solve(self.root, (points - self.middle).T) ** 2, axis=0)
         return np.asarray(-0.5 * (TAIL_DEGREES_OF_FREEDOM + self.middle.size) * np.log1p(square / TAIL_DEGREES_OF_FREEDOM))
 
@@ -324,7 +324,10 @@ class _Density:
         return replace(self, level=variance_factor, stretch=stretch * scale[:, None] / scale[None, :])
 
     def widths(self, fit: Calibration) -> Array:
-        """Return the covariance (parameters, parameters) of proposals: that of the fit, or without a stretch its variances alone."""
+        """Return the covariance (parameters, parameters) of proposals, fitted form: that of the fit, without a stretch its variances.
+
+        Where an error is not finite, a quarter of the box stands for it.
+        """
         errors = self.errors(fit)
         if self.stretch is None:
             return np.diag(np.where(np.isfinite(errors), errors, np.ptp(self.box, axis=1) / 4.0) ** 2)
@@ -382,6 +385,6 @@ class _Density:
 
 
 def _root(matrix: Array) -> Array:
-    """Return the symmetric root R of a symmetric matrix M, ``R R = M``; negative eigenvalues count as zero."""
+    """Return the symmetric root R (n, n), ``R R = M``, of a symmetric matrix M (n, n); negative eigenvalues count as zero."""
     sizes, vectors = np.linalg.eigh(0.5 * (matrix + matrix.T))
     return np.asarray((vectors * np.sqrt(np.maximum(sizes, 0.0))) @ vectors.T)

@@ -154,7 +154,7 @@ class Setting:
         return self.full.run(self._derivative_point, sensitivities=True)
 
     def linear(self, nodes: Sequence[str] | None = None) -> Linear:
-        """Return one run with its derivatives carried to the sources; of all nodes where none are named."""
+        """Return one run with its derivatives (times and the settled state, sources) of nodes, all by default. [K per unit of a source]"""
         run = self._run
         chosen = list(
             dict.fromkeys(run[n].path for n in (nodes if nodes is not None else [k for k in run.nodes if k not in self.ready.without_gas]))

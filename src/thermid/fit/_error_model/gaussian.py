@@ -234,7 +234,7 @@ def _flattened(logs: Array, enough: float) -> Array:
 
 
 def _log_normal(points: Array, mean: Array, spread: Array) -> Array:
-    """Return ln of a normal density (n,) of independent coordinates, but for a constant."""
+    """Return ln of an independent normal density (n,) at points (n, coordinates), up to a constant; `mean`, `spread` (coordinates,)."""
     return np.asarray(-0.5 * np.sum(((points - mean) / spread) ** 2, axis=1) - np.log(spread).sum())
 
 

@@ -363,7 +363,10 @@ def _averaged(runs: RunsOfFit, way: Way, laws: Mapping[str, ElementLaw], centre:
 
 
 def left_prior() -> dict[tuple[float, float], float]:
-    """Return (size, time) of what no element explains, in parts of its scale and of the run -> ln of its probability."""
+    """Return (size, time) of what no element explains, in parts of its scale and of the run -> ln of its probability. [-]
+
+    Sizes `LEFT_SIZES` have the mass of half a normal law between their middles; the times `LEFT_TIMES` are equally likely.
+    """
     from scipy.special import ndtr
 
     edges = np.r_[0.0, 0.5 * (np.array(LEFT_SIZES[1:]) + LEFT_SIZES[:-1]), np.inf]

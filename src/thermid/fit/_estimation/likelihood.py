@@ -151,7 +151,11 @@ class Likelihood:
         return out
 
     def maximise(self, start: Array, *, observed: bool = True) -> Maximum:
-        """Return the maximum that a search from a start (unknowns,) comes upon; without `observed` its information is the expected one."""
+        """Return the maximum that a descent from `start` (unknowns,), fitted form, reaches, with its information (unknowns, unknowns).
+
+        Gauss-Newton steps by the expected information, at most `MAX_FIRST_STEP` at first. The information is the observed one, without
+        `observed` the expected one.
+        """
         low, high = (np.array(b) for b in zip(*(u.fitted_bounds() for u in self.unknowns), strict=True))
         scores: dict[bytes, LikelihoodScore] = {}
 

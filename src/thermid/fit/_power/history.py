@@ -322,7 +322,7 @@ def _linear(h: PowerHistory) -> PowerLaw | None:
 
 
 def _exponential(h: PowerHistory) -> PowerLaw | None:
-    """Return the law P exp(a (T - T0)), T0 the middle of the temperatures seen."""
+    """Return the law P exp(a (T - T0)) [W], a [1/K], T0 [degC] the middle of the temperatures seen; None where no descent ends."""
     low, high, mean, _ = _spread(h)
     middle = 0.5 * (low + high)
 
@@ -371,7 +371,10 @@ def _proportional(h: PowerHistory) -> PowerLaw | None:
 
 
 def _thermostat(h: PowerHistory) -> PowerLaw | None:
-    """On below, off above: levels from the two halves of the powers, switching temperatures from where they change."""
+    """Return a thermostat's law, on below and off above [degC]: None with fewer than three switches, or levels that do not part.
+
+    Power [W] is the median of those above the middle; the levels are medians of the temperatures at which it changes.
+    """
     at, power, _, _ = _means(h)
     middle = 0.5 * (power.min() + power.max())
     on = power > middle
@@ -560,7 +563,10 @@ def _request_of_knots(
 
 
 def _history(request: Request, problem: Problem, path: str, knots: Array, pins: Pins, solution: Solved) -> PowerHistory:
-    """Return what a user sees of the end."""
+    """Return a power history at `knots` (knots,) [s] with its standard errors [W], the values fitted with it, and a run of the deck by it.
+
+    Its resolution is the median width at half maximum of the smoothing kernel, rows of covariance times information. [s]
+    """
     count = knots.size
     first = solution.x.size - count
     power, covariance = solution.x[first:], solution.covariance[first:, first:]
@@ -613,7 +619,7 @@ def _shown(unknown: Unknown, fitted: float) -> float:
 
 
 def _half_width(row: Array, at: int) -> float:
-    """Return the full width at half maximum of a smoothing kernel about its knot, in knots."""
+    """Return the full width at half maximum [knots] of a smoothing kernel (knots,) about its knot `at`, straight between knots."""
     half, out = 0.5 * row[at], 0.0
     for side in (row[at:], row[at::-1]):
         below = np.flatnonzero(side < half)

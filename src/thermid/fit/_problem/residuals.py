@@ -199,7 +199,7 @@ class Sums:
         return cls(residuals.size, float(residuals[0]), float(residuals[-1]), *sums, largest)
 
     def _about(self, zero: float) -> tuple[float, float, float]:
-        """Return total, squares and lagged of what each residual exceeds `zero` by."""
+        """Return the sums of r - zero, of its squares, and of products of neighbours, of the residuals r behind these sums. [noise]"""
         d, n = self.first - zero, self.count
         ends = self.last - self.first  # the first exceeds itself by nothing
         lagged = self.lagged + d * (2.0 * self.total - ends) + (n - 1) * d * d

@@ -408,7 +408,10 @@ def _consider(table: _Table, request: Request, problem: Problem, minimum: Fit, f
 
 
 def rank(rows: Array, beside: Array | None = None) -> int:
-    """Return of how many combinations of unknowns the rows state something; `beside` are the columns of others that are open too."""
+    """Return the rank [-] of rows (rows, unknowns) to `RANK_TOLERANCE`, each column at unit length.
+
+    `beside` (rows, others) are the columns of unknowns that are open too: what they can compensate is taken off.
+    """
     part = scaled(rows)[0][: len(rows)]
     largest = float(np.linalg.norm(part, 2)) if part.size else 0.0
     if beside is not None and beside.shape[1]:

@@ -126,7 +126,10 @@ def _opened(a: Test, chosen: Sequence[int], loose: Sequence[int]) -> tuple[Array
 
 
 def _shift_by_model(a: Test, k: int, loose: Sequence[int]) -> tuple[Array, Array]:
-    """Return the shift I^-1 T of the value in position k and its standard error (models,); 0 and infinite where the data tell nothing."""
+    """Return the shift I^-1 T (models,), fitted form, of the value in position k and its standard error; 0 and infinite if undetermined.
+
+    Undetermined is less than `NEGLIGIBLE_INFORMATION` of its own information left, with the values in positions `loose` open.
+    """
     scores, information, spread = _opened(a, [k], loose)
     information_of_value = information[:, 0, 0]
     is_determined = information_of_value > NEGLIGIBLE_INFORMATION * np.maximum(a.information[:, k, k], 1e-300)
@@ -192,7 +195,10 @@ def shifts(a: Test, positions: Sequence[int]) -> list[Shift]:
 
 
 def _shift(weights: Array, sizes: Array, errors: Array, chance: float, tests: int) -> Shift:
-    """Return a shift averaged over the noise models, from its size and error by each; nothing where some model leaves it open."""
+    """Return a shift, fitted form, averaged over noise models by `weights` (models,), from `sizes` and `errors` (models,) of each.
+
+    Its error includes the scatter between models. Open, not a number, where some model with weight leaves it open.
+    """
     if not np.isfinite(errors[weights > 0]).all():
         return Shift(math.nan, math.inf, math.nan, math.inf)
     size = float(weights @ sizes)
@@ -662,7 +668,10 @@ def moved_instruments(before: Store, after: Store) -> MovedGroup:
 
 
 def _covariance_difference(below: Array, here: Array) -> Array:
-    """Return `below` - `here`, both covariances; `below` alone in directions where the difference is under a tenth of it."""
+    """Return `below` - `here`, both covariances (values, values); `below` alone in directions where less than a tenth of it is left.
+
+    Directions are those of the shares of the variance below that stand here: eigenvectors of L^-1 here L'^-1, below = L L'.
+    """
     root = np.linalg.cholesky(below)
     half = np.linalg.solve(root, here)
     # below = L L'; the eigenvalues of L^-1 here L^-T are the shares of the variance below that are left here

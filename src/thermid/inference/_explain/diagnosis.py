@@ -299,7 +299,11 @@ def diagnose(
 
 
 def _weighed(bench: FaultBench) -> Diagnosis:
-    """Posterior probabilities of groups and faults, by the evidence of each."""
+    """Return the probabilities [-] of groups and faults by their evidence: groups are equally likely, and faults within a group.
+
+    The evidence of a group is the mean of those of its faults, "nothing" has evidence 1. The `MAX_DIAGNOSED_FAULTS` best of each group are
+    fitted again.
+    """
     from scipy.special import logsumexp
 
     z = bench.root @ bench.d
@@ -336,8 +340,8 @@ def _linear(bench: FaultBench, c: Fault, z: Array) -> Tried:
 def _refitted(bench: FaultBench, c: Fault, z: Array, begun: Tried) -> Tried:
     """Return the outcome of a fault after at most `DIAGNOSED_ROUNDS` Gauss-Newton steps of its amount [unit of the fault] from `begun`.
 
-    With whitened residuals r and slopes w, amount = w'(r + w a) / (w'w + 1 / size^2). `z` are the whitened deviations without a fault. It ends
-    where the amount moves by less than a thousandth of the fault's size.
+    With whitened residuals r and slopes w, amount = w'(r + w a) / (w'w + 1 / size^2). `z` are the whitened deviations without a fault. It
+    ends where the amount moves by less than a thousandth of the fault's size.
     """
     amount, best = begun[1], begun
     for _ in range(DIAGNOSED_ROUNDS):

@@ -322,7 +322,11 @@ class Hypothesis:
 
 
 def _of_deck(request: Request, fit: RoughFit, base: RoughEnd) -> Iterator[Hypothesis]:
-    """Yield values that the fit holds, of elements of which nothing is free: those that would take most squares away."""
+    """Yield a hypothesis for each value that is fixed and of elements without a free one: the `FULLY_FITTED_HYPOTHESES` largest gains.
+
+    The gain of one step is (c'r)^2 / (c'c) [-], r the weighted residuals and c their derivatives by the value, both less what the unknowns
+    of the fit can compensate.
+    """
     flat = fit.problem.experiments[0].network.flat
     free = [p for u in fit.problem.unknowns if u.kind == "parameter" for p in (u.name, *u.also)]
     moving_paths = {*free, *flat.parameters.downstream(free)}
@@ -571,7 +575,7 @@ def _shift(request: Request, fit: RoughFit, base: RoughEnd, names: list[str]) ->
 
 
 def _shifted(request: Request, names: list[str], shift: float) -> Request:
-    """Return a request in which some channels show what they showed `shift` seconds later or, below zero, earlier."""
+    """Return a request in which some channels show what they showed `shift` [s] later or, below zero, earlier."""
 
     def change(r: Record) -> Record:
         """Return a record with the readings of some channels changed."""

@@ -455,7 +455,10 @@ def _summed(
     model: Model,
     judged: Mapping[str, UnitJudgement],
 ) -> Fleet:
-    """Return the result: values and intervals in SI units, from the population about `reference` (values,) in the fitted form."""
+    """Return the result: values and intervals [SI] from the population about `reference` (values,), fitted form, and what is said of units.
+
+    Effects of covariates and correlations between values have 95 % intervals; odd units are those beyond a threshold distance.
+    """
     size, at, shared = len(unknowns), population.at, _shared(judged)
     worth = _worth(population, units)
     values = {u.name: _value(u, k, population, reference, worth, units, shared[k, k]) for k, u in enumerate(unknowns)}

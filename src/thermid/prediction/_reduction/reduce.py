@@ -321,7 +321,11 @@ def _modal_response(z: Array, force: Array, begun: Array) -> Array:
 
 
 def condensed(part: Subnetwork, choice: Partition) -> Condensed:
-    """Return a part reduced as chosen."""
+    """Return a part with one node per cluster and its other nodes eliminated: conductances [W/K] and capacitances [J/K] of what stays.
+
+    Laws of `KEPT_FORMS` between nodes that stay are kept; the rest is straight at its secants [W/K], and nodes between are eliminated by
+    the Schur complement. Links below `MIN_LINK_SHARE` of the largest are left out.
+    """
     first = {m: c[0] for c in choice.clusters for m in c}
     spoken = {k: part.nodes[c[0]] for k, c in enumerate(choice.clusters)}
     shown = {k for k, c in enumerate(choice.clusters) if k in choice.states or any(part.nodes[m] in part.shown for m in c)}

@@ -173,7 +173,7 @@ class Reference:
         return self.memo.value(tau, lambda: self._filter(tau))
 
     def _filter(self, tau: float) -> FloatArray:
-        """Compute `filtered` sample by sample, exactly for straight lines."""
+        """Return the values (samples,) [K] behind a lag of `tau` [s]: tau dy/dt = x - y, y = x at first, exact for straight x."""
         out = np.empty(self.values.size)
         out[0] = self.values[0]
         for k in range(1, self.values.size):
@@ -282,7 +282,7 @@ def _time_constant_pairs(span: float, slowest: float) -> FloatArray:
 
 
 def _design(axis: FloatArray, now: float, taus: FloatArray, room: Reference | None) -> FloatArray:
-    """Return the terms of a curve at times `axis` (bins, terms): 1, exp(-(t - now) / tau) for each tau, the reference behind each."""
+    """Return the terms (bins, terms) at times `axis` (bins,) [s]: 1 and exp(-(t - now) / tau) [-], the reference behind each tau [K]."""
     columns = [np.ones(axis.size), *(np.exp(-(axis - now) / tau) for tau in taus)]
     if room is not None:
         where = np.searchsorted(room.times, axis)

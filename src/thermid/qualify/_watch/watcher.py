@@ -543,7 +543,10 @@ class _FilterValues:
     added: Bools
 
     def at(self, dynamics: Dynamics, changed: tuple[str, float] = ("", 0.0)) -> At:
-        """Return the dynamics at these values, one of them changed by the factor exp(+-1) or by +-1 K; ``sensor k`` is an offset."""
+        """Return the dynamics at these values, one changed: by the factor exp(sign * `TRIED_CHANGE`), by `sign` K where it adds.
+
+        `changed` is (name, sign); ``sensor k`` is the constant error of that sensor [K], an empty name changes nothing.
+        """
         way, sign = changed
         is_changed = np.array([n == way for n in self.names])
         x = np.where(is_changed, np.where(self.added, self.x + sign, self.x * np.exp(sign * TRIED_CHANGE)), self.x)
