@@ -837,7 +837,7 @@ def starts_of(before: Store, old: Model, new: Model, starts: Sequence[PlaceStart
 
 
 def _response(before: Store, values: ParameterSet, path: str) -> NDArray[np.float64]:
-    """Return how the logarithm of a value responds to the sources of what was known of the numbers behind it."""
+    """Return d ln(value at `path`) / d source (sources,), by a relative step `RELATIVE_STEP` of each number behind it."""
     out = np.zeros(len(before.sources))
     at = float(values.evaluate({})[path])
     for state in before.parameters.values():

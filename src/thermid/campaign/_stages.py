@@ -329,7 +329,7 @@ def not_inherited(
 
     Parameters
     ----------
-    k : int             Which stage of the campaign this is; in the studio, later ones may be done too.
+    k : int             Position of this stage among the stages, from 0; in the studio, later ones may be done too.
     paths : iterable    What the stage frees or inherits.
     shared : dict       As in `moving_together`.
     """

@@ -503,7 +503,11 @@ def _value(u: Unknown, fitted: float, total: float, random: float, origin: str) 
 
 
 def _locals(problem: Problem, minimum: Fit, total: Array) -> tuple[Local, ...]:
-    """Return the unknowns of single records; their slopes are those of a Gaussian's conditional mean, C_lv C_vv^-1."""
+    """Return the values of single records with errors and slopes, those of a Gaussian's conditional mean: C_lv C_vv^-1.
+
+    l are the local values R x (`_local_row`), v the unknowns of all records whose error is finite, and C, `total` (unknowns, unknowns), the
+    covariance of the fitted form. Slopes are [unit of l per fitted form of v]; C_vv is inverted as a correlation, since units differ.
+    """
     # when powers changed is asked for the sake of the other values only
     local = {k: u for k, u in enumerate(problem.unknowns) if u.kind == "local"}
     at = {k: u.name.partition(": ") for k, u in local.items() if not u.is_instant}
@@ -543,7 +547,14 @@ def correlations_of(problem: Problem, total: Array) -> dict[tuple[str, str], flo
 
 
 def _warnings(problem: Problem, minimum: Fit, total: Array, spread: Autocorrelation | None, values: FittedValues) -> list[str]:
-    """Return what a reader must know."""
+    """Return what a reader must know of convergence, bounds, clocks, priors, noise and switched powers, a sentence each.
+
+    Parameters
+    ----------
+    total : array (unknowns, unknowns)  Covariance of the unknowns, fitted form.
+    spread : Autocorrelation or None    What the residuals show of their scatter.
+    values : dict                       The fitted values, with the error that a bound cuts.
+    """
     out = []
     if not minimum.converged:
         out.append(f"the fit did not converge: {minimum.message}")
@@ -554,6 +565,7 @@ def _warnings(problem: Problem, minimum: Fit, total: Array, spread: Autocorrelat
     for u, error in (
         (problem.unknowns[k], float(np.sqrt(total[k, k]))) for i in range(len(problem.experiments)) for k, _, _ in problem.ticking(i)
     ):
+        # 95 % are four standard errors wide; clocks are not fitted by logarithms
         if 4.0 * error > UNKNOWN_CLOCK * (u.high - u.low):
             out.append(
                 f"'{u.name}' is not determined: its 95 % are {100.0 * min(4.0 * error / (u.high - u.low), 1.0):.0f} % of the range that it "

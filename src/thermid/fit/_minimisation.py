@@ -229,7 +229,10 @@ def _bend_after(bend: Array, step: Array, before: tuple[Array, Array], after: tu
 
 
 def _with_bend(rows: Array, slopes: Array, bend: Array, scale: Array) -> tuple[Array, Array]:
-    """Return rows and slopes of the same gradient and of the curvature ``J'J + bend``, made positive."""
+    """Return rows (unknowns,) and slopes (unknowns, unknowns) of the gradient J'r and of the curvature J'J + bend, made positive.
+
+    Eigenvalues of the curvature in units of `scale` (unknowns,) count by their size.
+    """
     sizes, ways = np.linalg.eigh((slopes.T @ slopes + bend) * np.outer(scale, scale))
     sizes = np.maximum(np.abs(sizes), np.finfo(float).eps * np.abs(sizes).max() + np.finfo(float).tiny)
     gradient = ways.T @ (scale * (slopes.T @ rows))
@@ -275,7 +278,11 @@ def _step(rows: Array, slopes: Array, x: Array, bounds: tuple[Array, Array], sca
 
 
 def _within(slopes: Array, rows: Array, reach: float) -> Array:
-    """Return s that makes |r + J s| least with |s| <= reach: ``(J'J + damping) s = -J'r``, the damping from the length of s."""
+    """Return the step s (unknowns,) that makes |r + J s| least with |s| <= reach, of rows r (rows,) and slopes J (rows, unknowns). [-]
+
+    (J'J + damping) s = -J'r; the damping is found to 1 % of the length by Newton's method on 1 / reach - 1 / |s| (More, Lecture Notes in
+    Mathematics 630 (1978) 105).
+    """
     left_vectors, sizes, right = np.linalg.svd(slopes, full_matrices=False)
     force = left_vectors.T @ rows
     is_nonzero = sizes > np.finfo(float).eps * max(slopes.shape) * sizes.max(initial=0.0)
@@ -366,7 +373,7 @@ def minimise(
     start : array           In the fitted form; the unknowns' own start by default.
     progress : callable     Called with the number of evaluations and the RMS of the weighted residuals.
     done : float            The descent ends once the step ahead is below this part of a standard error. [-]
-    rounds : int            It ends after so many evaluations in any case, not converged.
+    rounds : int            Each of its two parts, to a relative 1e-3 of the cost and to the end, has at most so many evaluations.
     stoppable : bool        Whether the interrupt key ends it with the best values so far, once there are any: `Fit.stopped`, not converged.
 
     Raises

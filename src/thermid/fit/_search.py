@@ -96,7 +96,12 @@ class Population:
         return np.asarray(np.clip((fitted[self.at] - self.low) / (self.high - self.low), 0.0, 1.0))
 
     def costs(self, shares: Array) -> Array:
-        """Return half the weighted sum of squares (members,) at points of the unit cube, priors included; infinite where a run fails."""
+        """Return half the sum of losses of weighted residuals and of squared priors (members,) [-]; infinite where a run fails.
+
+        Parameters
+        ----------
+        shares : array (members, parameters)    Points of the unit cube, as of `placed`. [-]
+        """
         points = self.placed(shares)
         cost = np.array([float(r @ r) for r in (self.problem.prior_rows(p)[0] for p in points)])
         for i, bench in enumerate(self.problem.benches()):
@@ -273,7 +278,11 @@ class Search:
     spent: list[float] = field(default_factory=list)
 
     def descent(self, start: Array | None, rounds: int = MOST_EVALUATIONS) -> Fit:
-        """Return the end of one descent, after `rounds` in each of its two parts in any case, and note what it took."""
+        """Return the end of one descent from `start` (unknowns,), fitted form, and note its time [s] in `spent`.
+
+        Without a start, from the problem's own. `rounds` evaluations at most in each of its two parts, the first to a relative change of
+        the cost of 1e-3, the second to the end (`minimise`).
+        """
         p, begun = self.population, time.perf_counter()
 
         def priced(count: int, rms: float) -> None:
@@ -319,7 +328,11 @@ class Search:
         return int(UNASKED / (USUAL * steps * (1 + len(problem.unknowns))))
 
     def confirmed(self, first: Fit, why: str) -> Fit:
-        """Return the better of a descent and one from the other side of its start; the best of several where these two differ."""
+        """Return the better of a descent and one from the other side of its start; the best of several where these two differ.
+
+        The other start is the mirror of the end at the start, in the unit cube at least `MIN_START_DISTANCE` away; to differ is to be more
+        than half a standard error apart in some value. `why` is the reason, in words.
+        """
         population = self.population
         if not self._further(first):
             return self.affordable(first, why)
@@ -382,7 +395,11 @@ class Search:
         )
 
     def from_all(self, starts: Array, rounds: int) -> Iterator[Fit]:
-        """Yield the ends of descents from starts (starts, unknowns), in their order; those that the model cannot be run at have none."""
+        """Yield the ends of descents from starts (starts, unknowns), fitted form, in their order; none where the model cannot be run.
+
+        The executor's workers share them; the time announced is that of the descents in `spent`, of which one at least must be. `rounds` as
+        of `descent`.
+        """
         alone = self.executor is None
         worker = self if alone else replace(self, progress=None, stoppable=False, executor=None, spent=[])
         tasks = [(f"the search from start {k + 1}", (worker, start, rounds)) for k, start in enumerate(starts)]
@@ -392,7 +409,10 @@ class Search:
                 yield end
 
     def _screened(self, why: str, many: int) -> tuple[Array, Array]:
-        """Return points of the box (`SCREENED`, parameters), and their costs."""
+        """Return points of the unit cube (`SCREENED`, parameters), a scrambled Sobol sequence, and their costs (`SCREENED`,). [-]
+
+        `why` in words; `many` is the number of descents that the announced time includes.
+        """
         from scipy.stats import qmc
 
         begun = time.perf_counter()
@@ -447,7 +467,10 @@ def _apart(ranked: Iterator[Array], taken: list[Array]) -> Iterator[Array]:
 
 
 def _valleys(problem: Problem, best: Fit, ends: list[Fit], first: Fit) -> tuple[str, tuple[str, ...]]:
-    """Return what the ends of all descents say: in words, and remarks on other values that fit as well."""
+    """Return what the ends of all descents show: in words, and a remark on each other set of values that fits as well.
+
+    The same are ends within half a standard error in every parameter; as well means a cost within 2 times the level of the residuals.
+    """
     error = _errors(problem, best)
     # starts, offsets and what has no error, at a bound, do not separate ends
     error = np.where((error > 0.0) & np.array([u.kind == "parameter" for u in problem.unknowns]), error, np.inf)
@@ -625,7 +648,11 @@ def _calm(experiment: Experiment) -> Experiment | None:
 
 
 def _grid(problem: Problem, i: int, fitted: Array, number: int) -> Iterator[Array]:
-    """Yield values of all unknowns with one clock on a grid: offsets with both ends of their range, rates amid equal parts of theirs."""
+    """Yield values of all unknowns (unknowns,), fitted form, with the clock `number` of record `i` on a grid, the others as in `fitted`.
+
+    `GRID_OFFSETS` offsets [s] from end to end of their range, `GRID_RATES` rates [-] in the middles of equal parts of theirs; one where a
+    range is a point.
+    """
     clock = problem.experiments[i].ticks[number].clock
     (first, last), (slowest, fastest) = clock.offset, clock.rate
     offsets = np.linspace(first, last, GRID_OFFSETS if first < last else 1)

@@ -25,7 +25,10 @@ MIN_LENGTH = 50
 EXTENSION = 16
 """Times the steps asked for to which chains that are not long enough are run on."""
 INDEPENDENT_STEP_SHARE = 0.7
-"""Share of the steps whose proposals are drawn by the covariance of the fit."""
+"""Share of the steps whose proposals are drawn by the covariance of the fit; any share gives the same law, the others serve curved valleys.
+
+[-]
+"""
 TAIL_DEGREES_OF_FREEDOM = 6
 """Degrees of freedom of these."""
 
@@ -201,7 +204,7 @@ class _FitProposals:
     root: Array
 
     def log(self, points: Array) -> Array:
-        """Return the logarithm of the density at points (points, parameters), but for a constant."""
+        """Return ln of the density at points (points, parameters), fitted form, up to a constant: Student's t about the fit. [-]"""
         square = np.sum(np.linalg.solve(self.root, (points - self.middle).T) ** 2, axis=0)
         return np.asarray(-0.5 * (TAIL_DEGREES_OF_FREEDOM + self.middle.size) * np.log1p(square / TAIL_DEGREES_OF_FREEDOM))
 
@@ -300,7 +303,11 @@ class _Density:
         return cls(problem, at, box, end, max(1.0, fit.reduced_chi_square))
 
     def stretched(self, fit: Calibration) -> _Density:
-        """Return the density whose distance to the best values is stretched so that its width is that of the fit's errors."""
+        """Return the density whose distance to the best values is stretched so that its width is that of the fit's errors.
+
+        The distance is multiplied by the symmetric A with A S^-1 A = C^-1: S the covariance at the best values by readings, over the factor
+        on their variances, and priors; C that of the fit (parameters, parameters), fitted form.
+        """
         names = [self.problem.unknowns[k].name for k in self.at]
         wanted = fit.store.covariance(names)
         variance_factor = fit.autocorrelation.variance_factor if fit.autocorrelation is not None else 1.0
@@ -317,7 +324,10 @@ class _Density:
         return replace(self, level=variance_factor, stretch=stretch * scale[:, None] / scale[None, :])
 
     def widths(self, fit: Calibration) -> Array:
-        """Return the covariance (parameters, parameters) of proposals: that of the fit, or without a stretch its variances alone."""
+        """Return the covariance (parameters, parameters) of proposals, fitted form: that of the fit, without a stretch its variances.
+
+        Where an error is not finite, a quarter of the box stands for it.
+        """
         errors = self.errors(fit)
         if self.stretch is None:
             return np.diag(np.where(np.isfinite(errors), errors, np.ptp(self.box, axis=1) / 4.0) ** 2)
@@ -354,7 +364,10 @@ class _Density:
         return self._marginal(x, compressed)
 
     def _marginal(self, x: Array, compressed: Compressed) -> float:
-        """Return ``-|r|^2 / 2 + |J d|^2 / 2 - ln det(J'J) / 2`` at `x` (unknowns,), J and the best step d of the other unknowns alone."""
+        """Return ``-|r|^2 / 2 + |J d|^2 / 2 - ln det(J'J) / 2`` [-] at `x` (unknowns,), J and the best step d of the other unknowns alone.
+
+        r are weighted residuals, over the root of the `level` of their variance, and priors; the sum is ln p(x) up to a constant.
+        """
         priors, prior_slopes = self.problem.prior_rows(x)
         scale = 1.0 / math.sqrt(self.level)
         rows = np.concatenate([compressed.rows * scale, priors])
@@ -372,6 +385,6 @@ class _Density:
 
 
 def _root(matrix: Array) -> Array:
-    """Return the symmetric root R of a symmetric matrix M, ``R R = M``; negative eigenvalues count as zero."""
+    """Return the symmetric root R (n, n), ``R R = M``, of a symmetric matrix M (n, n); negative eigenvalues count as zero."""
     sizes, vectors = np.linalg.eigh(0.5 * (matrix + matrix.T))
     return np.asarray((vectors * np.sqrt(np.maximum(sizes, 0.0))) @ vectors.T)

@@ -49,7 +49,7 @@ class Sensor:
         for raw, entry in stated.items():
             where = f"sensors.{raw}"
             table = dict(entry) if isinstance(entry, Mapping) else {"noise": entry}
-            for key in set(table) - {"noise", "accuracy", "name"}:
+            for key in sorted(set(table) - {"noise", "accuracy", "name"}):
                 raise IdentificationError(
                     f"give a sensor noise, accuracy and name, not {key}.{nearest(key, ('noise', 'accuracy'))}", where, code="name.unknown"
                 )

@@ -207,6 +207,10 @@ def to_c(
             code="output.not-expressible",
         )
     length, stated = (step, stated_error(w, step)) if step is not None else chosen_step(w, error)
+    if stated == math.inf:
+        raise SolverError(
+            f"fixed steps of {length:g} s have no finite answer. Give a shorter one: step = ...", w.network.title, code="run.did-not-finish"
+        )
     return exported(w, _Header(w, called, length, stated).text().splitlines(), target, "//")
 
 
@@ -489,7 +493,7 @@ def nice_steps(end: float) -> Iterator[float]:
 
 
 def chosen_step(w: Wired, allowed: float) -> tuple[float, float]:
-    """Return the longest step whose error is allowed, and that error; the shortest tried where none is. [s], [K]"""
+    """Return the longest step [s] whose error is at most `allowed` [K], and that error [K]; the shortest of `nice_steps` where none is."""
     step = error = math.nan
     for step in nice_steps(w.scenario.seconds):
         error = stated_error(w, step)
@@ -501,23 +505,19 @@ def chosen_step(w: Wired, allowed: float) -> tuple[float, float]:
 def stated_error(w: Wired, step: float) -> float:
     """Return the stated error of fixed steps: twice the largest difference of all states with mass to a run at 1e-9, in two digits. [K]
 
-    Raises
-    ------
-    SolverError   When a step has no answer.
+    Infinite where the header would return a code other than zero: a step without a finite answer, or a thermostat that switches more than
+    `MOST_CUTS` times within one.
     """
     grid = step_grid(w.breaks(), w.scenario.seconds, step)
     with np.errstate(all="ignore"):
         temperatures = _Stepper(w, grid).temperatures()
+    if temperatures is None:
+        return math.inf
     engine = Engine(Wiring(w.network, w.scenario))
     start = engine.started(engine.wiring.assemble(gradients=False))
     tight = engine.integrate(start, grid, w.massive, float(grid[-1]), Options(error=TIGHT, inputs=1e-7)).temperatures
-    error = ERROR_MARGIN * float(np.abs(temperatures - tight).max())
-    if not np.isfinite(error):
-        raise SolverError(
-            f"fixed steps of {step:g} s have no finite answer. Give a shorter one: step = ...", w.network.title, code="run.did-not-finish"
-        )
     # rounded up to two digits
-    error = max(error, 1e-6)
+    error = max(ERROR_MARGIN * float(np.abs(temperatures - tight).max()), 1e-6)
     unit = 10.0 ** (math.floor(math.log10(error)) - 1)
     return float(f"{math.ceil(error / unit - 1e-9) * unit:.6g}")
 
@@ -546,14 +546,16 @@ class _Stepper:
         self.on = np.full(len(layout.controls), 0, dtype=np.int32)
         self.boundaries = {len(self.engine.nodes) + k: b for k, b in enumerate(w.network.boundaries)}
 
-    def temperatures(self) -> Array:
-        """Return temperatures (times, nodes with mass). [K]"""
+    def temperatures(self) -> Array | None:
+        """Return temperatures (times, nodes with mass) [K]; None where a step has no finite answer."""
         state = self.a.initial.copy()
         for k, control in zip(self.places, self.controls, strict=True):
             self.on[k] = self._sensor(control, state, 0.0) <= self.a.coefficients[control.places[0]]
         out = [state[self.massive]]
         for begin, end in zip(self.grid[:-1], self.grid[1:], strict=True):
             state = self._advance(state, float(begin), float(end))
+            if not np.isfinite(state).all():
+                return None
             out.append(state[self.massive])
         return np.array(out)
 
@@ -563,7 +565,7 @@ class _Stepper:
         return heat, jacobian
 
     def _settled(self, state: Array, time: float) -> Array:
-        """Return temperatures with nodes without mass in balance."""
+        """Return temperatures (nodes,) [K] with nodes without mass in balance at a time [s], by Newton's method to 1e-10 K."""
         if not self.massless.any():
             return state
         for _ in range(40):
@@ -576,7 +578,11 @@ class _Stepper:
         return state
 
     def _advance(self, state: Array, begin: float, end: float) -> Array:
-        """Return temperatures (nodes,) at the end of a step, cut where a thermostat switches, found by regula falsi."""
+        """Return temperatures (nodes,) [K] at `end` [s] of a step from `begin` [s], cut where a thermostat's gap [K] passes zero.
+
+        The time of a cut is found by regula falsi in the Illinois form, where the value of an end that stays is halved, to 1e-10 K. Not a
+        number where `MOST_CUTS` cuts do not reach the end, for which `fixed_step.h` returns CHATTER.
+        """
         inner = 1e-9 * (end - begin)  # a held input has its value of before a jump at the end of a step
         last = end - inner
         state = self._switched(state, begin, 0.0)
@@ -600,11 +606,11 @@ class _Stepper:
             state = self._switched(self._step(state, begin, there, min(there, last)), min(there, last), SWITCHING_TOLERANCE)
             begin = there
             if end - begin < 1e-12 * self.grid[-1]:
-                break
-        return state
+                return state
+        return np.full(state.size, np.nan)
 
     def _step(self, state: Array, begin: float, end: float, last: float) -> Array:
-        """Return temperatures after one step."""
+        """Return temperatures (nodes,) [K] after one step from `begin` to `end` [s]; inputs are those of `last` [s] at the latest."""
         h = end - begin
         state = self._settled(state, begin)
         early, late = (self._balance(state, begin + s * h)[0] for s in (0.0, DRIFT_INTERVAL))
@@ -642,12 +648,15 @@ class _Stepper:
         return max(self._gaps(state, time), default=-1e9)
 
     def _switched(self, state: Array, time: float, near: float) -> Array:
-        """Return temperatures with what is due switched."""
+        """Return temperatures (nodes,) [K] in balance, once every thermostat within `near` [K] of its switching temperature is switched.
+
+        Not a number where two switches or more of each do not end it, for which `fixed_step.h` returns CHATTER.
+        """
         for _ in range(2 * len(self.controls) + 3):
             state = self._settled(state, time)
             due = next((k for k, gap in zip(self.places, self._gaps(state, time), strict=True) if gap >= -near), None)
             if due is None:
-                break
+                return state
             self.on[due] = 1 - self.on[due]
             near = 0.0
-        return state
+        return np.full(state.size, np.nan)

@@ -535,7 +535,10 @@ def averaged(plain: Prediction, others: Sequence[ExplainedFit], explained: Seque
 
 
 def _mixture(bands: Sequence[Band], weights: Array) -> Band:
-    """Return the band whose mean and variance are those of a mixture of bands."""
+    """Return the band whose mean and variance (times,) [K, K^2] are those of a mixture of bands with `weights` (bands,).
+
+    The variance between the means, sum w (T - mean)^2, is that of `DEFECTS`.
+    """
     kelvin = np.array([b.kelvin for b in bands])
     mean = weights @ kelvin
     parts: dict[str, Array] = {}
@@ -557,7 +560,10 @@ def _shared_out(members: Sequence[Array], weights: Array) -> Array:
 
 
 def _mixed(several: Sequence[Estimate], weights: Array) -> Estimate:
-    """Return a mixture of estimates: mean sum w T, variance sum w (error^2 + (T - mean)^2), and the band of a normal with these."""
+    """Return a mixture of estimates: mean sum w T, variance sum w (error^2 + (T - mean)^2), and the 95 % of a normal with these.
+
+    Temperatures in degC, errors in K; `weights` (estimates,) sum to one.
+    """
     celsius = float(weights @ [e.celsius for e in several])
     variances = {c: float(weights @ [e.shares.get(c, 0.0) * e.error**2 for e in several]) for e in several for c in e.shares}
     if len(several) > 1:
@@ -875,13 +881,16 @@ def missed(setting: Setting, linear: Linear) -> Missed:
 
 
 def _missed_at(node: str, wide: float, ends: Array, straight: Array, off: Array) -> Missed:
-    """Return the largest of three misses of the band of a node at one time: by its mean, by its width, by laws that are not normal.
+    """Return the largest miss of a node's 95 % band at one time, each as a share of its limit; an empty one where none is above zero.
+
+    Shift of the middle |mean(off)| / wide of `MAX_MEAN_MISS`; change of the width by bends, and by laws of inputs that are not normal,
+    (ends[1] - ends[0]) / (2 wide) - 1, of `MAX_WIDTH_MISS`.
 
     Parameters
     ----------
     node : str
     wide : float                Half-width by derivatives. [K]
-    ends : array (2,)           Quantiles of the straight model. [K]
+    ends : array (2,)           2.5 and 97.5 % of the straight model. [K]
     straight : array (members,) Deviations of the straight model. [K]
     off : array (members,)      What the members differ from it by. [K]
     """

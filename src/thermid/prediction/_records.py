@@ -118,7 +118,7 @@ class SensorBand:
 
     @property
     def worst(self) -> WorstStretch:
-        """The stretch of a tenth of the record with the fewest readings inside, of several the one with the largest error."""
+        """The stretch [s] of `WORST_STRETCH_SHARE` of the record with the fewest readings inside; of several that of largest RMSE [K]."""
         off, half = self.measured - self.predicted, self.half_width()
         span = max(WORST_STRETCH_SHARE * float(self.times[-1] - self.times[0]), 0.0)
         edges = np.arange(float(self.times[0]), float(self.times[-1]) - 0.5 * span + 1e-9, 0.5 * span) if span > 0 else self.times[:1]

@@ -154,7 +154,7 @@ class Setting:
         return self.full.run(self._derivative_point, sensitivities=True)
 
     def linear(self, nodes: Sequence[str] | None = None) -> Linear:
-        """Return one run with its derivatives carried to the sources; of all nodes where none are named."""
+        """Return one run with its derivatives (times and the settled state, sources) of nodes, all by default. [K per unit of a source]"""
         run = self._run
         chosen = list(
             dict.fromkeys(run[n].path for n in (nodes if nodes is not None else [k for k in run.nodes if k not in self.ready.without_gas]))
@@ -323,7 +323,7 @@ class Setting:
         if (self.sizes or self._expected.any()) and not self.switches:
             after |= {n: combined(self._run.slopes(n) @ self._straight, sources) + after[n] for n in nodes}
         kelvin = {n: traces + after[n] for n, traces in temperatures.items()}
-        return Drawn(kelvin, {n: _shifted(t, ready.times, after[n]) for n, t in turnings.items()}, many)
+        return Drawn(kelvin, {n: _turnings_after_run(t, ready.times, after[n]) for n, t in turnings.items()}, many)
 
     def rest(self, sources: Array, nodes: Sequence[str], executor: Workers) -> dict[str, Array]:
         """Return where nodes settle (members,) at values (sources, members) of the sources, with the inputs of the end held. [K]
@@ -347,8 +347,11 @@ class Setting:
         return {n: np.array([member[n] for member in settled]) + after[n] for n in nodes}
 
 
-def _shifted(points: MemberTurnings, times: Array, after: Array) -> MemberTurnings:
-    """Return turning points moved by what is added after the run (times or 1, members). [K]"""
+def _turnings_after_run(points: MemberTurnings, times: Array, after: Array) -> MemberTurnings:
+    """Return turning points (points,) [K] moved by what is added after the run, `after` (times or 1, members) [K].
+
+    It is straight between `times` (times,) [s]. The instants stay those of the run, which is exact where the same is added at all times.
+    """
     if after.shape[0] == 1:
         return points.shifted(after[0])
     k = np.clip(np.searchsorted(times, points.times, side="right") - 1, 0, times.size - 2)

@@ -477,7 +477,10 @@ class _Joint:
         self.cov = keep @ self.cov @ keep.T + doubt**2 * np.outer(gain, gain)
 
     def _gain(self, slope: Array, doubt: float) -> Array:
-        """Return the gain (positions,) C s / (s'C s + doubt^2), s the `slope`; zero for fitted parameters, which are only considered."""
+        """Return the gain (positions,) C s / (s'C s + doubt^2), s the `slope` (positions,) of a reading [K] whose error is `doubt` [K].
+
+        It is zero for fitted parameters, which are only considered.
+        """
         gain = self.cov @ slope / float(slope @ self.cov @ slope + doubt**2)
         gain[: len(self.base)] = 0.0
         return np.asarray(gain)

@@ -421,11 +421,17 @@ def _beside_values(instruments: Rows, budget: Budget) -> Rows:
 
 
 def before_model(model: Model, priors: Mapping[str, Any], scenario: Scenario | None = None) -> Before:
-    """Return what priors say of a model.
+    """Return what is known of a model before any test: the budget of the given priors, each a normal source of its own.
+
+    Parameters
+    ----------
+    model : Model
+    priors : dict           Path of a value that can be freed -> its spread, such as "5 %".
+    scenario : Scenario     Of the prediction asked for, if any.
 
     Raises
     ------
-    IdentificationError   When there are none.
+    IdentificationError   When there are no priors.
     """
     if not priors:
         raise IdentificationError("a model alone has no uncertainties. Give priors, or a fit.", model.title, code="value.incomplete")
@@ -650,7 +656,14 @@ def _error(information: Array, gradient: Array) -> float:
 
 
 def _option(before: Before, action: Action, sensors: Sequence[Sensor], every: str | float, gradient: Array, goal: float) -> Option:
-    """Return what an action would be worth, over its duration."""
+    """Return what an action is worth over its duration: the error [unit of the goal] after each part of it, and the hours to reach it.
+
+    Parameters
+    ----------
+    every : str or float            Interval of the readings. [s]
+    gradient : array (sources,)     Of the predicted quantity by the known sources, in units of their deviations.
+    goal : float                    Error that is wanted; where today's is below it, `SHARE_OF_GAIN` of what the whole action gains.
+    """
     longest = action.scenario.seconds / 3600.0
     try:
         shares = {name: min(rate * amount(every, "s", "every"), 1.0) for name, rate in before.worth.items()}
@@ -752,7 +765,16 @@ def _with_departures_of_run(before: Before, problem: Problem, at: Array) -> tupl
 def _information_over_time(
     before: Before, problem: Problem, doubts: Mapping[str, float], noise: Sequence[TraceNoise]
 ) -> tuple[Array, list[Array], Array]:
-    """Return durations, at each the information of the sources (those known now, then the test's own), and at the end if rounded alike."""
+    """Return durations (`DURATIONS`,) [s], the information of the sources after each, and that at the end if rounding errors are shared.
+
+    The sources are those known now, in units of their standard deviations, then the test's own: I = B + C'(J'J - excess) C, J of the
+    readings so far in units of their noise, C (unknowns, sources) the responses of the unknowns, B (sources, sources) what is known before.
+
+    Parameters
+    ----------
+    doubts : dict       Path -> size of a value that holds with gas alone.
+    noise : sequence    Of the planned traces, with the times of their correlation. [s]
+    """
     leader = {q: name for name, paths in before.free.items() for q in paths}
     at = np.array([u.to_fitted(before.values.get(leader.get(u.name, u.name), u.start)) for u in problem.unknowns])
     problem, apart = _with_departures_of_run(before, problem, at)

@@ -54,7 +54,10 @@ class DutyCycle:
     members: Array = field(default_factory=lambda: np.zeros((0, 2)), repr=False)
 
     def of_members(self, members: Array) -> DutyCycle:
-        """Return that of a prediction: shares are the means of its members, and energy and powers follow them; those of no member stay."""
+        """Return the duty cycle with shares (of the run, of its end) [-] that are means over members (members, 2), NaN left out.
+
+        Energy [J] and powers [W] follow the shares in proportion.
+        """
         own, means = (
             np.array([self.share, self.last_share]),
             [np.mean(x[np.isfinite(x)] if np.isfinite(x).any() else np.nan) for x in members.T],

@@ -580,7 +580,13 @@ def _shares_of(values: Mapping[str, Array], size: int) -> list[dict[str, Array]]
 
 
 def _all_counted(runs: _Runs, values: Mapping[str, Array], members: int, kept_tasks: KeptTasks) -> Counted:
-    """Return the counts of all members; the first group with a member that reaches the end sets the grids for all."""
+    """Return the counts of all members; the first group with a member that reaches the end sets the grids for all.
+
+    Parameters
+    ----------
+    values : dict       Parameter -> its value in each member (members,). [SI]
+    kept_tasks          Who runs the groups, and the folder that keeps their counts.
+    """
     pilots, at, begun = [], 0, process_time()
     grids: dict[str, CountGrid] = {}
     while at < members and not grids:

@@ -427,7 +427,7 @@ def read_weather(
         if not np.isfinite(values).any():
             notes.append(f"{name} is missing throughout")
             continue
-        series_of_column = _bridge_gaps(table, name, values, longest, target.name, filled)
+        series_of_column = _finite_samples(table, name, values, longest, target.name, filled)
         checked = _physical_values(table, name, series_of_column, target.name)
         shift = 0.5 * table.step if name in RADIATION and (averaged or table.averaged) else 0.0
         series[name] = WeatherSeries(series_of_column.times - shift, checked)
@@ -440,7 +440,7 @@ def read_weather(
     return Weather(target.name, table.begin, series, table.place, tuple(filled), tuple(notes))
 
 
-def _bridge_gaps(columns: Columns, name: str, values: FloatArray, longest: float, file: str, filled: list[str]) -> WeatherSeries:
+def _finite_samples(columns: Columns, name: str, values: FloatArray, longest: float, file: str, filled: list[str]) -> WeatherSeries:
     """Return the finite samples of a column; each gap up to `longest` [s] adds a remark to `filled`.
 
     Raises

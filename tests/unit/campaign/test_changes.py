@@ -55,6 +55,20 @@ DECK: dict[str, Any] = {
 }
 
 
+def test_differences_without_an_effect_are_listed_by_name() -> None:
+    """Parts that one version alone has, and laws that differ, follow their names, whatever the seed of Python's hashes."""
+    names = [f"wall_{letter}" for letter in "abcdefgh"]
+    wall = {"kind": "conduction", "between": ["box", "seam"]}
+    old, other = copy.deepcopy(DECK), copy.deepcopy(DECK)
+    for k, name in enumerate(names):
+        old["conductors"][name] = {**wall, "conductance": "1 [W/K]"}
+        if k >= 4:
+            other["conductors"][name] = {**wall, "table": {"points": [["0 [degC]", "1 [W/K]"], ["9 [degC]", "2 [W/K]"]]}, "kind": "table"}
+    changes = compare_models(td.model_from_dict(old), td.model_from_dict(other)).changes
+    assert [c.path for c in changes if c.path in names and "only in" in c.what] == names[:4]
+    assert [c.path for c in changes if c.path in names and "only in" not in c.what] == names[4:]
+
+
 def _leaves(table: Any, path: tuple[Any, ...] = ()) -> Iterator[tuple[tuple[Any, ...], Any]]:
     """Every number of a deck with its place."""
     items = table.items() if isinstance(table, Mapping) else enumerate(table) if isinstance(table, list) else ()

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from thermid.base.linear_algebra import inverse_square_root
 from thermid.fit._error_model.elements import DepartureHeat, with_heats
 from thermid.fit._problem.gather import build_problem
 from thermid.fit._problem.request import LocalSpec, Reading, Request
@@ -188,6 +189,24 @@ def test_scattering_readings_hold_less_information_and_a_prior_is_relative_to_it
     info = Information((one,), np.array([5.0]), np.zeros((0, 1)), np.zeros((0, 1)), np.zeros((0, 1)))
     assert info.prior_row(0, 0.05)[0, 0] == pytest.approx(1.0 / 0.25)
     assert info.errors(more=info.prior_row(0, 0.05))[0] == pytest.approx(0.05)
+
+
+def test_an_inherited_value_is_no_reading_beside_inherited_and_own_instruments() -> None:
+    """A joint prior of a parameter and a thermometer, and a meter of its own: none of their rows that moves a parameter is of the data."""
+    data = metered(log(box(), {}, {"T": "case"}, accuracy=0.5, samples=41), "heat", 3.0, accuracy=0.1)
+    problem = build_problem(Request(box(), (data,), (HTC, MASS)))
+    names = [u.name for u in problem.unknowns]
+    joint = np.array([names.index(HTC), names.index("sensor T")])
+    covariance = np.array([[0.04, 0.03], [0.03, 0.09]])
+    problem = replace(problem, coupled=((joint, np.zeros(2), inverse_square_root(covariance)),))
+    at = np.array([u.to_fitted(u.start) for u in problem.unknowns])
+    info, priors = Information.of_problem(problem, at), problem.prior_rows(at)[1]
+    assert sum(u.prior is not None and u.kind != "parameter" for u in problem.unknowns) > 1, "one of its own too"
+    np.testing.assert_allclose(info.nuisance[:, info.parameters], 0.0, atol=1e-12)
+    known = np.concatenate([info.nuisance, info.given])
+    np.testing.assert_allclose(known.T @ known, priors.T @ priors, atol=1e-9)
+    marginal = (info.nuisance.T @ info.nuisance)[joint[1], joint[1]]
+    assert marginal == pytest.approx(1.0 / covariance[1, 1])
 
 
 def test_readings_and_derivatives_of_one_run_are_those_of_two() -> None:

@@ -12,6 +12,7 @@ import pytest
 
 import thermid as td
 from by_code import raises_code
+from thermid.base.errors import SolverError
 from thermid.interop import c99 as writing
 from thermid.interop.c99 import COUPLED, DRIFT, GAMMA, STAGES, TIMES, nice_steps, step_grid, to_c
 from unit.interop.networks import SIGNALS, hot_box
@@ -49,6 +50,17 @@ SMOOTH = {
 }
 K_OF_T = {"points": [["0 [degC]", "20 [W/(m K)]"], ["35 [degC]", "60 [W/(m K)]"], ["90 [degC]", "30 [W/(m K)]"]]}
 TITANIUM = {"kind": "conduction", "between": ["plate", "lid"], "conductivity": K_OF_T, "area": "1 [cm^2]", "thickness": "5 [mm]"}
+
+
+def chattering() -> tuple[td.Model, td.Scenario]:
+    """Return a small mass that a thermostat switches some 50 times a second, and 30 s of it."""
+    switch = {"on_below": "30 [degC]", "off_above": "30.2 [degC]", "sensor": "lid"}
+    small = plate(
+        nodes={"lid": {"capacitance": "1 [J/K]"}},
+        conductors={"skin": {"kind": "convection", "between": ["lid", "air"], "htc": "20 [W/(m^2 K)]", "area": "0.05 [m^2]"}},
+        loads={"heater": {"into": "lid", "power": "20 [W]", "thermostat": switch}},
+    )
+    return td.model_from_dict(small), td.Scenario("still", boundaries={"air": "20 [degC]"}, start="25 [degC]", duration="30 [s]")
 
 
 def with_rows(**rows: dict[str, Any]) -> td.Model:
@@ -304,3 +316,15 @@ def test_too_many_nodes_are_refused() -> None:
     model = td.model_from_dict({"title": "many", "needs": ["air"], "nodes": nodes, "conductors": rows})
     with raises_code("output.not-expressible", match="200.*201"):
         to_c(model, STILL)
+
+
+def test_steps_within_which_a_thermostat_switches_too_often_have_no_stated_error(tmp_path: Path) -> None:
+    """The header would return CHATTER for such a step: it is refused where it was asked for, and passed over where it is chosen."""
+    model, scenario = chattering()
+    with raises_code("run.did-not-finish", SolverError):
+        to_c(model, scenario, tmp_path / "asked.h", step=10.0)
+    w = writing.wired(model, scenario, writing.C)
+    assert writing.stated_error(w, next(nice_steps(30.0))) == np.inf
+    step, error = writing.chosen_step(w, 100.0)
+    assert step < next(nice_steps(30.0))
+    assert error <= 100.0

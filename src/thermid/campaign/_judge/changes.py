@@ -110,7 +110,7 @@ def compare_models(old: Model, new: Model, scenarios: Scenario | Sequence[Scenar
     conditions = (scenarios,) if isinstance(scenarios, Scenario) else tuple(scenarios) or (at_twenty,)
     before, after = ([_temperatures(model, scenario) for scenario in conditions] for model in (old, new))
     moved, changes = _values(old, new, conditions, before)
-    changes = [*_parts(old, new), *_rest(moved, new), *changes]
+    changes = [*_added_and_removed(old, new), *_rest(moved, new), *changes]
     apart = {s.title: {n: b[n] - a[n] for n in a if n in b} for s, a, b in zip(conditions, before, after, strict=True)}
     ranked = sorted(changes, key=lambda c: -inf if np.isnan(c.effect) else -c.effect)
     totals = {what: (a, b) for (what, a), b in zip(_totals(old).items(), _totals(new).values(), strict=True)}
@@ -131,11 +131,11 @@ def _elements(model: Model) -> dict[tuple[str, str], Any]:
     return {(group, prefix + name): element for part, prefix in model.walk() for group, name, element in part.elements()}
 
 
-def _parts(old: Model, new: Model) -> Iterator[Change]:
-    """Yield boundaries and elements that only one of them has."""
+def _added_and_removed(old: Model, new: Model) -> Iterator[Change]:
+    """Yield a change, "only in the old" or "only in the new", for each boundary and element of any part that one alone has, by name."""
     a, b = ({("boundary", name): None for name in model.needs} | _elements(model) for model in (old, new))
     for one, other, word in ((a, b, "only in the old"), (b, a, "only in the new")):
-        yield from (Change(path, f"{group.removesuffix('s')} {word}") for group, path in one.keys() - other.keys())
+        yield from (Change(path, f"{group.removesuffix('s')} {word}") for group, path in sorted(one.keys() - other.keys()))
 
 
 def _values(old: Model, new: Model, scenarios: Sequence[Scenario], before: Sequence[Mapping[str, float]]) -> tuple[Model, list[Change]]:
@@ -162,7 +162,7 @@ def _values(old: Model, new: Model, scenarios: Sequence[Scenario], before: Seque
             )
             moved = moved.with_values(number)
     here = ParameterSet(old).table
-    for path in here.keys() & target.table.keys():
+    for path in sorted(here.keys() & target.table.keys()):
         a, b = here[path].parameter, target.table[path].parameter
         (low, high), (least, most) = ((p.minimum, p.maximum) for p in (a, b))
         if not _mean_the_same((low, high), (least, most)):
@@ -186,7 +186,7 @@ def _rest(moved: Model, new: Model) -> Iterator[Change]:
     """Yield what still differs in the elements that both have, with all common values equal: ends, laws, tables, courses, controls."""
     a, b = _elements(moved), _elements(new)
     rows, others = (_rows(compile_network(model).numbers()) for model in (moved, new))
-    for key in a.keys() & b.keys():
+    for key in sorted(a.keys() & b.keys()):
         group, path = key
         names = {*a[key].fields, *b[key].fields} if hasattr(a[key], "fields") else set()
         shared = names == {*getattr(a[key], "fields", ())} == {*getattr(b[key], "fields", ())}

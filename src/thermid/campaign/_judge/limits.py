@@ -379,7 +379,16 @@ def _check(
 
 
 def _crossing(side: str, limit: float, times: Array, kelvin: Array, inside: Bools, dense: Dense | None) -> Crossing | None:
-    """Return when a limit is first passed, and how far and how long; None where it is not."""
+    """Return when a limit is first passed [s], how far [K] and how long [s]; None where it is not.
+
+    Parameters
+    ----------
+    side : str                  high or low.
+    limit : float               [K]
+    times, kelvin : array       Instants (times,) [s] and temperatures then [K], straight between them without `dense`.
+    inside : array (times,)     Whether the unit is then in the state that the limit is for.
+    dense : Dense               Temperatures between the instants.
+    """
     if not np.isfinite(limit):
         return None
     sign = 1.0 if side == "high" else -1.0

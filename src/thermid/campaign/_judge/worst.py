@@ -267,7 +267,15 @@ def _items(task: _Task, limits: Sequence[Limits], scenarios: Sequence[Scenario] 
 
 
 def _crossings(item: _LimitSide, grid: np.ndarray, spare: np.ndarray) -> Iterator[float]:
-    """Yield the values at which a limit has nothing to spare, the turning points that samples hide among them."""
+    """Yield the values at which a limit has nothing to spare, by Brent's method to `CROSSING_SHARE` of the grid's length.
+
+    Between the samples it looks for turning points where the margin comes near zero and turns back.
+
+    Parameters
+    ----------
+    grid : array (points,)      Values of the quantity that varies, rising.
+    spare : array (points,)     Margin to the limit at each. [K]
+    """
     from scipy.optimize import brentq, minimize_scalar
 
     points, heights = grid.tolist(), spare.tolist()

@@ -136,7 +136,7 @@ def laws_of(network: Network, c: FlatConductor) -> tuple[Law, ...]:
 
 
 def point_of(courses: Sequence[ElementCourse], c: FlatConductor) -> OperatingPoint | None:
-    """Return where an element was over runs: geometric mean difference and mean level, weighted by its heat; None where none flows."""
+    """Return where an element was over runs, weighted by |heat|: geometric mean difference [K], mean level [K]; None without."""
     runs = [r for r in courses if c.path in r.flows]
     if not runs:
         return None

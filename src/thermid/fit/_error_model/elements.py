@@ -391,7 +391,10 @@ def class_of(c: FlatConductor, network: Network) -> str:
 
 
 def places(course: ElementCourse, c: FlatConductor, at: OperatingPoint) -> Array:
-    """Return where an element is along a run (times, 2): ln of its difference over that where it was found, and level less that there."""
+    """Return where an element is along a run (times, 2): ln(difference / difference where it was found) [-], level less that there [K].
+
+    A difference below `FLOWLESS` of that where it was found counts as that much.
+    """
     a, b = (course.kelvin[end] for end in c.ends)
     apart = np.maximum(np.abs(a - b), FLOWLESS * at.difference) / at.difference
     return np.column_stack([np.log(apart), 0.5 * (a + b) - at.level])

@@ -73,7 +73,17 @@ def innovations(times: Sequence[Array], columns: Array, noise: Sequence[Array], 
 
 @lru_cache(maxsize=128)
 def _filter_of(times: bytes, noise: bytes, wander: Wander) -> tuple[Array, Array, Array, float]:
-    """Return memory, scales and gains (m,) of the filter of a process, and its ln det: the same for every sensor and step of a search."""
+    """Return the memory [-], the scales [K] and the gains [-] (m,) of the Kalman filter of a process and white noise, and ln det.
+
+    exp(-dt / time) of the memory, scale^2 = prior variance + noise^2 of each reading, gain = prior variance / scale^2. It is the same for
+    every sensor and step of a search.
+
+    Parameters
+    ----------
+    times : bytes       Instants (m,) as float64. [s]
+    noise : bytes       White standard deviations (m,) as float64. [K]
+    wander : Wander     Size [K] and time [s] of the process.
+    """
     instants, white = np.frombuffer(times), np.frombuffer(noise)
     memory = np.exp(-np.diff(instants, prepend=instants[0]) / wander.time)
     if wander.size == 0.0:
@@ -224,7 +234,7 @@ def _flattened(logs: Array, enough: float) -> Array:
 
 
 def _log_normal(points: Array, mean: Array, spread: Array) -> Array:
-    """Return ln of a normal density (n,) of independent coordinates, but for a constant."""
+    """Return ln of an independent normal density (n,) at points (n, coordinates), up to a constant; `mean`, `spread` (coordinates,)."""
     return np.asarray(-0.5 * np.sum(((points - mean) / spread) ** 2, axis=1) - np.log(spread).sum())
 
 

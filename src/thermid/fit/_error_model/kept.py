@@ -256,7 +256,7 @@ class KeptWay:
 
     @classmethod
     def from_dict(cls, data: Mapping[str, Any], at: str) -> KeptWay:
-        """Return what `to_dict` gave, its places by their paths in a model where they begin with some text."""
+        """Return the way that `to_dict` gave, its paths behind `at`, such as "unit."; numbers are SI, the root lower triangular."""
         laws: dict[str, ElementLaw] = {}
         for p, w in data["laws"].items():
             if "node" in w:
@@ -433,7 +433,7 @@ class ErrorModel(Result):
 
     @cached_property
     def covariance(self) -> Array:
-        """Covariance (values, values) of the values of the fit, in their fitted form."""
+        """Covariance (values, values) of the fit's values, fitted form: sum w (L L' + d d') over ways, d a way's mean less that of all."""
         size = len(self.seen)
         weights = np.array([w.weight for w in self.ways])
         apart = self._means - self.mean
@@ -622,7 +622,7 @@ def placed(name: str, at: str) -> str:
 
 
 def _triangular(covariance: Array) -> Array:
-    """Return a lower triangular root of a covariance."""
+    """Return a lower triangular root L, L L' = C, of a covariance C (n, n); 1e-10 of each variance is added for rounding."""
     sizes = np.sqrt(np.maximum(np.diag(covariance), 1e-300))
     alike = covariance / np.outer(sizes, sizes)
     return np.asarray(sizes[:, None] * np.linalg.cholesky(0.5 * (alike + alike.T) + 1e-10 * np.eye(sizes.size)))
@@ -689,7 +689,10 @@ def with_structural_errors(fit: Calibration, errors: ErrorsOfFit) -> Calibration
 
 
 def _widened(fit: Calibration, moved: Mapping[str, float], covariance: Array, unexplained: str) -> Calibration:
-    """Return a fit with wider errors, by what its values would move by and their covariance (values, values); fitted form."""
+    """Return a fit with expected values moved by `moved` [fitted form] and wider errors: `covariance` (values, values) and other sources.
+
+    `unexplained` is the sentence for residuals that no departure explains; nothing is moved then.
+    """
     others = _others(fit)
     beside = np.array([np.sum(fit.store.rows([n])[0][others] ** 2) if fit.store[n].known else 0.0 for n in moved])
     fit = _with_sources_of_structure(fit, covariance, moved, unexplained)

@@ -331,7 +331,16 @@ def fitted_way(problem: Problem, fitted: Array, way: Way, points: Mapping[str, O
 
 
 def _averaged(runs: RunsOfFit, way: Way, laws: Mapping[str, ElementLaw], centre: Array) -> FittedWay:
-    """Return the posterior at all sizes that count."""
+    """Return the posterior of a way averaged over the sizes of its departures that count, as members with their log evidence.
+
+    Quasi-random points of the prior of the sizes, fewer where the unknowns are many (cost n^3), then moved to where the evidence is large;
+    remainders of readings below `LIKELY` in a first look are left out.
+
+    Parameters
+    ----------
+    laws : dict                 Path -> law of an element at its operating point.
+    centre : array (columns,)   Where the runs are linearised, in standard deviations of the prior.
+    """
     most = SETS_COST / (len(runs.values) + len(runs.columns)) ** 3
     sets = int(np.clip(most, FEWEST_SETS, SETS))
     prior, few = left_prior(), sizes_at(even_points(max(sets * FIRST_SETS // SETS, 1), len(GROUPS)))
@@ -354,7 +363,10 @@ def _averaged(runs: RunsOfFit, way: Way, laws: Mapping[str, ElementLaw], centre:
 
 
 def left_prior() -> dict[tuple[float, float], float]:
-    """Return (size, time) of what no element explains, in parts of its scale and of the run -> ln of its probability."""
+    """Return (size, time) of what no element explains, in parts of its scale and of the run -> ln of its probability. [-]
+
+    Sizes `LEFT_SIZES` have the mass of half a normal law between their middles; the times `LEFT_TIMES` are equally likely.
+    """
     from scipy.special import ndtr
 
     edges = np.r_[0.0, 0.5 * (np.array(LEFT_SIZES[1:]) + LEFT_SIZES[:-1]), np.inf]

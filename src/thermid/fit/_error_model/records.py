@@ -207,8 +207,8 @@ class RecordRun:
         )
 
     @property
-    def _answer(self) -> Array:
-        """What the run's fitted values answer to its residuals (fitted, rows)."""
+    def _gain(self) -> Array:
+        """Gain G (fitted, rows) of the run's fitted values to its residuals [K]: (J'WJ + known)^-1 J'W, W = 1 / noise^2."""
         first = self.shared + len(self.columns)
         slopes = np.concatenate([t.rows[:, first:] for t in self.means])
         weighed = slopes.T / np.concatenate([t.noise for t in self.means]) ** 2
@@ -217,7 +217,7 @@ class RecordRun:
     def after_own_fit(self, moved: Array) -> Array:
         """Return what is left of changes (rows, columns) of the readings once the run's fitted values have answered. [K]"""
         first = self.shared + len(self.columns)
-        return np.asarray(moved - np.concatenate([t.rows[:, first:] for t in self.means]) @ (self._answer @ moved))
+        return np.asarray(moved - np.concatenate([t.rows[:, first:] for t in self.means]) @ (self._gain @ moved))
 
     def _at(self, mean: Array) -> Array:
         """Return where every unknown stands, with those of the way at `mean`.
@@ -226,7 +226,7 @@ class RecordRun:
         """
         at = self.far + np.concatenate([mean, np.zeros(self.far.size - mean.size)])
         off = np.concatenate([t.residuals - t.rows @ at for t in self.means])
-        at[self.shared + len(self.columns) :] += self._answer @ off
+        at[self.shared + len(self.columns) :] += self._gain @ off
         return np.asarray(at)
 
     def centres(self, mean: Array, traces: Sequence[SensorRows]) -> list[Array]:

@@ -245,7 +245,14 @@ def departures_of(
     hidden: tuple[float, ...],
     fitted: Collection[str] = (),
 ) -> Departures:
-    """Return what may depart of a model, by the runs of a fit of the values `fitted` and the networks that they run in."""
+    """Return what may depart of a model by the runs of a fit: the `CONDUCTORS` with most heat [W], the `NODES` with most stored heat [J].
+
+    Parameters
+    ----------
+    points : dict       Path -> where an element was over the runs: difference and level. [K]
+    hidden : tuple      Times of slow parts that the model may lack. [s]
+    fitted : collection Paths of the fitted values; elements that share one depart by their part of its heat.
+    """
     network = networks[0]
     every: dict[str, FlatConductor] = {}
     for course in courses:
@@ -291,7 +298,7 @@ class SensorRows:
     rows: Array
 
     def averaged(self) -> SensorRows:
-        """Return means over equal stretches where there are more readings than a run needs."""
+        """Return means over `READINGS` equal stretches: residuals [K], rows, noise of a mean [K]; itself where it has fewer."""
         size = self.times.size
         if size <= READINGS:
             return self

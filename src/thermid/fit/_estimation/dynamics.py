@@ -245,7 +245,10 @@ class Dynamics:
         return RatesAt(rates, whole, temperatures, moves)
 
     def rates(self, members: Sequence[At], states: Array, time: float) -> tuple[Array, Array]:
-        """Return rates (members, states) and their Jacobians (members, states, states) as `local` does, of many members at once."""
+        """Return rates (members, states) at a time [s] and their Jacobians (members, states, states), as `local` does for one member.
+
+        States are temperatures [K], with rates [K/s], and those of noises x [W], with rates -x / time [W/s].
+        """
         if self.massless.size:
             rates_of_members = [self.local(m, state, time) for m, state in zip(members, states, strict=True)]
             return np.stack([one.rates for one in rates_of_members]), np.stack([one.jacobian for one in rates_of_members])

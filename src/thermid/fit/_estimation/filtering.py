@@ -119,7 +119,10 @@ def smoothed(last: Belief, legs: Sequence[FilterStep]) -> list[Belief]:
 
 
 def _smoothing_step(leg: FilterStep, later: Belief) -> Belief:
-    """Return the smoothed belief before a step, from the smoothed one after it."""
+    """Return the smoothed belief before a step from the smoothed one after it: temperatures [K] with a root of their covariance.
+
+    Square-root form of Rauch, Tung and Striebel: gain G = P F' (F P F' + Q)^-1, mean + G (later - foreseen), by one triangular factor.
+    """
     n = later.mean.shape[1]
     carried = np.concatenate([leg.transition @ leg.before.root, leg.noise], axis=2)
     here = np.concatenate([leg.before.root, np.zeros_like(leg.noise)], axis=2)

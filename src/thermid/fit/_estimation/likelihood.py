@@ -125,7 +125,12 @@ class Likelihood:
         return self.scores([fitted])[0]
 
     def scores(self, points: Sequence[Array]) -> list[LikelihoodScore]:
-        """Return the loss with its gradient and the expected information at several values of the unknowns, from one pass of the logs."""
+        """Return the loss, its gradient and the expected information at points (unknowns,), fitted form, from one pass of the logs.
+
+        With innovations e [K] and their variances S [K^2], loss = sum e^2 / S + ln(2 pi S), halved, and half the sum of squares of the
+        priors. Derivatives e', S' by central differences of `DIFFERENCE` times each scale; information = sum e'e' / S + S'S' / (2 S^2)
+        (Fisher).
+        """
         steps = DIFFERENCE * np.array([u.scale for u in self.unknowns])
         count, shifts = len(self.unknowns), np.diag(steps)
         members = [m for p in points for m in (p, *(p + s for s in shifts), *(p - s for s in shifts))]
@@ -146,7 +151,11 @@ class Likelihood:
         return out
 
     def maximise(self, start: Array, *, observed: bool = True) -> Maximum:
-        """Return the maximum that a search from a start (unknowns,) comes upon; without `observed` its information is the expected one."""
+        """Return the maximum that a descent from `start` (unknowns,), fitted form, reaches, with its information (unknowns, unknowns).
+
+        Gauss-Newton steps by the expected information, at most `MAX_FIRST_STEP` at first. The information is the observed one, without
+        `observed` the expected one.
+        """
         low, high = (np.array(b) for b in zip(*(u.fitted_bounds() for u in self.unknowns), strict=True))
         scores: dict[bytes, LikelihoodScore] = {}
 
@@ -168,7 +177,10 @@ class Likelihood:
         return Maximum(end.x, 0.5 * float(rows @ rows) - score.loss, information, positive, end.ahead < TRIVIAL, len(scores))
 
     def _observed(self, fitted: Array, score: LikelihoodScore) -> tuple[Array, bool]:
-        """Return the observed information, by differences of the gradient, or the expected one where it is not positive; and which."""
+        """Return the observed information (unknowns, unknowns), fitted form, and True; the expected one and False where it is not positive.
+
+        By central differences of the gradient, of `CURVED` standard errors, at most a tenth of each scale.
+        """
         errors = Maximum(fitted, 0.0, score.information, False, True, 0).errors()
         scale = np.array([u.scale for u in self.unknowns])
         steps = np.minimum(np.where(np.isfinite(errors), CURVED * errors, 0.1 * scale), 0.1 * scale)

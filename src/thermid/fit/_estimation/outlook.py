@@ -68,7 +68,10 @@ class OpenLoopScore:
 
 
 def members_about(likelihood: Likelihood, fitted: Array, covariance: Array) -> tuple[list[Array], Array]:
-    """Return values and their neighbours either way, and what turns differences of these into standard deviations (unknowns, columns)."""
+    """Return the values (unknowns,), fitted form, their neighbours either way, and a matrix (unknowns, columns) for their differences.
+
+    The difference of what two neighbours give, times the matrix, is its derivative times a root of the `covariance`: standard deviations.
+    """
     steps = DIFFERENCE * np.array([u.scale for u in likelihood.unknowns])
     finite_covariance = np.where(np.isfinite(covariance), covariance, 0.0)
     sizes, vectors = np.linalg.eigh(finite_covariance)
@@ -208,7 +211,7 @@ def course(likelihood: Likelihood, fitted: Array, covariance: Array, times: Arra
 
 
 def foresight(outlooks_by_sensor: list[list[OpenLoopTrace]]) -> OpenLoopScore:
-    """Return how well all of some outlooks met the readings."""
+    """Return RMSE [K] and the share [-] of readings within 95 % of all outlooks, with the numbers of readings and of sensors."""
     parts = [o for several in outlooks_by_sensor for o in several]
     off = np.concatenate([o.measured - o.foreseen for o in parts])
     sd = np.concatenate([o.sd for o in parts])

@@ -91,7 +91,15 @@ class Passing:
     # linearised anew at every step
 
     def _bent_step(self, belief: Belief, begin: float, end: float, halvings: int = 0) -> tuple[Belief, list[FilterStep]]:
-        """Return the belief a step later and the legs to it, in halves where the rates bend too much."""
+        """Return the belief at `end` [s] from that at `begin` [s], temperatures [K], and the legs between, in halves where rates bend.
+
+        Exponential step by the Jacobian [1/s] at the beginning, rates [K/s] straight in time; what the rates at its end miss by, over a
+        third of the step, may be `MAX_CURVATURE_ERROR` [K], two thirds of it are added.
+
+        Raises
+        ------
+        SolverError   When `HALVINGS` halvings are not enough.
+        """
         d, seconds = self.dynamics, end - begin
         late = end - JUMP_SHARE_OF_STEP * seconds
         rates, jacobian = d.rates(self.members, belief.mean, begin)
@@ -232,7 +240,10 @@ def along(matrices: Array, vectors: Array) -> Array:
 
 
 def recursion(move: Array, forcing: Array, start: Array) -> Array:
-    """Return x_k = M x_(k-1) + c_k (members, steps, n) of M (members, n, n), c (members, steps, n) and x before the first (members, n)."""
+    """Return x_k = M x_(k-1) + c_k (members, steps, n) of M (members, n, n) [-], c (members, steps, n) and x before the first (members, n).
+
+    In blocks of `STEPS_PER_BLOCK` steps, each one product with powers of M. x and c have one unit, such as K.
+    """
     members, steps, n = forcing.shape
     powers = [np.tile(np.eye(n), (members, 1, 1))]
     for _ in range(min(STEPS_PER_BLOCK, steps)):

@@ -41,7 +41,7 @@ class NoisyStep:
 
 
 def lower(rows: Array) -> Array:
-    """Return the lower triangular L, no diagonal below zero, with ``L L' = rows rows'`` of matrices (..., n, m)."""
+    """Return the lower triangular L (..., n, n), no diagonal below zero, with ``L L' = rows rows'`` of matrices (..., n, m); by QR."""
     size = rows.shape[-2]
     if rows.shape[-1] < size:
         rows = np.concatenate([rows, np.zeros((*rows.shape[:-1], size - rows.shape[-1]))], axis=-1)
@@ -72,7 +72,10 @@ THETA: Final = 5.371920351148152
 
 
 def exponential(matrices: Array) -> Array:
-    """Return exp of matrices (..., n, n), all scaled alike and squared: many small ones at the cost of one call each."""
+    """Return exp(A) of matrices A (..., n, n) [-]: Pade approximant of degree 13 with scaling and squaring, all scaled alike.
+
+    Many small ones cost one call each of numpy's. Higham, SIAM J. Matrix Anal. Appl. 26 (2005) 1179: `PADE`, `THETA`.
+    """
     norm = float(np.abs(matrices).sum(axis=-2).max(initial=0.0))
     halvings = max(0, int(np.ceil(np.log2(norm / THETA)))) if norm > THETA else 0
     a = matrices / 2.0**halvings

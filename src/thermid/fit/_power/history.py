@@ -221,7 +221,16 @@ def _means(h: PowerHistory) -> tuple[Array, Array, Array, Array]:
 
 
 def _best(h: PowerHistory, law: Formula, starts: list[list[float]]) -> tuple[Array, Array] | None:
-    """Return coefficients and standard errors of the best of several descents."""
+    """Return coefficients (n,) [SI] of a law of power and their standard errors, of the best of several descents; None where all fail.
+
+    It minimises |W (power - law) / sd|^2 / 2 over means of the history [W], sd their standard errors [W]; errors are those of weighted
+    least squares with the covariance of the means, widened by chi^2 per degree of freedom where that is above 1.
+
+    Parameters
+    ----------
+    law : callable      (times or temperatures (means,), coefficients) -> power (means,). [W]
+    starts : list       Coefficients from which to descend.
+    """
     at, power, weights, covariance = _means(h)
     sd = np.sqrt(np.diag(covariance))
 
@@ -231,7 +240,7 @@ def _best(h: PowerHistory, law: Formula, starts: list[list[float]]) -> tuple[Arr
             return np.asarray(weights @ (power - law(at, b)) / sd)
 
     def local(b: Array) -> LocalCost:
-        """Return the cost of a law at coefficients, its residuals and their slopes by central differences."""
+        """Return half |misses|^2 [-], the misses (means,) and their slopes (means, coefficients) by central differences."""
         rows, steps = misses(b), LAW_STEP * np.maximum(np.abs(b), 1.0)
         slopes = np.column_stack([(misses(b + s) - misses(b - s)) / (2.0 * s.sum()) for s in np.diag(steps)])
         if not (np.isfinite(rows).all() and np.isfinite(slopes).all()):
@@ -313,7 +322,7 @@ def _linear(h: PowerHistory) -> PowerLaw | None:
 
 
 def _exponential(h: PowerHistory) -> PowerLaw | None:
-    """Return the law P exp(a (T - T0)), T0 the middle of the temperatures seen."""
+    """Return the law P exp(a (T - T0)) [W], a [1/K], T0 [degC] the middle of the temperatures seen; None where no descent ends."""
     low, high, mean, _ = _spread(h)
     middle = 0.5 * (low + high)
 
@@ -362,7 +371,10 @@ def _proportional(h: PowerHistory) -> PowerLaw | None:
 
 
 def _thermostat(h: PowerHistory) -> PowerLaw | None:
-    """On below, off above: levels from the two halves of the powers, switching temperatures from where they change."""
+    """Return a thermostat's law, on below and off above [degC]: None with fewer than three switches, or levels that do not part.
+
+    Power [W] is the median of those above the middle; the levels are medians of the temperatures at which it changes.
+    """
     at, power, _, _ = _means(h)
     middle = 0.5 * (power.min() + power.max())
     on = power > middle
@@ -551,7 +563,10 @@ def _request_of_knots(
 
 
 def _history(request: Request, problem: Problem, path: str, knots: Array, pins: Pins, solution: Solved) -> PowerHistory:
-    """Return what a user sees of the end."""
+    """Return a power history at `knots` (knots,) [s] with its standard errors [W], the values fitted with it, and a run of the deck by it.
+
+    Its resolution is the median width at half maximum of the smoothing kernel, rows of covariance times information. [s]
+    """
     count = knots.size
     first = solution.x.size - count
     power, covariance = solution.x[first:], solution.covariance[first:, first:]
@@ -604,7 +619,7 @@ def _shown(unknown: Unknown, fitted: float) -> float:
 
 
 def _half_width(row: Array, at: int) -> float:
-    """Return the full width at half maximum of a smoothing kernel about its knot, in knots."""
+    """Return the full width at half maximum [knots] of a smoothing kernel (knots,) about its knot `at`, straight between knots."""
     half, out = 0.5 * row[at], 0.0
     for side in (row[at:], row[at::-1]):
         below = np.flatnonzero(side < half)
@@ -728,7 +743,16 @@ def _colour(
     pieces: Mapping[tuple[str, str], Binned],
     inputs: Mapping[tuple[str, str], Array],
 ) -> tuple[Colour | None, tuple[str, ...]]:
-    """Return the likeliest noise about a history, and remarks on it; None where it is white."""
+    """Return the likeliest coloured noise about a history, and remarks on it; None where white noise is as likely.
+
+    Its time [s] is one of `COLOURS` from twice the spacing of the bins to a quarter of the longest trace, its size [K] one of `SIZES`.
+
+    Parameters
+    ----------
+    knots : array (knots,)      Instants of the history. [s]
+    pieces : dict               (record, sensor) -> its binned residuals. [K]
+    inputs : dict               (record, sensor) -> answers of its bins to the noise of inputs. [K]
+    """
     spans = [b.times for b in pieces.values()]
     spacing, span = float(np.median(np.diff(spans[0]))), max(float(t[-1] - t[0]) for t in spans)
 
@@ -777,7 +801,11 @@ def _weighted_equations(problem: Problem, x: Array, pins: Pins, slopes: Array, r
 
 
 def _in_rounds(problem: Problem, x: Array, knots: Array, pins: Pins, base: float, priors: Sequence[str], colour: Colour | None) -> Solved:
-    """Return the unknowns by Gauss and Newton's method, the prior's strength by the largest marginal likelihood in every round."""
+    """Return the unknowns (unknowns,), fitted form, by Gauss and Newton's method from `x`, the prior's strength anew in every round.
+
+    The strength is that of the largest marginal likelihood. It has converged where no unknown moves by more than a hundredth of its
+    standard error; `MAX_HISTORY_ITERATIONS` rounds at most. Where no noise is stated, its level is chi^2 per degree of freedom.
+    """
     low, high = (np.array(b) for b in zip(*(u.fitted_bounds() for u in problem.unknowns), strict=True))
     levelled = colour is None and any(o.noise is None for o in problem.observations())
     theta = [k for k, u in enumerate(problem.unknowns) if u.kind == "parameter"]
@@ -874,7 +902,7 @@ def _likeliest(
     scale = float(np.sum(sides[0][0][:, first:] ** 2)) / max(rough, 1e-300)
 
     def at(strength: float) -> tuple[float, Array, Array, Array]:
-        """Return the log evidence at a smoothness (decades), with the solution and its matrices."""
+        """Return the log evidence at a strength [decades] of the smoothness, the solution (unknowns,), its scaled matrix and scales."""
         smooth = held + np.diag(scale * 10.0**strength * stepped)
         h = data.copy()
         h[first:, first:] += smooth

@@ -199,7 +199,7 @@ class Sums:
         return cls(residuals.size, float(residuals[0]), float(residuals[-1]), *sums, largest)
 
     def _about(self, zero: float) -> tuple[float, float, float]:
-        """Return total, squares and lagged of what each residual exceeds `zero` by."""
+        """Return the sums of r - zero, of its squares, and of products of neighbours, of the residuals r behind these sums. [noise]"""
         d, n = self.first - zero, self.count
         ends = self.last - self.first  # the first exceeds itself by nothing
         lagged = self.lagged + d * (2.0 * self.total - ends) + (n - 1) * d * d
@@ -236,7 +236,10 @@ def pooled(parts: list[Sums]) -> Sums:
 
 
 def loss_of(squares: Array, loss: str, loss_scale: float) -> tuple[Array, Array]:
-    """Return the loss of squared residuals in units of the noise, as the kernel counts it, and its derivative. [-]"""
+    """Return the loss c^2 rho(z) and its derivative rho'(z) by r^2 of squared residuals r^2 of any shape, z = r^2 / c^2. [-]
+
+    r is in units of the noise and c is `loss_scale`, as in the kernel; rho as of `scipy.optimize.least_squares`.
+    """
     # c^2 rho(z) and rho'(z), z = (r/c)^2: soft L1 rho = 2 (sqrt(1 + z) - 1), Huber z or 2 sqrt(z) - 1, Cauchy ln(1 + z)
     z = squares / loss_scale**2
     if loss == "soft_l1":

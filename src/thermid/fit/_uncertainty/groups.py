@@ -187,7 +187,10 @@ def _blocks(scaled: Array) -> list[list[int]]:
 
 
 def _structural(here: Information, there: Information, at: list[int]) -> Group:
-    """Return the group of the unknowns at some places: as a law if it has one at both sets of values, else as a mixture."""
+    """Return the group of the unknowns in positions `at`: as a law if it has one at both sets of values, else as a mixture.
+
+    A form of law counts where the null spaces of readings, scaled by it, span the same space at both sets of values to `ANGLE`.
+    """
     names = tuple(here.names[k] for k in at)
     part, lasting = (null_space(np.concatenate([i.data, i.nuisance])[:, at]).T for i in (here, there))
     stays = lasting.shape[1] >= part.shape[1]
@@ -268,7 +271,10 @@ def _independent(complement: Array, count: int) -> list[int]:
 
 
 def _combination(info: Information, at: list[int], weights: Array, form: str, variance: float) -> Combination:
-    """Return a combination of values with its error; `variance` is that of the logarithm of a power law, of the sum itself else."""
+    """Return a combination of values [SI] in positions `at` with its error: prod v^w of a power law, sum w / v in series, else sum w v.
+
+    `variance` is that of the logarithm of a power law, of the sum itself else.
+    """
     used = [(info.names[k], float(w), float(info.values[k]), info.unknowns[k].unit) for k, w in zip(at, weights, strict=True) if w]
     if form == "power law":
         value = float(np.prod([v**w for _, w, v, _ in used]))

@@ -30,13 +30,16 @@ How closely a noisy input is followed does not matter for that, and following it
 class Information:
     """Rows of weighted derivatives in the fitted form of the unknowns: rows' rows is the information matrix.
 
+    Prior rows R'R are parted exactly, R triangular with parameters first: `nuisance` alone is what priors state of the other unknowns,
+    whatever the parameters are.
+
     Parameters
     ----------
     unknowns : tuple of Unknown
     at : array (unknowns,)                  Values where the derivatives were taken, in the fitted form.
     data : array (rows, unknowns)           Of the readings.
-    nuisance : array (rows, unknowns)       Of the priors of constant errors and of local values.
-    given : array (rows, unknowns)          Of the priors of parameters, those handed on from a stage below among them.
+    nuisance : array (rows, unknowns)       Of the priors of constant errors and of local values, joint ones too: zero for parameters.
+    given : array (rows, unknowns)          Of the priors of parameters, own and inherited, beside those of the others.
     """
 
     unknowns: tuple[Unknown, ...]
@@ -53,9 +56,11 @@ class Information:
         """
         tight = replace(problem, options=EXACT) if exact else problem
         rows = problem.prior_rows(fitted)[1]
-        kinds = [u.kind for u in problem.unknowns if u.prior is not None]
-        is_parameter_prior = np.array([k == "parameter" for k in kinds] + [True] * (rows.shape[0] - len(kinds)), dtype=bool)
-        return cls(problem.unknowns, fitted, tight.compressed(fitted).slopes / spread, rows[~is_parameter_prior], rows[is_parameter_prior])
+        first = [k for k, u in enumerate(problem.unknowns) if u.kind == "parameter" and rows[:, k].any()]
+        order = [*first, *(k for k in range(rows.shape[1]) if k not in first)]
+        # R of QR with parameters first: below their rows it holds the marginal information of the others, also of a joint prior
+        upper = np.linalg.qr(rows[:, order], mode="r")[:, np.argsort(order)]
+        return cls(problem.unknowns, fitted, tight.compressed(fitted).slopes / spread, upper[len(first) :], upper[: len(first)])
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -403,7 +408,10 @@ def _consider(table: _Table, request: Request, problem: Problem, minimum: Fit, f
 
 
 def rank(rows: Array, beside: Array | None = None) -> int:
-    """Return of how many combinations of unknowns the rows state something; `beside` are the columns of others that are open too."""
+    """Return the rank [-] of rows (rows, unknowns) to `RANK_TOLERANCE`, each column at unit length.
+
+    `beside` (rows, others) are the columns of unknowns that are open too: what they can compensate is taken off.
+    """
     part = scaled(rows)[0][: len(rows)]
     largest = float(np.linalg.norm(part, 2)) if part.size else 0.0
     if beside is not None and beside.shape[1]:

@@ -126,7 +126,10 @@ def _opened(a: Test, chosen: Sequence[int], loose: Sequence[int]) -> tuple[Array
 
 
 def _shift_by_model(a: Test, k: int, loose: Sequence[int]) -> tuple[Array, Array]:
-    """Return the shift I^-1 T of the value in position k and its standard error (models,); 0 and infinite where the data tell nothing."""
+    """Return the shift I^-1 T (models,), fitted form, of the value in position k and its standard error; 0 and infinite if undetermined.
+
+    Undetermined is less than `NEGLIGIBLE_INFORMATION` of its own information left, with the values in positions `loose` open.
+    """
     scores, information, spread = _opened(a, [k], loose)
     information_of_value = information[:, 0, 0]
     is_determined = information_of_value > NEGLIGIBLE_INFORMATION * np.maximum(a.information[:, k, k], 1e-300)
@@ -192,7 +195,10 @@ def shifts(a: Test, positions: Sequence[int]) -> list[Shift]:
 
 
 def _shift(weights: Array, sizes: Array, errors: Array, chance: float, tests: int) -> Shift:
-    """Return a shift averaged over the noise models, from its size and error by each; nothing where some model leaves it open."""
+    """Return a shift, fitted form, averaged over noise models by `weights` (models,), from `sizes` and `errors` (models,) of each.
+
+    Its error includes the scatter between models. Open, not a number, where some model with weight leaves it open.
+    """
     if not np.isfinite(errors[weights > 0]).all():
         return Shift(math.nan, math.inf, math.nan, math.inf)
     size = float(weights @ sizes)
@@ -244,7 +250,10 @@ def normal_together(sizes: Array, covariance: Array) -> Together:
 
 
 def _chi_square(weights: Array, scores: Array, spread: Array) -> Together:
-    """Return the chi-square test T' V^+ T of scores T (models, values) with covariances V (models, values, values)."""
+    """Return the chi-square test T' V^+ T of scores T (models, values) with covariances V (models, values, values).
+
+    It is averaged over noise models by `weights` (models,); directions of V below `RANK_TOLERANCE` of its largest do not count. [-]
+    """
     from scipy.special import chdtrc, chdtri  # chi-squared; scipy.stats would take half a second to load
 
     size = np.sqrt(np.maximum(np.diagonal(spread, axis1=1, axis2=2), 1e-300))
@@ -554,7 +563,7 @@ def _test_moves(request: Request, opened: Opened, inherited: _Inherited, at: Arr
     values = []
     for (k, state), s in zip(state_of_position.items(), shifts(test, list(state_of_position)), strict=True):
         u, there = unknowns[inherited.at[k]], inherited.at[k]
-        alone, used = _alone(u, float(at[there]), float(start[there] + s.size)), u.to_value(opened.fitted[there])
+        alone, used = _value_if_near(u, float(at[there]), float(start[there] + s.size)), u.to_value(opened.fitted[there])
         below = (u.to_value(start[there]), float(np.linalg.norm(inherited.root[k])) * u.slope(start[there]), state.random)
         values.append(_move(u.name, part_of(request.model, u.name), state.origin.stage or state.origin.kind, below, alone, used, u, s))
     rows = {m.path: k for m, k in zip(values, state_of_position, strict=True)}
@@ -566,10 +575,11 @@ def _test_moves(request: Request, opened: Opened, inherited: _Inherited, at: Arr
     return Moves(tuple(values), groups), np.clip(start + np.clip(step, -inside, inside), low, high)
 
 
-def _alone(u: Unknown, at: float, end: float) -> float:
-    """Return the value [SI] at the end of a linear step from `at` to `end`, both in the fitted form.
+def _value_if_near(u: Unknown, at: float, end: float) -> float:
+    """Return the value [SI] of `end`, fitted form; NaN outside its bounds, or where it is too far from `at` for derivatives taken there.
 
-    NaN outside its bounds, or where the step is longer than derivatives can be trusted.
+    Too far is a change of a logarithm by more than `MAX_LOG_CHANGE`, else one of more than `NONSENSE` times the larger of |at| and a
+    typical change.
     """
     low, high = u.fitted_bounds()
     reach = MAX_LOG_CHANGE if u.log else NONSENSE * max(abs(at), u.scale)
@@ -658,7 +668,10 @@ def moved_instruments(before: Store, after: Store) -> MovedGroup:
 
 
 def _covariance_difference(below: Array, here: Array) -> Array:
-    """Return `below` - `here`, both covariances; `below` alone in directions where the difference is under a tenth of it."""
+    """Return `below` - `here`, both covariances (values, values); `below` alone in directions where less than a tenth of it is left.
+
+    Directions are those of the shares of the variance below that stand here: eigenvectors of L^-1 here L'^-1, below = L L'.
+    """
     root = np.linalg.cholesky(below)
     half = np.linalg.solve(root, here)
     # below = L L'; the eigenvalues of L^-1 here L^-T are the shares of the variance below that are left here

@@ -78,7 +78,11 @@ class Binned:
     def of_problem(
         problem: Problem, fitted: Array, loss: str = "linear", loss_scale: float = 1.0, bins: int = MAX_STRETCHES
     ) -> dict[tuple[str, str], Binned]:
-        """Return (record, sensor) -> its residuals in so many stretches of time at most; a trace of up to 160 samples as it is."""
+        """Return (record, sensor) -> its residuals as means over at most `bins` stretches of time, weighted and in units of the noise. [-]
+
+        A trace of up to twice `MAX_STRETCHES` samples stays as it is. With a loss each residual counts as its derivative does. `fitted`
+        (unknowns,) is in the fitted form.
+        """
         out: dict[tuple[str, str], Binned] = {}
         blocks = iter(problem.blocks(fitted))
         for i, experiment in enumerate(problem.experiments):
@@ -440,7 +444,17 @@ def autocorrelation(problem: Problem, minimum: Fit, loss: str = "linear", loss_s
 
 
 def _trace_noise(key: tuple[str, str], b: Binned, white: float, correlated: float, time: float) -> TraceNoise:
-    """Return the noise of a trace, with the independent samples that it is worth."""
+    """Return the noise of a trace with its effective number of readings.
+
+    n_eff = n (within + s) / (white + s c'Rc / n): R the correlation exp(-|dt| / time) of the bins, c their counts, s `correlated`. A
+    rounding shared by readings lowers it further.
+
+    Parameters
+    ----------
+    key : tuple                     (record, sensor).
+    white, correlated : float       Variances of single readings, and of what wanders. [K^2]
+    time : float                    Of the correlation. [s]
+    """
     total = float(b.count.sum())
     effective = total
     if white > 0.0:
@@ -544,7 +558,14 @@ class _Calm:
 
     @classmethod
     def of_trace(cls, b: Binned, unknown_root: Array, inputs: Array | None = None) -> _Calm:
-        """Return it, `unknown_root` a root (unknowns, unknowns) of the covariance of the unknowns."""
+        """Return a trace whitened by white noise and the noise of its inputs.
+
+        Parameters
+        ----------
+        b : Binned                                  Means of its residuals (bins,) [K], their slopes (bins, unknowns), counts (bins,).
+        unknown_root : array (unknowns, unknowns)   R, R R' the covariance of the unknowns, fitted form.
+        inputs : array (bins, inputs)               Answers of the means to the noise of inputs, in units of the white noise.
+        """
         root = np.sqrt(b.count)
         weights, plain = np.diag(root), None
         if inputs is not None and inputs.size:
@@ -601,7 +622,17 @@ def _parts(b: Binned, trace: _Calm, alike: dict[bytes, list[Array]]) -> tuple[fl
 
 
 def _likeliest(within: Array, y: Array, calm: float) -> tuple[float, float, float]:
-    """Return twice the gain in log-likelihood of a wandering part with some correlations, and the variances of both parts."""
+    """Return twice the gain in log-likelihood of a wandering part [-], and the variances of the white and the wandering part [K^2].
+
+    In the eigenbasis of its correlation, y_i^2 has the expectation white (1 + ratio size_i); ratios are tried at 60 values, and 2 ln L1 /
+    L0 = n ln calm - n ln white - sum ln(1 + ratio size_i).
+
+    Parameters
+    ----------
+    within : array (n, n)   Correlation of the wandering part.
+    y : array (n,)          Residuals with a white part of one variance. [K]
+    calm : float            Their variance if they were white. [K^2]
+    """
     sizes, vectors = np.linalg.eigh(within)
     sizes, parts = np.maximum(sizes, 0.0), (vectors.T @ y) ** 2
     ratios = np.geomspace(0.01 / sizes[-1], 1e4 / sizes.mean(), 60)
@@ -699,7 +730,7 @@ class _TraceBasis:
 
     @classmethod
     def of_trace(cls, b: Binned, scale: Array) -> _TraceBasis:
-        """Return a trace in its bases, its slopes in units of `scale` (unknowns,)."""
+        """Return a trace in the eigenbases of its correlations, one for each time of the grid; slopes in units of `scale` (unknowns,)."""
         root = np.sqrt(b.count)
         sizes, vectors = _bases(b.times.tobytes(), b.count.tobytes())
         turned = np.swapaxes(vectors, 1, 2)
@@ -855,13 +886,21 @@ def white_rows(pieces: Sequence[Binned], noise: int, like: Sequence[Binned]) -> 
 
 
 def _scales(pieces: Sequence[Binned], priors: Array) -> Array:
-    """Return the standard error of every unknown alone, by white noise; of what nothing is said 1."""
+    """Return the standard error (unknowns,), fitted form, of each unknown if all others were known, by white noise; 1 if unseen."""
     square = np.diag(priors) + sum((b.count @ b.slopes**2 for b in pieces), np.zeros(priors.shape[0]))
     return np.asarray(1.0 / np.sqrt(np.where(square > 0, square, 1.0)))
 
 
 def _averaged(traces: Sequence[_TraceBasis], prior_information: Array, start: Array) -> tuple[Array, Array, Array]:
-    """Return weights, information and scores of noise models of several traces."""
+    """Return weights (models,) [-], information (models, values, values) and scores (models, values) of noise models of several traces.
+
+    One trace has a model for each node of its grid that is not negligible, by its probability; several have `DRAWS` models of equal weight,
+    each trace's nodes drawn by their probabilities given the likeliest nodes of the others.
+
+    Parameters
+    ----------
+    prior_information, start : array    Information (values, values) and score (values,) of the priors.
+    """
     grids = [_likely(t, prior_information, start, np.arange(GRID_TIMES * GRID_RATIOS)) for t in traces]
     if len(traces) == 1:
         chance = grids[0].chance.ravel()
@@ -897,7 +936,10 @@ def _add(t: _TraceBasis, information: Array, scores: Array, more: Array, pushed:
 
 
 def _sums(t: _TraceBasis, grid: _Grid, flat: Indices) -> tuple[Array, Array]:
-    """Return X'V^-1 X and X'V^-1 z of what acts on a trace at some nodes and sizes of its grid, counted in one."""
+    """Return X'V^-1 X (chosen, unknowns, unknowns) and X'V^-1 z (chosen, unknowns) of a trace at nodes and sizes of its grid.
+
+    X are the slopes of what acts on it, z its residuals, V = variance (1 + ratio R). `flat` (chosen,) counts nodes and sizes in one.
+    """
     of_node, of_size = np.divmod(flat, GRID_SIZES)
     used, place = np.unique(of_node, return_inverse=True)
     information, scores = [], []

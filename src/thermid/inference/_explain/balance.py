@@ -143,7 +143,7 @@ class _Parts:
 
 
 def _mean_of_sensors(values: list[float], errors: list[float]) -> tuple[float, float]:
-    """Return the mean of the readings of one node, weighted by 1 / error^2, and its standard error, widened where they disagree."""
+    """Return the mean [K] of the readings of one node, weighted by 1 / error^2, and its standard error [K], widened where they disagree."""
     # weighted mean, its error widened by the root of chi^2 / (n - 1) where that is above 1 (Birge's ratio)
     weights = np.maximum(np.array(errors), 1e-12) ** -2.0
     mean, size = float(weights @ values / weights.sum()), float(weights.sum() ** -0.5)

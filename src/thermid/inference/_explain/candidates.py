@@ -66,7 +66,10 @@ class Fault:
     start: float = 0.0
 
     def words(self, amount: float) -> str:
-        """Return the fault with its size in words: [K], [W/K], else as a percentage."""
+        """Return the fault with its size in words.
+
+        `amount` is in the fault's `unit`, K or W/K, else a share [-]; of a loose sensor, the share of its reading that is the ambient.
+        """
         if self.group == "sensor":
             return (
                 f"{self.name} {amount:+.1f} K" if self.unit == "K" else (f"{self.name}: {100 * amount:.0f} % of its reading is the ambient")
@@ -897,7 +900,11 @@ def _radiation(request: Request, place: _Place) -> MissingElement:
 
 
 def _settling(structure: Fitted, place: _Place) -> Iterator[MissingElement]:
-    """Yield a power that has more when it comes on and settles, at several time constants; none where records differ in when it does."""
+    """Yield a power P(t) = a exp(-(t - begin) / tau) [W] more from `begin`, when a load comes on; none where records differ in when.
+
+    tau is each share of `SETTLING_PACES` of the time that the shortest record has left, from `SLOWEST_SAMPLES` sampling intervals on: what
+    is faster is the instant of a change between two samples. a starts at a thousandth of the load's step [W].
+    """
     step_on = first_step(structure.experiments, place.load) if place.load else None
     if step_on is None or f"{_word(place.load)}_settling" in structure.request.model.loads:
         return

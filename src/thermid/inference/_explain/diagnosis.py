@@ -79,7 +79,11 @@ class FaultBench:
         self.covariance = self._errors(accuracy)
 
     def _errors(self, accuracy: Mapping[str, float]) -> Array:
-        """Return the covariance of the deviations where nothing is wrong: noise, constant errors of sensors, a part that wanders."""
+        """Return the covariance (readings, readings) [K^2] of the deviations of all cases' sensors where nothing is wrong.
+
+        Squares of the errors of means, `LEFT_BY_EVERY_MODEL`^2 exp(-|dt| / tau) with tau a fifth of the record, and `accuracy` [K] squared
+        between all readings of one sensor.
+        """
         from scipy.linalg import block_diag
 
         blocks, owner = [], []
@@ -130,7 +134,16 @@ class FaultBench:
 
 
 def cases_of(fit: Calibration, grown: Any, candidates: Sequence[Fault], extra: Sequence[str]) -> list[Case]:
-    """Return the logs of a comparison, thinned, each with what simulates it and the unknowns of the candidates free."""
+    """Return a case for each log of a comparison: residuals [K] in `DIAGNOSED_STRETCHES` means, and a prepared run with free faults.
+
+    The error of a mean is the sensor's noise (0.05 K where none is stated) over the root of its readings, 10 K where it has none.
+
+    Parameters
+    ----------
+    grown : Model           The fit's model, with elements for faults that it has none for.
+    candidates : sequence   Faults; those with a `free` value are free in the run.
+    extra : sequence        Paths of further free values.
+    """
     out = []
     for e in fit.experiments:
         blocks_of_record = [b for b in fit.blocks if b.record == e.record.name]
@@ -286,7 +299,11 @@ def diagnose(
 
 
 def _weighed(bench: FaultBench) -> Diagnosis:
-    """Posterior probabilities of groups and faults, by the evidence of each."""
+    """Return the probabilities [-] of groups and faults by their evidence: groups are equally likely, and faults within a group.
+
+    The evidence of a group is the mean of those of its faults, "nothing" has evidence 1. The `MAX_DIAGNOSED_FAULTS` best of each group are
+    fitted again.
+    """
     from scipy.special import logsumexp
 
     z = bench.root @ bench.d
@@ -321,7 +338,11 @@ def _linear(bench: FaultBench, c: Fault, z: Array) -> Tried:
 
 
 def _refitted(bench: FaultBench, c: Fault, z: Array, begun: Tried) -> Tried:
-    """Return the outcome of a fault by up to `DIAGNOSED_ROUNDS` steps of Gauss and Newton from `begun`."""
+    """Return the outcome of a fault after at most `DIAGNOSED_ROUNDS` Gauss-Newton steps of its amount [unit of the fault] from `begun`.
+
+    With whitened residuals r and slopes w, amount = w'(r + w a) / (w'w + 1 / size^2). `z` are the whitened deviations without a fault. It
+    ends where the amount moves by less than a thousandth of the fault's size.
+    """
     amount, best = begun[1], begun
     for _ in range(DIAGNOSED_ROUNDS):
         try:

@@ -270,7 +270,15 @@ class Pulses:
         return cls(rough, nodes, edges, len(fit.problem.unknowns))
 
     def residuals_and_answers(self, values_before: Mapping[str, float], heat: Heat | None = None) -> tuple[Array, Array]:
-        """Return what is left without a heat (rows,) and the answers (rows, pulses), less what the unknowns of the fit can compensate."""
+        """Return what is left without a heat (rows,) [-] and the answers (rows, pulses) [1/W], both in units of the noise.
+
+        The part that the unknowns of the fit can compensate, the projection on their derivatives, is taken off both.
+
+        Parameters
+        ----------
+        values_before : dict    Unknown -> value of an earlier fit. [SI]
+        heat : Heat             A heat found before; its pulses are where the answers are taken. [W]
+        """
         pulse_powers = np.zeros(len(self.nodes) * PULSES)
         if heat is not None:
             amount = values_before.get(f"{HEAT_NAME}amount", 0.0)

@@ -322,7 +322,11 @@ class Hypothesis:
 
 
 def _of_deck(request: Request, fit: RoughFit, base: RoughEnd) -> Iterator[Hypothesis]:
-    """Yield values that the fit holds, of elements of which nothing is free: those that would take most squares away."""
+    """Yield a hypothesis for each value that is fixed and of elements without a free one: the `FULLY_FITTED_HYPOTHESES` largest gains.
+
+    The gain of one step is (c'r)^2 / (c'c) [-], r the weighted residuals and c their derivatives by the value, both less what the unknowns
+    of the fit can compensate.
+    """
     flat = fit.problem.experiments[0].network.flat
     free = [p for u in fit.problem.unknowns if u.kind == "parameter" for p in (u.name, *u.also)]
     moving_paths = {*free, *flat.parameters.downstream(free)}
@@ -383,7 +387,10 @@ def _map_channels(request: Request, names: Iterable[str], law: Callable[[Array],
 
 
 def _per_cents(request: Request, network: Network) -> Iterator[Hypothesis]:
-    """Yield powers up to 100 W, well above the deck's, that may be duty cycles in per cent."""
+    """Yield a hypothesis for each logged power that may be a duty cycle in per cent: read as that share of the load's power in the deck.
+
+    Its largest value lies above 1 W and above the deck's power, and at or below `MAX_PER_CENT`.
+    """
     values = network.flat.parameters.evaluate({})
     decks = {row.path: float(values[row.fields["power"]]) for row in network.flat.loads if "power" in row.fields}
     for name, c in _channels(request, "power").items():
@@ -568,7 +575,7 @@ def _shift(request: Request, fit: RoughFit, base: RoughEnd, names: list[str]) ->
 
 
 def _shifted(request: Request, names: list[str], shift: float) -> Request:
-    """Return a request in which some channels show what they showed `shift` seconds later or, below zero, earlier."""
+    """Return a request in which some channels show what they showed `shift` [s] later or, below zero, earlier."""
 
     def change(r: Record) -> Record:
         """Return a record with the readings of some channels changed."""

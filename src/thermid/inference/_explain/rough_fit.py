@@ -330,7 +330,10 @@ def _stretches(times: Array) -> tuple[Array, Array]:
 
 
 def _means(times: Array, values: Array, edges: Array) -> tuple[Array, NDArray[np.int64]]:
-    """Return the mean reading of every stretch and how many there are; between neighbours where there is none."""
+    """Return the mean reading [K] of every stretch (stretches,) and how many there are; between neighbours where there is none.
+
+    `times` and `values` (readings,) [s, K]; `edges` (stretches + 1,) [s].
+    """
     count = edges.size - 1
     place = np.clip(np.searchsorted(edges, times, side="right") - 1, 0, count - 1)
     counts = np.bincount(place, minlength=count)

@@ -601,7 +601,16 @@ def _systems(problem: Problem, at: Array, noise: int | None, like: Sequence[Binn
 def _stepped(
     unknowns: Sequence[Unknown], at: Array, rows: Array, matrix: Array, new: Array, share: float = 1.0
 ) -> tuple[float, dict[str, float]]:
-    """Return the cost after one step, and what `new` small values become, which stand at a `share` of where they begin."""
+    """Return the cost [-] after one Gauss-Newton step with |step / scale|^2 as prior, and the values [SI] that new elements grow to.
+
+    Parameters
+    ----------
+    at : array (unknowns,)              Fitted form.
+    rows : array (rows,)                Weighted residuals and priors there. [-]
+    matrix : array (rows, unknowns)     Their derivatives.
+    new : array (unknowns,)             Which are of a new element: they may only grow, by `FREE_STEP` times `PROMISED_STEP`.
+    share : float                       Of where they begin, at which they stand now. [-]
+    """
     scale = np.array([PROMISED_STEP if u.log else PROMISED_STEP * u.scale for u in unknowns]) * np.where(new, FREE_STEP / share, 1.0)
     for _ in range(2):
         wide = np.concatenate([matrix * scale, np.eye(scale.size)])

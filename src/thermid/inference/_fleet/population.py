@@ -105,7 +105,11 @@ class RestrictedLikelihood:
 
     @classmethod
     def at(cls, summaries: Summaries, root: Array) -> RestrictedLikelihood:
-        """Return the restricted likelihood at Omega = L L', L the `root` (values, values), with beta = (X' W X)^-1 X' W d and its slope."""
+        """Return the restricted likelihood at Omega = L L', L the `root` (values, values), fitted form, with its slope by Omega.
+
+        X (units, values, coefficients) is the design, W and v are those of `weigh`: beta = (X'WX)^-1 X'v, log likelihood = (v'X beta +
+        |C^-1 L'h|^2 - ln det A - ln det X'WX) / 2.
+        """
         x = summaries.design
         lower, along, weights, pushed = weigh(summaries.information, summaries.score, root)
         carried = weights @ x
@@ -167,7 +171,7 @@ class RootForm:
         return cls(order, base, np.array(columns).reshape(-1, size, size))
 
     def start(self, omega: Array) -> Array:
-        """Return t (free,) whose L L' is near an Omega (values, values)."""
+        """Return t (free,) whose L L' is near an Omega (values, values), fitted form: by least squares of its Cholesky factor."""
         size = omega.shape[0]
         there = omega[np.ix_(self.order, self.order)]
         lower = np.linalg.cholesky(there + 1e-12 * np.diag(np.diag(there)) + 1e-300 * np.eye(size))
@@ -266,7 +270,10 @@ class PopulationFit:
         return 2.0 * whole**2 / max(float(row @ self.of_omega @ row), 1e-300)
 
     def freedom_of_mean(self, c: Array) -> float:
-        """Return the degrees of freedom of a combination c of coefficients (Giesbrecht and Burns, Biometrics 41 (1985) 477)."""
+        """Return the degrees of freedom 2 (c'Sc)^2 / Var(c'Sc) [-] of a combination c (coefficients,), S their covariance.
+
+        Giesbrecht and Burns, Biometrics 41 (1985) 477.
+        """
         along = self.at.spread @ c
         change = np.einsum("a,eab,b->e", along, self._moved, along)
         return float(2.0 * (c @ along) ** 2 / max(change @ self.of_omega @ change, 1e-300))

@@ -345,7 +345,11 @@ def _shared(judged: Mapping[str, UnitJudgement]) -> Array:
 def _iterated(
     units: Sequence[FleetUnit], unknowns: Sequence[Unknown], design: CovariateDesign, together: Bools, title: str, executor: Workers
 ) -> tuple[Array, PopulationFit, list[UnitSummary], bool]:
-    """Return reference (values,), population, unit summaries, and whether the linearisations converged; fitted form."""
+    """Return the reference (values,), population, unit summaries, and whether the linearisations converged; all in the fitted form.
+
+    At most `LINEARISATIONS` turns: each unit is fitted with the population as its prior, the population to the units' scores and
+    information. Converged is a mean and a spread that move by less than `MEANS_MOVE` standard errors.
+    """
     scale = np.array([u.scale for u in unknowns])
     begin = np.array([u.to_fitted(u.start) for u in unknowns])
     means, omega = np.repeat(begin[None], len(units), axis=0), np.diag((FIRST_PRIOR_SD * scale) ** 2)
@@ -451,7 +455,10 @@ def _summed(
     model: Model,
     judged: Mapping[str, UnitJudgement],
 ) -> Fleet:
-    """Return the result: values and intervals in SI units, from the population about `reference` (values,) in the fitted form."""
+    """Return the result: values and intervals [SI] from the population about `reference` (values,), fitted form, and what is said of units.
+
+    Effects of covariates and correlations between values have 95 % intervals; odd units are those beyond a threshold distance.
+    """
     size, at, shared = len(unknowns), population.at, _shared(judged)
     worth = _worth(population, units)
     values = {u.name: _value(u, k, population, reference, worth, units, shared[k, k]) for k, u in enumerate(unknowns)}

@@ -68,7 +68,7 @@ def _problems(packed: zipfile.ZipFile) -> Iterator[str]:
     if DESCRIPTION not in packed.namelist():
         yield f"it has no {DESCRIPTION}."
         return
-    for name in {DESCRIPTION, BUILD} & {file.filename for file in files}:
+    for name in sorted({DESCRIPTION, BUILD} & {file.filename for file in files}):
         text = packed.read(name).replace(b"\0", b"")  # of two bytes a letter too
         for mark in (b"<!DOCTYPE", b"<!ENTITY"):
             if mark in text:

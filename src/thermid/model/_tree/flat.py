@@ -631,7 +631,7 @@ def _slots(flat: Flat, model: Tree) -> Iterator[tuple[str, str, str, str]]:
             follows = way.follows if way is not None and way.follows else control.control.follows
             yield slot(path, "", name, slot_of(name, of_difference(follows)))
     for face in flat.faces.values():
-        for name in {"absorptance", "emissivity"} & set(face.fields):
+        for name in sorted({"absorptance", "emissivity"} & set(face.fields)):
             yield slot(face.fields[name], "", name, "1")
     for area, takes in flat.surfaces.values():
         for path in (area, *(take.path for take in takes)):

@@ -55,8 +55,9 @@ def starts(spec: Any, scenario: Scenario) -> tuple[list[float], tuple[str, ...],
 
     Parameters
     ----------
-    spec : dict         ``{"low": "0 [h]", "high": "6 [h]", "step": "30 [min]", "stays": ["air_flow"]}``; every step is as likely. The step
-                        may be left out; ``stays`` names what is done and counts from the start, as commands do.
+    spec : dict         ``{"low": "0 [h]", "high": "6 [h]", "step": "30 [min]", "stays": ["air_flow"]}``; every step is as likely. Without a
+                        step it is `START_TIME_STEP`; ``high`` is a start where a step meets it. ``stays`` names what is done and counts
+                        from the start, as commands do.
     scenario : Scenario Its tables reach from the first start to the end of a run begun last.
 
     Raises

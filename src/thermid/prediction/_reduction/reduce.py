@@ -276,7 +276,11 @@ def _projected(part: Subnetwork, choice: Partition) -> tuple[Array, Array, Array
 
 
 def _response(part: Subnetwork, choice: Partition, drive: Drive) -> Array:
-    """Return what the points do (times, points) in the linear part; inputs are straight between samples. [K]"""
+    """Return the temperatures of the points (times, points) [K] of a linear part as the partition lumps it, exact by its modes.
+
+    Powers [W] and temperatures around [K] of `drive` are straight between its samples. It begins at `drive.start` [K], without it in
+    balance with the first inputs.
+    """
     contraction, whole, capacity, s, m = _projected(part, choice)
     o = list(range(len(choice.clusters), whole.shape[0]))
     inverse = np.linalg.inv(whole[np.ix_(m, m)])
@@ -301,7 +305,10 @@ def _response(part: Subnetwork, choice: Partition, drive: Drive) -> Array:
 
 
 def _modal_response(z: Array, force: Array, begun: Array) -> Array:
-    """Return x (times, modes) of dx/dt = f - z x at unit steps, x(0) = `begun`, f = `force` (times, modes) linear between: exact."""
+    """Return x (times, modes) of dx/dt = f - z x at unit steps, x(0) = `begun` (modes,), f = `force` (times, modes) straight between.
+
+    z (modes,) is rate times step [-], f force times step; x has the unit of f. Below z = 1e-5 the weight of the late force is its series.
+    """
     decay = np.exp(-z)
     whole = -np.expm1(-z) / z
     late = np.where(z > 1e-5, (1.0 - whole) / z, 0.5 - z / 6.0)
@@ -314,7 +321,11 @@ def _modal_response(z: Array, force: Array, begun: Array) -> Array:
 
 
 def condensed(part: Subnetwork, choice: Partition) -> Condensed:
-    """Return a part reduced as chosen."""
+    """Return a part with one node per cluster and its other nodes eliminated: conductances [W/K] and capacitances [J/K] of what stays.
+
+    Laws of `KEPT_FORMS` between nodes that stay are kept; the rest is straight at its secants [W/K], and nodes between are eliminated by
+    the Schur complement. Links below `MIN_LINK_SHARE` of the largest are left out.
+    """
     first = {m: c[0] for c in choice.clusters for m in c}
     spoken = {k: part.nodes[c[0]] for k, c in enumerate(choice.clusters)}
     shown = {k for k, c in enumerate(choice.clusters) if k in choice.states or any(part.nodes[m] in part.shown for m in c)}

@@ -370,7 +370,7 @@ def wait_until_stable(leg: Leg, state: Array, wanted: WaitRequest) -> WaitResult
 
 
 def _thinned(axis: NDArray[np.floating[Any]], step: float) -> Array:
-    """Return at most about `MAX_OUTPUTS` of evenly spaced times: of a long wait pairs of neighbours, one `step` apart."""
+    """Return at most about `MAX_OUTPUTS` of evenly spaced times [s]: of a long wait pairs of neighbours, one `step` [s] apart."""
     if axis.size <= MAX_OUTPUTS:
         return np.asarray(axis, dtype=np.float64)
     coarse = np.linspace(axis[0], axis[-1], MAX_OUTPUTS // 2)

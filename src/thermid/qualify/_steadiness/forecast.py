@@ -106,7 +106,10 @@ class Approach:
 
     @cached_property
     def _spread_factor(self) -> float:
-        """Factor sqrt(f / (f - 2)) on standard deviations, f = max(worth - 5, 3): Student's distribution for few readings."""
+        """Factor sqrt(f / (f - 2)) on standard deviations, f = max(worth - 5, 3): Student's distribution for few readings. [-]
+
+        Five are taken off for a constant, two amplitudes and two time constants.
+        """
         free = max(self.worth - 5.0, 3.0)
         return float(np.sqrt(free / (free - 2.0)))
 
@@ -125,8 +128,7 @@ class Approach:
         """Return the distribution of the temperature at a time [s], infinity for the end. [K]
 
         The variance of each curve is that of its terms, of exponentials that bend (`CURVATURE_ERROR_SHARE` of the change to come), of the
-        noise
-        of medians and, for a single `reading`, of its scatter.
+        noise of medians and, for a single `reading`, of its scatter.
         """
         terms = self._factors(time)
         means = np.einsum("pt,pt->p", terms, self.means)
@@ -170,7 +172,7 @@ class Reference:
         return self.memo.value(tau, lambda: self._filter(tau))
 
     def _filter(self, tau: float) -> FloatArray:
-        """Compute `filtered` sample by sample, exactly for straight lines."""
+        """Return the values (samples,) [K] behind a lag of `tau` [s]: tau dy/dt = x - y, y = x at first, exact for straight x."""
         out = np.empty(self.values.size)
         out[0] = self.values[0]
         for k in range(1, self.values.size):
@@ -278,7 +280,7 @@ def _time_constant_pairs(span: float, slowest: float) -> FloatArray:
 
 
 def _design(axis: FloatArray, now: float, taus: FloatArray, room: Reference | None) -> FloatArray:
-    """Return the terms of a curve at times `axis` (bins, terms): 1, exp(-(t - now) / tau) for each tau, the reference behind each."""
+    """Return the terms (bins, terms) at times `axis` (bins,) [s]: 1 and exp(-(t - now) / tau) [-], the reference behind each tau [K]."""
     columns = [np.ones(axis.size), *(np.exp(-(axis - now) / tau) for tau in taus)]
     if room is not None:
         where = np.searchsorted(room.times, axis)
@@ -340,6 +342,8 @@ MAX_TIME_CONSTANT_RATIO: Final = 1e6
 GUARD: Final = 0.02
 """Share of the change in the readings by which exponentials may miss them, where a slow part is to be excluded by them alone: a drift below
 that may be coefficients that grow with differences, or a hidden mass. [-]"""
+RATE_WINDOW: Final = 60.0
+"""Over which the change is taken where a rule states no window; the curves bend little within it. [s]"""
 SLOW_SHARE: Final = 0.05
 """Probability with which a slow part counts as not excluded."""
 MAX_UNSEEN_SLOWNESS: Final = 10.0
@@ -681,7 +685,7 @@ def _why_declined(final: IntervalEstimate, within: float, slow: float, span: flo
 
 def _time_rule_holds(curve: Approach, rule: StabilityRule, probability: float, span: float) -> float | None:
     """Return the time at which the rule will hold with a probability; None beyond a hundred times `span` from now. [s]"""
-    window = rule.window or 60.0
+    window = rule.window or RATE_WINDOW
 
     def holds(at: float) -> bool:
         """Whether the change over the window that ends at a time is within the rule, with that probability over the curves."""

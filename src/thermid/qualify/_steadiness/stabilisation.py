@@ -342,7 +342,10 @@ def _mean_power(run: Solution, unit: str, start: float, end: float) -> float:
 
 
 def _stored_in_run(run: Solution, rule: StabilityRule, start: float, end: float, unit: str) -> tuple[Stored, dict[str, ChannelStability]]:
-    """Return the heat that a simulated unit takes up, sum of C (T(end) - T(start)) / (end - start), and the rate of every node.
+    """Return the heat [W] that a simulated unit takes up, sum of C (T(end) - T(start)) / (end - start), and the rate of each node [K/s].
+
+    C [J/K] is that at the end of the run. The heat is stable at or below the share `rule.rate` [-] of the unit's mean power; the rates of
+    single nodes are not judged.
 
     Raises
     ------

@@ -154,7 +154,7 @@ def _block_length(duration: float) -> float:
 
 
 def block_means(record: Record, least: float = 0.0) -> Record:
-    """Return a record for fit and filter: means over complete blocks of at least `least` seconds, with the noise of a mean."""
+    """Return a record of means over complete blocks of at least `least` [s], each channel's noise that of such a mean [K]."""
     step, ends = _raw_step(record), record.times - record.times[0]
     block = max(_block_length(float(ends[-1])), least)
     complete = step >= block or ends[-1] % block >= block - 1.5 * step
@@ -203,7 +203,7 @@ def without_spikes(record: Record) -> Record:
 
 
 def with_smooth_powers(record: Record) -> Record:
-    """Return a record whose logged powers are means over `MEAN_WINDOW` between their switches: a power meter's noise heats nothing."""
+    """Return a record whose logged powers [W] are means over `MEAN_WINDOW` [s] between their switches: a meter's noise heats nothing."""
     since, smooth_powers = record.times - record.times[0], []
     for c in record.channels.values():
         if c.quantity == "power" and c.held and c.valid.all() and c.white_noise > 0.0:
@@ -328,7 +328,7 @@ def _with_step(channel: Channel) -> Channel:
 
 
 def _averaged(channel: Channel, first: Places, count: Places) -> Channel:
-    """Return a channel with the mean of the valid samples of each block; `first` and `count` (blocks,) are its first sample and size."""
+    """Return a channel with the mean of the valid samples of each block; `first` and `count` (blocks,) [samples] are where it is."""
     valid: Bools = channel.valid
     many = np.add.reduceat(valid.astype(float), first)
     total = np.add.reduceat(np.where(valid, channel.values, 0.0), first)

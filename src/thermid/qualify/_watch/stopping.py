@@ -28,7 +28,7 @@ from thermid.fit.calibration import Bench, Compressed, Experiment, Prior, Unknow
 from thermid.inference.criticism import WATCHED
 from thermid.measure.records import MIN_INDEPENDENT_SHARE, Record, StabilityRule, effective_samples
 from thermid.model.tree import Model
-from thermid.qualify._steadiness.forecast import MIN_FORECAST_READINGS, EndForecast, Forecast, IntervalEstimate, forecast
+from thermid.qualify._steadiness.forecast import MIN_FORECAST_READINGS, RATE_WINDOW, EndForecast, Forecast, IntervalEstimate, forecast
 from thermid.qualify._watch.growing import MIN_NOISE
 from thermid.simulation.runs import Network, Options, Scenario, Traces, kept_for, settle
 
@@ -47,7 +47,7 @@ DONE_STEP: Final = 0.05
 MAX_STRETCHES_AHEAD: Final = 30.0
 """Stretches ahead within which a rule may come to hold."""
 INSTANTS_AHEAD: Final = 400
-"""Instants ahead at which a rule is asked."""
+"""Instants ahead at which a rule is asked, and as many of the window before."""
 
 
 @dataclass(frozen=True)
@@ -287,7 +287,7 @@ class _Fit:
         last = float(self.experiment.times[-1])
         settled, slopes = settle(engine, a, last, True)
         traces = Traces(self.bench.wiring, a, np.array([last]), engine.nodes, settled[None, :], slopes[None])
-        ahead, courses = self._temperatures_ahead(x, last)
+        times, courses = self._temperatures_about(x, last, rule.window or RATE_WINDOW)
         out = {}
         for k, o in enumerate(self.sensors):
             bias = float(self.z[count + k])
@@ -295,10 +295,10 @@ class _Fit:
             slope = np.zeros(self.z.size)
             slope[:count] = traces.slope(o.node)[0] * scale
             slope[count + k] = 1.0
-            now = float(courses[0, k]) + bias
+            now = float(np.interp(last, times, courses[:, k])) + bias
             variance = float(slope @ self.inverse @ slope) + (CURVATURE_SHARE_OF_LAWS * (end - now)) ** 2 + self.steps[k] ** 2 / 12.0
             half = float(stdtrit(max(self.worth - count, 3.0), 0.5 + 0.5 * level) * np.sqrt(variance))
-            holds = _time_rule_holds(ahead, courses[:, k], rule)
+            holds = _time_of_stability(times, courses[:, k], rule, last)
             final, begin = IntervalEstimate(end, end - half, end + half), float(self.record.times[0])
             wide = (
                 f"The final temperature could be from {final.low - ICE_POINT:.1f} to {final.high - ICE_POINT:.1f} degC "
@@ -319,9 +319,10 @@ class _Fit:
             )
         return out
 
-    def _temperatures_ahead(self, x: Array, last: float) -> tuple[Array, Array]:
-        """Return times from now on [s], and the temperatures of the sensors' nodes then (times, sensors). [K]"""
-        times = np.concatenate([[last], last + np.geomspace(last / INSTANTS_AHEAD, MAX_STRETCHES_AHEAD * last, INSTANTS_AHEAD)])
+    def _temperatures_about(self, x: Array, last: float, window: float) -> tuple[Array, Array]:
+        """Return times [s] from `window` [s] before `last` [s] on, and the temperatures of the sensors' nodes then (times, sensors). [K]"""
+        ahead = last + np.geomspace(last / INSTANTS_AHEAD, MAX_STRETCHES_AHEAD * last, INSTANTS_AHEAD)
+        times = np.concatenate([np.linspace(max(last - window, 0.0), last, INSTANTS_AHEAD), ahead])
         engine, wiring = self.bench.engine, self.bench.wiring
         a = engine.started(wiring.assemble(x, False))
         nodes = tuple(o.node for o in self.sensors)
@@ -361,15 +362,23 @@ def unknowns_with_priors(experiment: Experiment) -> tuple[tuple[str, ...], Array
     return tuple(rows), base, spread, relative
 
 
-def _time_rule_holds(times: Array, course: Array, rule: StabilityRule) -> float | None:
-    """Return from when on temperatures `course` (instants,) at `times` move no faster than a rule; None beyond `times`. [s]"""
+def _time_of_stability(times: Array, course: Array, rule: StabilityRule, now: float) -> float | None:
+    """Return the time [s] from `now` on after which temperatures change by at most rate * window over every window of a rule.
+
+    None where the last instant but one or a later one still changes by more, or for a rule on stored heat. A rule without a window is asked
+    over `RATE_WINDOW`.
+
+    Parameters
+    ----------
+    times : array (instants,)   From a window before `now` on, or from the beginning where that is later. [s]
+    course : array (instants,)  Temperatures then, straight between the instants. [K]
+    """
     if rule.stored:
         return None
-    fast = np.abs(np.diff(course)) > rule.rate * np.diff(times)
-    if not fast.any():
-        return float(times[0])
-    last = int(np.flatnonzero(fast)[-1])
-    return None if last + 2 >= times.size else float(times[last + 1]) + rule.window
+    window = rule.window or RATE_WINDOW
+    fast = np.flatnonzero(np.abs(course - np.interp(times - window, times, course)) > rule.rate * window)
+    slow = int(fast[-1]) + 1 if fast.size else 0
+    return None if slow + 1 >= times.size else max(float(times[slow]), now, float(times[0]) + rule.window)
 
 
 RISK: Final = 0.01

@@ -120,7 +120,16 @@ def _min_jump(steps: Array) -> float:
 
 
 def _sensor_alarm(channel: Channel, times: Array, changed: Array) -> Alarm | None:
-    """Return the alarm of one channel by its readings (samples,), or None: no reading, a jump that stays, or no change."""
+    """Return the alarm of a temperature channel by its readings alone; None without a cause.
+
+    No reading among the last `MISSING_READINGS`; a jump beyond `_min_jump` [K] that stays for `JUMP_STAYS_TIME` [s] with no change of
+    conditions about it; the same value `STUCK_READINGS` times in readings that scatter by more than their steps.
+
+    Parameters
+    ----------
+    times : array (samples,)        [s]
+    changed : array (changes,)      When conditions changed. [s]
+    """
     name, valid = channel.name, channel.valid
     if valid.size >= MISSING_READINGS and not valid[-MISSING_READINGS:].any():
         last = np.flatnonzero(valid)
@@ -534,7 +543,10 @@ class _FilterValues:
     added: Bools
 
     def at(self, dynamics: Dynamics, changed: tuple[str, float] = ("", 0.0)) -> At:
-        """Return the dynamics at these values, one of them changed by the factor exp(+-1) or by +-1 K; ``sensor k`` is an offset."""
+        """Return the dynamics at these values, one changed: by the factor exp(sign * `TRIED_CHANGE`), by `sign` K where it adds.
+
+        `changed` is (name, sign); ``sensor k`` is the constant error of that sensor [K], an empty name changes nothing.
+        """
         way, sign = changed
         is_changed = np.array([n == way for n in self.names])
         x = np.where(is_changed, np.where(self.added, self.x + sign, self.x * np.exp(sign * TRIED_CHANGE)), self.x)
@@ -636,7 +648,11 @@ class _Window:
         return float(1.0 / max(np.abs(np.linalg.eigvals(local.jacobian)).max(), 1e-12))
 
     def alarms(self) -> list[Alarm]:
-        """Return the suspect that explains the innovations best, naming others that do as well; none below a gain of `MIN_GAIN`."""
+        """Return the suspect that explains the innovations with the largest gain in log likelihood [-]; none below a gain of `MIN_GAIN`.
+
+        Others within `MIN_GAIN_LEAD` of it are named in its sentence. Tried beginnings are `BEGINNINGS` [s] back, and `TRIED_AGAIN` more
+        about the best.
+        """
         end = float(self.dynamics.grid[-1])
         backs = [0.0, *(back for back in BEGINNINGS if back < end)]
         alarms = [a for back in backs[1:] for a in self._alarms_since(end - back)]
@@ -655,10 +671,10 @@ class _Window:
         return [Alarm(best.kind, best.suspect, best.since, f"{best.because}; {others} would explain it as well", best.gain)]
 
     def _alarms_since(self, since: float) -> list[Alarm]:
-        """Return an alarm for each suspect that explains part of the innovations, had it changed at a time of the window. [s]
+        """Return an alarm for each suspect and each sensor's constant error, up and down, of size a > 0 had it changed at `since` [s].
 
-        With innovations e, variances S and the signature d of a unit change: size a = sum(d e / S) / sum(d^2 / S), gain a^2 sum(d^2 / S) /
-        2.
+        With innovations e (instants, sensors) [K], their variances S [K^2] and the signature d of a unit change [K], the difference that it
+        makes to the innovations: a = sum(d e / S) / sum(d^2 / S), gain a^2 sum(d^2 / S) / 2. None with fewer than four innovations.
         """
         place = max(int(np.searchsorted(self.dynamics.grid, since)) - 1, 0)
         names = [*(s.path for s in self.suspects), *(f"sensor {k}" for k in range(self.values.sigma.size))]

@@ -113,7 +113,7 @@ class Tally:
         return cls(grid, values.shape[1], counts, sums, keys, beyond)
 
     def joined(self, other: Tally) -> Tally:
-        """Return the tally of the members of both tallies, which have the same grid."""
+        """Return the tally of the members of both tallies, which have the same grid: counts, sums and values beyond it are added."""
         keys, place = np.unique(np.concatenate([self.keys, other.keys]), return_inverse=True)
         beyond = np.zeros(keys.size, dtype=np.int64)
         np.add.at(beyond, place, np.concatenate([self.beyond, other.beyond]))

@@ -781,7 +781,7 @@ class _Balance:
 
 
 def _solve_balance(jacobian: Array, leaving: Array | None, heat: Array) -> Array | None:
-    """Return x (nodes,) [K] with J x = -Q for the Jacobian J [W/K] and heat Q (nodes,) [W]; None where it is singular.
+    """Return x (nodes,) [K] with J x = -Q for the Jacobian J [W/K] and heat Q (nodes,) [W]; None where J is singular.
 
     With `leaving`, the heat per kelvin that each node loses to boundaries [W/K], by elimination without cancellation.
     """

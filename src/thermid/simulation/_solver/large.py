@@ -259,7 +259,10 @@ class LargeLayout:
 
 
 def sparse_of(problem: KernelProblem, a: Assembled) -> SparseNetwork:
-    """Return the numbers of a model as a `SparseNetwork`."""
+    """Return the numbers of a model as a `SparseNetwork`: capacities [J/K], links [W/K], rows by law and exponent, loads, boundaries; SI.
+
+    Nodes that hold no heat stand with the one that holds theirs.
+    """
     s, c = problem.wiring.structure, a.coefficients
     follows = s.coefficient_input
     layout = laid_out(problem, a)

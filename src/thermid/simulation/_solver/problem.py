@@ -269,7 +269,7 @@ def ends_steps(table: TableSignal) -> bool:
 
 
 def break_times(signals: Iterable[Signal], end: float) -> Array:
-    """Return the times in (0, end) at which a held input jumps; none where there are more than `MAX_BREAKS`. [s]"""
+    """Return the times [s] in (0, end) at which a held input jumps, sorted; none where one, or all together, have over `MAX_BREAKS`."""
     jumps = [s.times[1:][np.diff(s.values) != 0] for s in signals if isinstance(s, TableSignal) and s.hold]
     jumps = [times[(times > 0) & (times < end)] for times in jumps]
     few = max((times.size for times in jumps), default=0) <= MAX_BREAKS  # a dense log is not sorted at every run

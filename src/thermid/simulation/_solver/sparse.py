@@ -164,7 +164,7 @@ class SparseNetwork:
         return self.memo.value("problem", self._problem)
 
     def _problem(self) -> _kernel.LargeProblem:
-        """Return the kernel's problem, its groups of rows and loads laid out one behind the other."""
+        """Return the kernel's problem: groups of rows and loads one behind the other, coefficients in SI, tables by place."""
         tables: list[Any] = []
 
         def table(form: str, curve: Curve | None) -> int:

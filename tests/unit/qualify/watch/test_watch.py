@@ -13,7 +13,7 @@ import pytest
 
 from thermid.base.errors import ThermidError
 from thermid.measure.records import Record, StabilityRule
-from thermid.qualify._watch.stopping import DECISIONS, Stopping, TemperatureLimit
+from thermid.qualify._watch.stopping import DECISIONS, Stopping, TemperatureLimit, _time_of_stability
 from thermid.qualify._watch.watcher import Watcher, sensor_alarms, suspect_values
 from unit.fit.estimation.rig import logged, rig, run, scenario
 
@@ -26,6 +26,15 @@ def rising(size: int = 400, tau: float = 900.0, seed: int = 1, end: float = 20.0
     t = 10.0 * np.arange(size)
     r = np.random.default_rng(seed)
     return Record.from_arrays("rising", t, {"T": ICE + 22.0 + end * (1.0 - np.exp(-t / tau)) + r.normal(0.0, 0.05, size)}, unit="K")
+
+
+@pytest.mark.parametrize("now", [3700.0, 9000.0, 12000.0])
+def test_a_rule_holds_once_the_change_over_its_window_is_small(now: float) -> None:
+    """T = 10 exp(-t / tau) changes by 10 (exp(w / tau) - 1) exp(-t / tau) over a window w: before now, too, where it began there."""
+    tau, rule = 3600.0, StabilityRule.named("1 K over 1 h")
+    times = np.concatenate([np.linspace(now - rule.window, now, 400), now + np.geomspace(10.0, 1e5, 400)])
+    small = tau * np.log(10.0 * (np.exp(rule.window / tau) - 1.0))
+    assert _time_of_stability(times, 10.0 * np.exp(-times / tau), rule, now) == pytest.approx(max(now, small), rel=0.03)
 
 
 class TestSensors:
