@@ -61,7 +61,7 @@ UNKNOWN_CLOCK = 0.5
 def own_standing(
     request: Request,
     problem: Problem,
-    values: FittedValues,
+    far: Mapping[str, str],
     at: Sequence[float],
     errors: Sequence[float],
     spread: Autocorrelation | None,
@@ -72,15 +72,16 @@ def own_standing(
 
     Parameters
     ----------
-    values : FittedValues   Those to quote.
+    far : dict              Values beyond what was stated of them, as `contradicted` names them.
     at, errors : sequence   The unknowns of the problem there and their standard errors, fitted form.
     moved : Moves           What its logs say of values that it inherited.
     message : str           How the search ended where it did not converge.
     """
-    wrong = [*contradicted(values).values(), *([f"the fit did not converge: {message}"] if message else [])]
+    stage = request.name or request.model.title
+    wrong = [*far.values(), *([f"the fit did not converge: {message}"] if message else [])]
     at_bound = [f"'{u.name}' ended at its {side} bound" for u, side, _ in at_bounds(problem, at, errors)]
     if wrong:  # a value that a bound holds is why inherited ones move
-        return Standing("not credible", "; ".join([*wrong, *at_bound, *moved.contradictions()]), values.stage, request.accepted)
+        return Standing("not credible", "; ".join([*wrong, *at_bound, *moved.contradictions()]), stage, request.accepted)
     short_of = [
         f"'{name}' lies {far:.1f} standard deviations from its prior (limit {STRAINED:g})"
         for name, far in [*_far_from_prior(problem, at).items()][:1]
@@ -90,8 +91,8 @@ def own_standing(
     short_of += [words] if times > ASIDE else []
     short_of += _beyond_stated(problem, spread, request.adequate) if request.adequate and spread is not None else []
     if short_of := [*short_of, *at_bound]:  # what was stated with a probability comes first; a bound has none
-        return Standing("not adequate", "; ".join(short_of), values.stage, request.accepted)
-    return replace(CREDIBLE, stage=values.stage)
+        return Standing("not adequate", "; ".join(short_of), stage, request.accepted)
+    return replace(CREDIBLE, stage=stage)
 
 
 def _beyond_accuracy(problem: Problem, at: Sequence[float]) -> tuple[float, str]:
@@ -448,10 +449,11 @@ def summarise(
     values = FittedValues(name, items, total[np.ix_(rows, rows)], provenance)
     moved = moves_above(request, problem, best, spread.variance_factor) if request.store.states else Moves()
     at_end, message = (best.fitted.tolist(), np.sqrt(np.diag(total)).tolist()), best.message * (not best.converged)
-    alone, rests = own_standing(request, problem, values, *at_end, spread, moved, message), rests_on(request, values)
+    far = contradicted(values)
+    alone, rests = own_standing(request, problem, far, *at_end, spread, moved, message), rests_on(request, values)
     store = stored(request, problem, values.judged(Standing.worst([alone, *rests.values()])), responses_of_fit)
     values = _with_uncut(FittedValues.of_store(store, list(values), name), problem, best, responses_of_fit)
-    runner, far = request.model.runner, contradicted(values)
+    runner = request.model.runner
     remarks = (
         *([f"{LOUD}{'; '.join(far.values())}. Do not use these values."] if far else []),
         *(r if far else f"{FIRST}{r}" for r in moved.warnings()),  # what a fit that is not credible contradicts is in its standing
@@ -912,7 +914,7 @@ def _judged_by_estimates(fit: Calibration, spread: Autocorrelation) -> Calibrati
     values, priors = fit.expected, {u.name: u.prior.mean for u in fit.problem.unknowns if u.prior is not None}
     at = [u.to_fitted(values[u.name][0]) if u.name in values else priors.get(u.name, fit.fitted[u.name]) for u in fit.problem.unknowns]
     errors = [values[u.name][1] / u.slope(x) if u.name in values else 0.0 for u, x in zip(fit.problem.unknowns, at, strict=True)]
-    standing = own_standing(fit.request, fit.problem, fit.estimates, at, errors, spread, fit.moved)
+    standing = own_standing(fit.request, fit.problem, fit.contradicted, at, errors, spread, fit.moved)
     warnings = tuple(w for w in fit.warnings if not w.startswith(LOUD) or fit.contradicted)
     return replace(fit, own=standing, warnings=warnings).judged(fit.rests, fit.verdict)
 

@@ -17,8 +17,8 @@ from thermid.fit._error_model.elements import AS_BUILT, JointLaw, SurfaceLaw, Wa
 from thermid.fit._error_model.gaussian import log_sum
 from thermid.fit._error_model.model import GROUPS, RunsOfFit, left_prior
 from thermid.fit._error_model.runs import Departures
-from thermid.fit._error_model.sizes import NEWTON_POINTS
-from thermid.fit.error_model import SIZES, BandCause, ErrorModel
+from thermid.fit._error_model.sizes import LENGTHS, NEWTON_POINTS
+from thermid.fit.error_model import SIZES, BandCause, ErrorModel, course_in_fit
 from thermid.model.tree import TableSignal
 from thermid.prediction.bands import Band
 from thermid.simulation.runs import compile_network
@@ -212,6 +212,19 @@ def test_a_law_that_holds_is_one_more_way_and_the_room_wanders_there_too(model: 
     assert sum(w.weight for w in holds.departing.ways) == pytest.approx(1.0)
     band = _band(right, 6.0, as_logged=True)
     assert band.parts["room"][-1] > 0.3 * as_built.sizes["unlogged"] ** 2  # an hour's wander, before a box of 1.25 h
+
+
+def test_no_run_says_that_elements_hold_where_none_was(right: td.Calibration) -> None:
+    """Nine stages in one room put .99 on "as built", and 27 K further 8 of 13 ends of bands of .2 K missed gas that conducts less."""
+    holds, problem = ErrorModel.of_fit(right), right.problem
+    assert problem is not None
+    as_built, network = holds.ways[-1], problem.experiments[0].network
+    seen = course_in_fit(problem, 0, network, np.array([*right.fitted.values()]))
+    warm = replace(seen, kelvin={n: t + 27.0 for n, t in seen.kelvin.items()})
+    (kind, near), (_, far) = (as_built.departures.beyond(network, c)["skin"] for c in (seen, warm))
+    assert (kind, near) == ("surface", pytest.approx(0.0, abs=0.01))
+    assert far == pytest.approx(1.0 - np.exp(-((27.0 / LENGTHS[1]) ** 2)), abs=0.05)
+    assert (as_built.sizes["run"], as_built.sizes["surface"]) == (0.0, holds.sizes["surface"])
 
 
 def test_a_finish_that_nobody_measured_may_be_another_where_nothing_else_departs() -> None:

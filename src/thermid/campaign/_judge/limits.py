@@ -20,7 +20,7 @@ from thermid.base.arguments import check_two, guard_methods
 from thermid.base.errors import CodedText, NameNotFoundError, ScenarioError, errors_at, look_up, refuse_unknown
 from thermid.base.files import Places, by_grammar, read_toml
 from thermid.base.results import MARKS, Figure, Result, check_mark, weakest
-from thermid.base.units import HALF_WIDTH_95, ICE_POINT, Array, Bools, amount, end_of_range
+from thermid.base.units import ICE_POINT, Array, Bools, amount, end_of_range
 from thermid.model.tree import UNJUDGED, Standing
 from thermid.prediction.bands import Foresight
 from thermid.simulation.runs import Dense, Solution, Trace, resolved
@@ -658,23 +658,20 @@ def _policy(policy: Policy | str) -> Policy:
 def _tightest_instants(name: str, run: Foresight, one: Limits, k: int, side: str, policy: Policy, tested: bool, state: str) -> list[Margin]:
     """Return, of each state that a point has limits for, the margin at the instant nearest to its limit in one run.
 
-    `k` is 0 for the lower and 1 for the upper limit; nearest counts the 95 % half-width of the prediction. `name` is the run's.
+    `k` is 0 for the lower and 1 for the upper limit; nearest counts how far the band of the policy's level reaches. `name` is the run's.
     """
-    band = run.prediction[one.node]
-    error, sign = band.half_width / NormalDist().inv_cdf(0.975), 1.0 if k else -1.0
+    band, level = run.prediction[one.node], policy.level
+    sign, wide, end = 1.0 if k else -1.0, NormalDist().inv_cdf(0.5 + 0.5 * level), band.interval(level)[k] + ICE_POINT
     out = []
     for state_name in ("operating", "non-operating", "start-up"):
         ends, inside = one.ends(state_name), times_in_state(run.solution, one, state_name, state or "operating")
         if ends is None or not np.isfinite(ends[k]) or not inside.any():
             continue
-        towards = np.where(inside, sign * band.kelvin + HALF_WIDTH_95 * error, -np.inf)
-        index = int(towards.argmax())
+        index = int(np.where(inside, sign * end, -np.inf).argmax())
         variance = sum(float(v[index]) for v in band.parts.values())  # of a mixture it is not that of the interval
         shares = {c: float(v[index]) / variance if variance > 0.0 else 0.0 for c, v in band.parts.items()}
-        expected, size = float(band.kelvin[index]), float(error[index])
-        if band.switches:
-            expected, end = band.extreme(sign, during=inside)
-            size = sign * (end - expected) / HALF_WIDTH_95
+        expected, furthest = band.extreme(sign, inside, level) if band.switches else (float(band.kelvin[index]), float(end[index]))
+        size = sign * (furthest - expected) / wide
         figures = (float(band.times[index]), expected, size)
         out.append(Margin(one.point, side, state_name, name, *figures, shares, ends[k], one.mark, policy, tested, standing=run.standing))
     return out

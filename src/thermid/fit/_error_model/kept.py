@@ -26,7 +26,10 @@ from thermid.fit._error_model.elements import (
     BEND_OF,
     CONDUCTANCE_OF,
     EXPONENT_OF,
+    JOINT,
+    LAW,
     SHARE_OF,
+    SURFACE,
     TREND_OF,
     WITH_ENTRIES,
     WITH_PATHS,
@@ -40,7 +43,7 @@ from thermid.fit._error_model.elements import (
 )
 from thermid.fit._error_model.gaussian import log_sum, weights_of
 from thermid.fit._error_model.model import GROUPS, FittedWay, before, course_in_fit, fitted_way, left_prior, points_of
-from thermid.fit._error_model.runs import Departures, Smooth, UnknownColumn
+from thermid.fit._error_model.runs import Departures, Smooth, UnknownColumn, departures_of
 from thermid.fit._error_model.sizes import (
     COUNTED,
     DEPARTURE_ODDS,
@@ -220,6 +223,20 @@ class KeptWay:
             way.way.name, weight, way.laws, values, way.runs.departures, way.runs.columns, mean, _triangular(covariance), sizes, rest
         )
 
+    def where_seen(self, smooth: Mapping[str, Smooth], sizes: Mapping[str, float]) -> KeptWay:
+        """Return a way in which elements are as built where the runs were, and depart further off.
+
+        Readings say nothing of conditions that no run had: there each departs by what its conditions in the runs leave of its variance, at the
+        sizes that it has where elements depart.
+
+        Parameters
+        ----------
+        smooth : dict   Conductor -> its smooth departure, whose features reach no further than the runs.
+        sizes : dict    Group -> size where elements depart.
+        """
+        own = {**self.sizes, "run": 0.0, **{kind: sizes[kind] for kind in (SURFACE, JOINT, LAW)}}
+        return replace(self, departures=Departures(smooth, ()), sizes=own)
+
     def to_dict(self) -> dict[str, Any]:
         """Return plain numbers and texts for a file."""
         smooth = {
@@ -365,6 +382,9 @@ class ErrorModel(Result):
                 sizes = np.abs(weights_of(moved.log_evidence) @ moved.mean)[-len(spots) :]
                 spot = spots[int(np.argmax(sizes))] if sizes.max() > BIOT_LIMIT else ""  # below, a lag or leads of the sensor do as much
         found = cls(fit.stage, fitted_values, ways, math.hypot(apart, likeliest.nonlinearity()), gain=gain, spot=spot)
+        names = {n for v in fitted_values.values() for n, *_ in v.acts}
+        seen = departures_of([e.network for e in problem.experiments], courses, points, (), names, reach=0).smooth
+        found = replace(found, ways=tuple(w.where_seen(seen, found.sizes) if w.name == AS_BUILT else w for w in ways))
         return found if found.contradiction else found.at_means
 
     @property

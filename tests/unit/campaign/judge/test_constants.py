@@ -14,7 +14,7 @@ import thermid as td
 from by_code import raises_code
 from thermid.base.errors import IdentificationError, ScenarioError
 from thermid.campaign._judge.correlation import Overlay, correlate
-from thermid.campaign._judge.limits import Limits, fixed_margin, heater_duty, margins
+from thermid.campaign._judge.limits import POLICIES, Limits, fixed_margin, heater_duty, margins
 from thermid.campaign._judge.verdict import METRICS, Criteria, Residuals
 from thermid.prediction.bands import Knowledge, foresee
 from unit.qualify.things import soak, unit
@@ -73,20 +73,17 @@ def fit() -> td.Calibration:
     return td.calibrate(unit(), td.Record.from_arrays("log", times, made), ["out.conductance"], scenario=soak(25.0))
 
 
-def test_a_margin_of_another_level_has_that_quantile(fit: td.Calibration) -> None:
-    """0.95 of a normal distribution lie within 1.96 standard deviations, 0.5 within 0.674; the instant is the tightest by the former.
-
-    The error is that of the normal distribution with the 95 % interval of the prediction, which is a mixture: where a way in a hundred, in
-    which elements depart, is ten times as wide as the others, 1.96 standard deviations of the mixture hold far more than 95 %.
+@pytest.mark.parametrize("level", [0.5, 0.95, 0.997])
+def test_a_margin_counts_to_the_end_of_the_band_of_its_level(fit: td.Calibration, level: float) -> None:
+    """The prediction is a mixture: where a way in a hundred, in which elements depart, is ten times as wide as the others, no multiple of
+    its 95 % interval is that of another level, and its ends need not lie as far from its centre.
     """
     run = foresee(Knowledge.of_source(fit), soak(55.0))
     limit = Limits("processor", "proc", td.quantity((253.15, 343.15), unit="K"), loads=("cpu",))
-    hot = margins({"hot": run}, [limit])[1]
-    at = int(np.argmax(run.prediction["proc"].kelvin + run.prediction["proc"].half_width))
-    assert hot.time == run.prediction.times[at]
-    half = replace(hot, policy=replace(hot.policy, level=0.5))
-    assert half.uncertainty == pytest.approx(0.6744898 * hot.error)
-    assert hot.uncertainty == pytest.approx(run.prediction["proc"].half_width[at], rel=1e-6)
+    hot = margins({"hot": run}, [limit], replace(POLICIES["SMC-S-016"], level=level))[1]
+    high = run.prediction["proc"].interval(level)[1] + 273.15
+    assert hot.time == run.prediction.times[int(np.argmax(high))]
+    assert hot.predicted + hot.uncertainty == pytest.approx(float(high.max()), abs=1e-9)
 
 
 def test_a_heater_is_judged_by_the_second_half_of_its_run() -> None:

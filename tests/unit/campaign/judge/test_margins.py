@@ -39,7 +39,7 @@ def test_the_sum_is_that_of_its_parts_and_the_error_is_the_prediction_s(fit: td.
     assert (hot.side, hot.run, hot.state) == ("hot", "hot soak", "operating")
     assert hot.predicted == pytest.approx(told["proc"].kelvin[-1], abs=1e-6)
     # of a mixture of ways the band holds 95 %, which 1.96 standard deviations do not where a way in a hundred is ten times as wide
-    assert hot.uncertainty == pytest.approx(told["proc"].half_width[-1], rel=1e-6)
+    assert hot.predicted + hot.uncertainty == pytest.approx(told["proc"].interval()[1][-1] + 273.15, abs=1e-6)
     assert hot.uncertainty == pytest.approx(1.959964 * hot.error)
     assert hot.margin == pytest.approx(343.15 - hot.predicted - hot.uncertainty - 10.0)
     assert hot.left_with_fixed == pytest.approx(343.15 - hot.predicted - 11.0 - 10.0)
