@@ -77,7 +77,7 @@ def study_report(
         shown = [Section.of_blocks("verdicts", "Verdicts", [_verdicts(campaign, ranked=True)] if campaign.verdicts else [])]
     else:
         first = [Section.of_blocks("steps", "The four steps", steps(study)), _parts_section(study)]
-        shown = sheets.shortened([*first, *(s for s in sections if audience in s.audiences), _record_section(study, campaign)])
+        shown = sheets.shortened([*first, *sections, _record_section(study, campaign)])
     outcomes = [v.passed for v in campaign.verdicts]
     about = (
         study.content.knowledge.subject,
