@@ -28,7 +28,7 @@ from thermid.model._parts.controls import CONTROL_SLOTS, TEMPERATURE_SLOT
 from thermid.model._parts.elements import NODE_SLOTS
 from thermid.model.tree import KINDS, LOAD_SLOTS, Sine, TableSignal
 from thermid.qualify import _plan_schema as plan_schema
-from thermid.qualify._profiles.profile import SLOTS
+from thermid.qualify._profiles.numbers import SLOTS
 from thermid.qualify._profiles.schema import ProfileTable, StepTable
 from thermid.simulation._scenarios import schema as scenario_schema
 from thermid.site import pad

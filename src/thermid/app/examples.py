@@ -293,14 +293,13 @@ def copy_example(
                 target = half / source_name / path if example.needs else half / path
                 target.parent.mkdir(parents=True, exist_ok=True)
                 FileKinds.COPY.save_bytes(target, file.read_bytes())
-        for k, original in enumerate(data.files if data else ()):
-            assert data is not None
-            target = half / original.to
-            target.parent.mkdir(parents=True, exist_ok=True)
-            FileKinds.COPY.save_bytes(target, converted(data, original, originals))
-            if progress is not None:
-                progress(k + 1, len(data.files))
         if data is not None:
+            for k, original in enumerate(data.files, 1):
+                target = half / original.to
+                target.parent.mkdir(parents=True, exist_ok=True)
+                FileKinds.COPY.save_bytes(target, converted(data, original, originals))
+                if progress is not None:
+                    progress(k, len(data.files))
             FileKinds.COPY.save_bytes(half / "LICENSE.data", LICENCE.format(data).encode())
         if example.makes and logs:
             done = subprocess.run([sys.executable, "-B", example.makes, "."], cwd=half, capture_output=True, text=True, check=False)

@@ -6,7 +6,7 @@ import hashlib
 import json
 import sys
 import zipfile
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from contextlib import suppress
 from dataclasses import asdict, dataclass, fields
 from functools import cache, partial
@@ -106,14 +106,16 @@ class KeptStage:
         content = {"key": key, "code": code_digest(), "ingredients": dict(ingredients or {}), **asdict(end)}
         FileKinds.RESULTS_FILE.save_text(self._file("fit"), json.dumps(content, indent=1))
 
-    def forget(self) -> None:
-        """Remove its end and its model of error; looks at hold-out records stay."""
-        for what in ("fit", "errors") if self.folder is not None else ():
-            self._file(what).unlink(missing_ok=True)
-
     def errors(self, key: str) -> Keeping | None:
         """Return what keeps its model of error, for a fit; None where no results folder is."""
         return None if self.folder is None else partial(_errors_kept, self._file("errors"), key)
+
+
+def kept_stages(folder: Path | None, stages: Collection[str], fresh: bool) -> dict[str, KeptStage]:
+    """Return stage -> what a results folder keeps of it; `fresh` removes ends and models of error first, looks at hold-out records stay."""
+    for path in [folder / f"{file_name(stage)}.{kind}.json" for stage in stages for kind in ("fit", "errors")] if folder and fresh else []:
+        path.unlink(missing_ok=True)
+    return {stage: KeptStage(folder, stage) for stage in stages}
 
 
 def _errors_kept(path: Path, key: str, make: Callable[[], dict[str, Any]]) -> dict[str, Any]:

@@ -333,11 +333,10 @@ def fit_jointly(
         remarks=(*remarks, *uncounted),
         seen={sha: who for c in done.values() for sha, who in c.used_records.items()},
     )
-    kept = KeptStage(cache, NAME)
-    recalled = kept.recall(key)
+    recalled = (memory := KeptStage(cache, NAME)).recall(key)
     calibration = fit_problem(whole, problem, progress, recalled)
     if recalled is None and calibration.converged and key:
-        kept.remember(key, calibration.end.place if calibration.end is not None else None)
+        memory.remember(key, calibration.end.place if calibration.end is not None else None)
     store = replace(calibration.store, left_out=(*calibration.store.left_out, *map(LeftOut, uncounted)))
     return _judged(replace(calibration, store=store), levels, shared, done if staged else {})
 

@@ -9,7 +9,7 @@ from pydantic import Field, WithJsonSchema
 
 from thermid.base.grammar import Amount, SineTable, StrictTable, TimesTable, in_form, reads, table_of
 from thermid.base.units import TEMPERATURE
-from thermid.campaign._methodology import Component, ProcedureAction, SensorSpec
+from thermid.campaign._study_items import Component, ProcedureAction, SensorSpec
 from thermid.measure.readers import channel_schema
 from thermid.model.tree import literal
 from thermid.simulation.grammars import GasTable

@@ -26,7 +26,7 @@ from thermid.base.errors import (
 from thermid.base.files import resolve_inside
 from thermid.base.results import Named, Row
 from thermid.base.units import counted, duration_text, short
-from thermid.campaign._cache import KeptStage, file_name
+from thermid.campaign._cache import file_name, kept_stages
 from thermid.campaign._file import CampaignSource, accepting, local_of, scenario_of
 from thermid.campaign._joint import JointFit, fit_jointly, joint_key
 from thermid.campaign._judge.verdict import Criteria, Verdict, look, not_judged, validate
@@ -570,9 +570,7 @@ def run_stages(
     source = campaign if isinstance(campaign, CampaignSource) else CampaignSource.read(campaign, data)
     folder = Path(cache) if cache is not None else None
     source = accepting(replace(source, results=folder or source.results), accept)
-    kept = {name: KeptStage(folder, name) for name in (*(s.name for s in source.content.stages), "joint")}
-    for stage in kept.values() if fresh else ():
-        stage.forget()
+    memories = kept_stages(folder, (*(s.name for s in source.content.stages), "joint"), fresh)
     done, keys, requests, changed = dict[str, Calibration](), dict[str, str](), dict[str, Request](), dict[str, tuple[str, ...]]()
     todo = {k: s for k, s in enumerate(source.content.stages) if not only or s.name in only or s.name in source.below(only)}
     workers = KeptTasks.of_workers(executor).workers
@@ -587,12 +585,12 @@ def run_stages(
                 request, ingredients[name] = keyed(request_of(source, todo[k], k, done), todo[k], keys)
             requests[name], keys[name] = request, (key := request.key)
             alone = (progress_of(notice, name), executor) if len(ready) == 1 else (None, None)
-            tasks.append((place, (request, source.path.name, place, kept[name].recall(key), kept[name].errors(key), *alone)))
+            tasks.append((place, (request, source.path.name, place, memories[name].recall(key), memories[name].errors(key), *alone)))
         for _, (fitted, new) in in_tasks(_fitted, tasks, workers if len(ready) > 1 else None):
             name = fitted.stage
-            changed |= {name: kept[name].changed_since(ingredients[name])} if new else {}
+            changed |= {name: memories[name].changed_since(ingredients[name])} if new else {}
             if new and fitted.converged:
-                kept[name].remember(keys[name], fitted.end.place if fitted.end is not None else None, ingredients[name])
+                memories[name].remember(keys[name], fitted.end.place if fitted.end is not None else None, ingredients[name])
             done[name] = fitted
             _go_on(fitted, [s.name for s in todo.values() if s.name not in done], source)
         todo = {k: s for k, s in todo.items() if k not in ready}

@@ -191,8 +191,8 @@ class Trial:
         """Verdicts, the nearest limit, criteria that failed and open points, a line for each."""
         lines = [f"{self.test.name} ({self.test.kind}, {self.test.state}): limits {VERDICTS[self.within]}"]
         if self.course is not None:
-            hours, waited = self.course.duration / 3600, self.course.waited / 3600
-            lines[0] += f"; {hours:.1f} h, of it {waited:.1f} h waiting; profile: {self.course.profile.trust}"
+            lines[0] += f"; {self.course.duration / 3600:.1f} h, of it {self.course.waited / 3600:.1f} h waiting"
+            lines[0] += f"; profile: {self.course.profile.trust}"
         if self.worst is not None:
             lines.append(f"  nearest: {self.worst}")
         lines += [f"  {c}" for c in self.checks if c.crossings and c is not self.worst]

@@ -8,7 +8,7 @@ import tomllib
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, fields, is_dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -19,9 +19,6 @@ from thermid.base.results import Named, Row
 from thermid.base.units import Array, counted, from_si, unit
 from thermid.model.tree import UNJUDGED, Parameter, Standing
 from thermid.values._store import LaterTable, Normal, Source, State, Store, ValueOrigin, deviated, domain, error_table_of
-
-if TYPE_CHECKING:
-    from thermid.values._schema import StateTable, ValuesFile
 
 VALUES_SCHEMA = 2
 AGREES = 1e-6
@@ -411,7 +408,7 @@ def load_store(path: str | os.PathLike[str]) -> tuple[Store, str]:
     return store, checked.stage
 
 
-def _read(data: Mapping[str, Any], content: ValuesFile) -> Store:
+def _read(data: Mapping[str, Any], content: Any) -> Store:
     """Return the store of a file of schema 2, as it is written and as its grammar has it."""
     states, sources = {name: _state(name, table) for name, table in content.values.items()}, tuple(content.sources)
     root, order = np.zeros((len(states), len(sources))), {name: k for k, name in enumerate(states)}
@@ -435,7 +432,7 @@ def _read(data: Mapping[str, Any], content: ValuesFile) -> Store:
     )
 
 
-def _state(name: str, v: StateTable) -> State:
+def _state(name: str, v: Any) -> State:
     """Return the state that the table [values.<name>] of a values file holds; the inverse of `_as_table`."""
     return State(
         name,

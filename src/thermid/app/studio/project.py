@@ -141,7 +141,7 @@ class Project:
             return self._set(StageState(name, "deck", "a deck alone, without logs"))
         if name in self.done and name in self._requests:
             return self.states[name]
-        kept = KeptStage(self.results, name)
+        memory = KeptStage(self.results, name)
         direct, before, fitted = self.below(name), self._keys.get(name), self.done.pop(name, None)
         self.campaign = None
         missing = [n for n in direct if self.states[n].state != "done"]
@@ -154,17 +154,17 @@ class Project:
                 return self._finish(name, fitted, unchanged=self.states[name].state == "done")
             if request.hand is not None:
                 return self._finish(name, fit(request))  # values tuned by hand: there is nothing to run
-            recalled = kept.recall(self._keys[name])
+            recalled = memory.recall(self._keys[name])
             if recalled is None:
                 compile_network(request.model)  # what it would end in when it is run: a wrong unit, a node that nothing holds
         except ThermidError as error:
             return self._set(StageState(name, "failed", str(error), direct))
         if recalled is None:
-            ran = fitted is not None or kept.has_fit
-            changed = ", ".join(kept.changed_since(self._made_of[name]))
+            ran = fitted is not None or memory.has_fit
+            changed = ", ".join(memory.changed_since(self._made_of[name]))
             why = f"changed since it was run: {changed}" if changed else "run it again" if ran else "never run"
             return self._set(StageState(name, "stale" if ran else "new", why, direct))
-        return self._finish(name, fit(request, None, recalled, keeping=kept.errors(self._keys[name])))
+        return self._finish(name, fit(request, None, recalled, keeping=memory.errors(self._keys[name])))
 
     def run(self, name: str, progress: Told | None = None) -> StageState:
         """Run a stage again from what its files say; the ones below must be done.
@@ -175,11 +175,11 @@ class Project:
         """
         if self.source is None:
             raise DeckError("a deck has no stages to run. Open a campaign.", self.path.name, code="studio.not-now")
-        request, kept = self._request(name), KeptStage(self.results, name)
-        calibration = fit(request, progress, keeping=kept.errors(self._keys[name]))
+        request, memory = self._request(name), KeptStage(self.results, name)
+        calibration = fit(request, progress, keeping=memory.errors(self._keys[name]))
         if calibration.converged:
             end = calibration.end.place if calibration.end is not None else None
-            kept.remember(self._keys[name], end, self._made_of[name])
+            memory.remember(self._keys[name], end, self._made_of[name])
             calibration.save(self.results / f"{file_name(name)}.values.toml")
         for above in self.stages:
             if name in self.below(above):

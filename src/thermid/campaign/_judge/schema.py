@@ -8,9 +8,8 @@ import numpy as np
 from pydantic import ConfigDict, RootModel
 
 from thermid.base.errors import ScenarioError, ThermidError
-from thermid.base.grammar import Amount, Finite, Grammar, StrictTable, reads, table_of
+from thermid.base.grammar import Amount, Finite, Flag, Grammar, StrictTable, reads
 from thermid.base.units import kelvin
-from thermid.campaign._judge.verdict import RecordedLook
 
 
 def _ends(pair: list[str | float]) -> tuple[float, float]:
@@ -58,7 +57,18 @@ class LimitsFile(RootModel[dict[str, LimitTable]], Grammar):
     fault: ClassVar[type[ThermidError]] = ScenarioError
 
 
-class LooksFile(RootModel[list[Annotated[RecordedLook, table_of(RecordedLook)]]], Grammar):
+class LookTable(StrictTable):
+    """One verdict on a record."""
+
+    record: str
+    sha256: str
+    stage: str
+    key: str
+    passed: Flag
+    date: str
+
+
+class LooksFile(RootModel[list[LookTable]], Grammar):
     """Every verdict on a record that a results folder remembers."""
 
     lead: ClassVar[str] = (

@@ -511,7 +511,7 @@ def _read(folder: Path | None) -> tuple[RecordedLook, ...]:
     path = folder / FILE if folder is not None else None
     if path is None or not path.is_file():
         return ()
-    return tuple(read_json(path, "thermid.campaign._judge.schema.LooksFile").root)
+    return tuple(RecordedLook(**dict(one)) for one in read_json(path, "thermid.campaign._judge.schema.LooksFile").root)
 
 
 @dataclass(frozen=True, eq=False)

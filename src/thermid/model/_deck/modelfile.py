@@ -147,24 +147,19 @@ class _Site:
         return lambda inner: self.where(f"{key}.{inner}" if inner else key)
 
 
-def model_from_dict(
-    data: Mapping[str, Any], *, file: str = "", lines: Mapping[str, int | str] | None = None, use: Any = None, read: Any = None
-) -> Model:
+def model_from_dict(data: Mapping[str, Any]) -> Model:
     """Return the model that a dictionary describes: the Python twin of a deck, with the same fields.
 
     Parameters
     ----------
     data : dict     As the TOML of a deck; in ``submodels.<name>.use`` a `Model` may stand in place of a file name, and as `table` of a
                     conductor or a load what `law` returns.
-    file : str      For messages.
-    lines : dict    Key path -> line, for messages.
-    use, read : callable    What a deck on disk has: name of a deck and place -> model and its definition; name of a file and place -> text.
 
     Raises
     ------
     DeckError       When it does not follow the grammar, or physics forbids a value; every fault is listed.
     """
-    model = _built(data, file, lines or {}, use, read)
+    model = _built(data, "", {}, None, None)
     try:
         flat = Flat.of_model(model)
         faults = [f"{where}: {message}" for _, where, message in flat.impossible(flat.parameters.evaluate({}), flat.ranges)]

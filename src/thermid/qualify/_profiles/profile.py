@@ -19,47 +19,7 @@ from thermid.base.results import Result, check_mark, weakest
 from thermid.base.units import ATMOSPHERE, ICE_POINT, TEMPERATURE, Kelvin, Quantity, amount, si_value
 from thermid.measure.records import StabilityRule
 from thermid.model.tree import literal
-
-SLOTS: Final[Mapping[str, str]] = {
-    "hot": TEMPERATURE,
-    "cold": TEMPERATURE,
-    "middle": TEMPERATURE,
-    "ambient": TEMPERATURE,
-    "hot_least": TEMPERATURE,
-    "cold_least": TEMPERATURE,
-    "margin": "K",
-    "tolerance": "K",
-    "ramp": "K/s",
-    "ramp_least": "K/s",
-    "cycles": "1",
-    "base_cycles": "1",
-    "base_range": "K",
-    "range_exponent": "1",
-    "dwell": "s",
-    "soak": "s",
-    "soak_ends": "s",
-    "operate": "s",
-    "operate_ends": "s",
-    "off": "s",
-    "pressure": "Pa",
-    "rough_pressure": "Pa",
-    "pump_down": "s",
-    "humidity": "1",
-    "longest_wait": "s",
-    "average": "s",
-}
-"""Numbers of a profile -> their unit."""
-
-USUAL: Final[Mapping[str, str]] = {TEMPERATURE: "degC", "K/s": "K/min", "s": "h"}
-"""Unit of a number -> the one that a person means who writes none."""
-
-WORDS: Final[Mapping[str, tuple[str, ...]]] = {
-    "stable": (),
-    "starts": ("each", "first and last", "never"),
-    "first": ("hot", "cold"),
-    "last": ("hot", "cold"),
-}
-"""Words of a profile -> what they may be; the rule of stability is checked by itself."""
+from thermid.qualify._profiles.numbers import SLOTS, USUAL, WORDS
 
 
 @dataclass(frozen=True)

@@ -8,7 +8,7 @@ from pydantic import Field, create_model
 
 from thermid.base.errors import ScenarioError, ThermidError
 from thermid.base.grammar import Amount, Flag, StrictTable, Whole, in_form
-from thermid.qualify._profiles.profile import SLOTS, WORDS
+from thermid.qualify._profiles.numbers import SLOTS, WORDS
 
 
 class NumberTable(StrictTable):

@@ -366,21 +366,17 @@ class Section:
     title : str         Its heading.
     blocks : tuple      What it holds; a `Table` may stand for itself.
     short : str         What the contents call it; the title by default.
-    audiences : tuple   For whom it stands on the page.
     """
 
     key: str
     title: str
     blocks: tuple[PageBlock, ...]
     short: str = ""
-    audiences: tuple[str, ...] = ("agency", "all")
 
     @classmethod
-    def of_blocks(
-        cls, key: str, title: str, blocks: Sequence[PageBlock], short: str = "", audiences: tuple[str, ...] = ("agency", "all")
-    ) -> Section:
+    def of_blocks(cls, key: str, title: str, blocks: Sequence[PageBlock], short: str = "") -> Section:
         """Return a section; tables become blocks, and one without a title has that of the heading above it."""
-        return cls(key, title, _titled(title, blocks), short or title, audiences)
+        return cls(key, title, _titled(title, blocks), short or title)
 
 
 def folded(title: str, blocks: Sequence[PageBlock], note: str = "") -> FoldOut:

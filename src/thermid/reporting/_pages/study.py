@@ -67,23 +67,17 @@ def study_report(
     ScenarioError       When there is no such audience.
     """
     check_page(to)
-    sheets = Sheets.beside(to, audience=audience)
+    content, sheets = study.content, Sheets.beside(to, audience=audience)
     records, of = tables.made_records(campaign)
     text = f"{len(records)} of {of} records are synthetic, so results from them are not evidence about real hardware." if records else ""
-    banners = (
-        [(watermark.upper() or "SYNTHETIC DATA", " ".join(t for t in (study.content.note, text) if t))] if watermark or records else []
-    )
+    banners = [(watermark.upper() or "SYNTHETIC DATA", " ".join(t for t in (content.note, text) if t))] if watermark or records else []
     if audience == "summary":
         shown = [Section.of_blocks("verdicts", "Verdicts", [_verdicts(campaign, ranked=True)] if campaign.verdicts else [])]
     else:
         first = [Section.of_blocks("steps", "The four steps", steps(study)), _parts_section(study)]
-        shown = sheets.shortened([*first, *(s for s in sections if audience in s.audiences), _record_section(study, campaign)])
+        shown = sheets.shortened([*first, *sections, _record_section(study, campaign)])
     outcomes = [v.passed for v in campaign.verdicts]
-    about = (
-        study.content.knowledge.subject,
-        f"Intended use: {study.content.knowledge.use}.",
-        f"After: {study.content.document}." if study.content.document else "",
-    )
+    about = (content.knowledge.subject, f"Intended use: {content.knowledge.use}.", f"After: {content.document}." * bool(content.document))
     return write_page(
         "study.html.jinja",
         to,

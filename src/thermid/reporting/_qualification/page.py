@@ -165,7 +165,7 @@ def _courses(q: Qualification) -> list[PageBlock]:
 def sections(q: Qualification) -> list[Section]:
     """Return the sections of a correlation report, in their order."""
     content = q.plan.content
-    logged = [t for t in q.trials if t.correlation is not None]
+    logged = [(t, t.correlation) for t in q.trials if t.correlation is not None]
     predictions = [
         folded(t.test.name, [tables.foreseen(q, t)], "with readings" if t.correlation is not None else "no log yet") for t in q.trials
     ]
@@ -287,14 +287,13 @@ def _leaks(q: Qualification) -> list[PageBlock]:
 def _stabilisation(q: Qualification) -> list[PageBlock]:
     """Return for each test with a profile how long it waited, and how far from steady state a dwell begins. [K]"""
     out: list[PageBlock] = []
-    for t in (t for t in q.trials if t.course is not None):
-        assert t.course is not None
-        waited = f"{hours(t.course.duration)}, of it {hours(t.course.waited)} waiting for the unit"
-        unfinished = max((abs(p.unfinished) for p in t.course.phases if p.rule and p.unfinished is not None), default=0.0)
+    for t, course in [(t, t.course) for t in q.trials if t.course is not None]:
+        waited = f"{hours(course.duration)}, of it {hours(course.waited)} waiting for the unit"
+        unfinished = max((abs(p.unfinished) for p in course.phases if p.rule and p.unfinished is not None), default=0.0)
         out.append(
             folded(f"{t.test.name}: {waited}", [tables.phases(t)], f"at most {unfinished:.1f} K from steady state when a dwell begins")
         )
-        out += [Notes(t.course.remarks, f"Remarks on {t.test.name}")] if t.course.remarks else []
+        out += [Notes(course.remarks, f"Remarks on {t.test.name}")] if course.remarks else []
     for t in (t for t in q.trials if t.settled):
         held = f"{sum(s.stable for s in t.settled)} of {counted(len(t.settled), 'period')} steady by the rule"
         out.append(folded(f"{t.test.name}: as measured", [tables.settled(t)], held))
@@ -311,12 +310,10 @@ def _heat(q: Qualification) -> list[PageBlock]:
     return out
 
 
-def _deviations(logged: Sequence[Trial]) -> list[PageBlock]:
+def _deviations(logged: Sequence[tuple[Trial, Correlation]]) -> list[PageBlock]:
     """Return for each test with a log its verdicts and deviations, sensor by sensor."""
     out: list[PageBlock] = []
-    for t in logged:
-        c = t.correlation
-        assert c is not None
+    for t, c in logged:
         out.append(Heading(t.test.name))
         out.append(Facts(tuple((name, VERDICTS[passed]) for name, passed in c.verdicts.items())))
         if c.failed:
@@ -327,12 +324,11 @@ def _deviations(logged: Sequence[Trial]) -> list[PageBlock]:
     return out or [Words("There is no log yet.")]
 
 
-def _transients(logged: Sequence[Trial]) -> list[PageBlock]:
+def _transients(logged: Sequence[tuple[Trial, Correlation]]) -> list[PageBlock]:
     """Return for each test with a log the overlays of measured and predicted temperatures."""
     out: list[PageBlock] = []
-    for k, t in enumerate(logged):
-        assert t.correlation is not None
-        out += [Heading(t.test.name), all_overlays(t.correlation, f"over-{k}", t.synthetic)]
+    for k, (t, c) in enumerate(logged):
+        out += [Heading(t.test.name), all_overlays(c, f"over-{k}", t.synthetic)]
     return out or [Words("There is no log yet.")]
 
 
