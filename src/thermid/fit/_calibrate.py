@@ -39,7 +39,7 @@ from thermid.fit._problem.request import LocalSpec, Request, counted_twice, free
 from thermid.fit._problem.residuals import Bench, Predictions, Problem, Unknown, pooled, starting_point, wanders
 from thermid.fit._search import CHANCE, Progress, at_clocks, in_turns, searched, widened_by_noise_of_powers, with_clocks
 from thermid.fit._uncertainty.groups import SHARE, Group, percent, together
-from thermid.fit._uncertainty.information import Information, Responses, responses
+from thermid.fit._uncertainty.information import Information, Responses, opened_at, opened_jacobian, responses
 from thermid.fit._uncertainty.moved import Moves, moves_above
 from thermid.fit._uncertainty.noise import Autocorrelation, TraceNoise, autocorrelation, own_switches, shifts_by_lags
 from thermid.measure.records import COLUMN_UNITS, Record, open_questions
@@ -54,6 +54,8 @@ ASIDE, STRAINED = 3.0, 5.0
 chance goes so far once in two million, so the prior is wrong, or the value takes up physics that the model lacks. [-]"""
 UNSTATED_LAG = 5.0
 """Lag that a thermometer may have of which nobody states one: between a bare thermocouple and a probe in a pocket. [s]"""
+UNSTATED_EMISSIVITY = 0.05
+"""Share by which an emissivity may be off of which nobody states a range: tables of paints and oxides differ by that. [-]"""
 UNKNOWN_CLOCK = 0.5
 """Part of the range of a second clock that its 95 % must leave, for the records to have determined it. [-]"""
 
@@ -461,6 +463,7 @@ def summarise(
         *request.remarks,
         *(f"{FIRST}{r}" for r in (runner.remarks if runner is not None else ())),
         *_warnings(problem, best, total, spread, values),
+        *held_emissivities(request, problem, best, total),
         *(unlumped(request.model, {p: v.value for p, v in values.assignments.items()}) if runner is None else ()),
         *best.remarks,
         *_wandering(spread),
@@ -724,6 +727,36 @@ def without_lags(problem: Problem, minimum: Fit, total: Array) -> list[str]:
         f"{FIRST}{quoted(names, 3)} {'state' if len(names) > 1 else 'states'} no lag, which counts as none: {short(lag, 2)} s, which the "
         f"readings allow, would move '{worst_of_all}' by {short(ratios[worst_of_all], 2)} times its error. State lag = '5 [s]' with its "
         "lag_accuracy, or '0 [s]'."
+    ]
+
+
+def held_emissivities(request: Request, problem: Problem, minimum: Fit, total: Array) -> list[str]:
+    """Return one remark on the held emissivity without a range that moves a value most, where 5 % of it are more than the value's error.
+
+    An error dq of what is held moves the fit by -C A'B dq (`opened_jacobian`).
+    """
+    flat = problem.experiments[0].network.flat
+    if flat.names.model.runner is not None:
+        return []
+    parameters, known = flat.parameters, {q for state in request.store.states.values() for q in state.acts}
+    behind = dict.fromkeys(parameters.literal_behind(p) for p in parameters.table if p.endswith(".emissivity"))
+    bare = [(p,) for p in behind if p not in {*parameters.stated_ranges, *known} and parameters.evaluate({}, [p])[p] > 0.0]
+    opened = opened_at(request, problem, minimum.fitted, bare)
+    if not opened.names:
+        return []
+    own, held = opened_jacobian(opened, request.loss)
+    more = opened.problem.unknowns[opened.own :]
+    steps = [UNSTATED_EMISSIVITY * u.start / u.slope(float(x)) for u, x in zip(more, opened.fitted[opened.own :], strict=True)]
+    moves = np.abs(covariances(minimum)[2] @ own.T @ held) * steps
+    errors = [np.sqrt(total[k, k]) if u.kind == "parameter" and total[k, k] > 0.0 else np.inf for k, u in enumerate(problem.unknowns)]
+    ratios = moves / np.array(errors)[:, None]
+    k, n = np.unravel_index(int(np.argmax(ratios)), ratios.shape)
+    if ratios[k, n] < HALF_WIDTH_95:
+        return []
+    return [
+        f"{FIRST}'{more[n].name}' = {short(more[n].start, 3)} counts as exact. If it is {100 * UNSTATED_EMISSIVITY:g} % off, "
+        f"'{problem.unknowns[k].name}' is off by {short(float(ratios[k, n]), 2)} times its error. State its min and max with "
+        "spread = 'range'."
     ]
 
 

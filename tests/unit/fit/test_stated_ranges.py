@@ -359,3 +359,19 @@ def test_intervals_beside_fixed_inputs_that_are_wrong_inside_their_ranges_hold(b
             before.append(miss <= 1.96 * np.linalg.norm(row[is_other]))
     assert np.mean(held) > 0.93
     assert np.mean(before) < 0.5
+
+
+@pytest.mark.parametrize(
+    ("emissivity", "named"),
+    [(0.8, True), ({"value": "0.8", "min": 0.75, "max": 0.9, "source": "datasheet"}, False)],
+    ids=["bare", "ranged"],
+)
+def test_an_emissivity_without_a_range_that_sets_a_value_is_named(emissivity: Any, named: bool) -> None:
+    """A gain of a power meter was known to .5 % and 2.7 % off, because an emissivity of .8 for .82 counted as exact, without a word."""
+    skin = {"of": "a", "to": "air", "area": "0.03 [m^2]", "htc": "7 [W/(m^2 K)]"}
+    truth, held = (box(surfaces={"a_skin": skin | {"emissivity": e}}) for e in (0.84, emissivity))
+    found = td.calibrate(held, log(truth), free=["a_skin.htc"], scenario=BESIDE)
+    (remark,) = [w for w in found.warnings if "a_skin.emissivity" in w] or [""]
+    value = found.values["a_skin.htc"]
+    assert (abs(value.value - 7.0) > 10.0 * value.error) is named
+    assert ("'a_skin.htc' is off by" in remark) is named
