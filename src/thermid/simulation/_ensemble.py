@@ -391,7 +391,7 @@ def _plain(x: Any) -> Any:
 
 
 def _quotient(above: Any, below: Any) -> MemberValues:
-    """Return a quotient (members,); division by zero raises ZeroDivisionError, as it does for one member."""
+    """Return a quotient (members,); where all members divide by zero it raises ZeroDivisionError, as for one member."""
     if _all_alike(np.broadcast_to(np.asarray(below) == 0.0, np.broadcast_shapes(np.shape(above), np.shape(below)))):
         raise ZeroDivisionError("float division by zero")
     return MemberValues(above / below)

@@ -151,7 +151,7 @@ def weights_of(log_evidence: Sequence[float] | Array) -> Array:
 
 
 def log_sum(logs: Sequence[float] | Array) -> float:
-    """Return ln of the sum of numbers by their logarithms."""
+    """Return ln sum exp(logs) [-], computed about the largest."""
     most = float(np.max(logs))
     return most + float(np.log(np.sum(np.exp(np.asarray(logs) - most))))
 
@@ -225,7 +225,7 @@ LEAST_SPREAD = 0.1
 
 
 def _flattened(logs: Array, enough: float) -> Array:
-    """Return the weights whose logarithms are the largest part, up to all, of these with which so many points count."""
+    """Return the weights (points,) of exp(part * logs), summing to one, with the largest part up to 1 whose 1 / sum w^2 > `enough`."""
     low, high = 0.0, 1.0
     for _ in range(INTERVAL_HALVINGS):
         part = 0.5 * (low + high)
@@ -239,7 +239,7 @@ def _log_normal(points: Array, mean: Array, spread: Array) -> Array:
 
 
 def squared_exponential(first: Array, second: Array, lengths: Array) -> Array:
-    """Return k(x, x') (n, m) of points (n, d) and (m, d): ``exp(-|(x - x') / l|^2 / 2)``."""
+    """Return k(x, x') (n, m) of points (n, d) and (m, d): ``exp(-|(x - x') / l|^2 / 2)``, l the `lengths` (d,). [-]"""
     apart = (first[:, None, :] - second[None, :, :]) / lengths
     return np.asarray(np.exp(-0.5 * np.sum(apart**2, axis=2)))
 

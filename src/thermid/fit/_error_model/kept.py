@@ -188,7 +188,7 @@ class KeptWay:
         )
 
     def beside(self, other: KeptWay) -> KeptWay:
-        """Return what both say, of different values and elements; independently of one another."""
+        """Return the way of both, of different values and elements, independent: its mean and root are theirs in blocks, values first."""
         mine, more = len(self.root), len(other.root)
         order = np.argsort([n not in w.values for w in (self, other) for n in w.places], kind="stable")  # values first
         root = np.block([[self.root, np.zeros((mine, more))], [np.zeros((more, mine)), other.root]])[order]
@@ -207,7 +207,10 @@ class KeptWay:
 
     @classmethod
     def of_fitted(cls, way: FittedWay, shares: Array) -> KeptWay:
-        """Return a way by its members and their probabilities."""
+        """Return a way by its members and their probabilities `shares` (members,): their common mean and covariance, fitted form.
+
+        Sizes are roots of mean squares; members below `COUNTED` of the mean share are left out.
+        """
         weight = float(shares.sum())
         every = shares / weight
         seen = np.flatnonzero(every > COUNTED / every.size)

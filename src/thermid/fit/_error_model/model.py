@@ -112,7 +112,7 @@ def sizes_at(points: Array) -> Array:
 
 
 def deviations(columns: Sequence[UnknownColumn], sizes: Array) -> Array:
-    """Return the prior's standard deviations (members, columns) of unknowns at sizes (members, groups)."""
+    """Return the prior's standard deviations (members, columns) of unknowns at sizes (members, groups); each column's own size times it."""
     places = np.array([GROUPS.index(c.group) if c.group else len(GROUPS) for c in columns], dtype=int)
     return np.asarray(np.take(np.column_stack([sizes, np.ones(len(sizes))]), places, axis=1) * np.array([c.size for c in columns]))
 

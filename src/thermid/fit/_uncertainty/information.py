@@ -96,8 +96,7 @@ class Information:
     def alone(self) -> Array:
         """Relative error (unknowns,) that each would have with all others known. [-]"""
         length = np.linalg.norm(self.rows, axis=0)
-        out: Array = np.divide(1.0, length * self.sizes, out=np.full(length.size, np.inf), where=length > 0)
-        return out
+        return np.asarray(np.divide(1.0, length * self.sizes, out=np.full(length.size, np.inf), where=length > 0))
 
     def prior_row(self, k: int, relative: float) -> Array:
         """Return the row (1, unknowns) of a prior on one unknown, its standard deviation relative to its value."""
@@ -115,8 +114,7 @@ class Information:
 
     def errors(self, held: Sequence[int] = (), more: Array | None = None) -> Array:
         """Return the relative standard error (unknowns,). [-]"""
-        relative: Array = np.sqrt(np.diag(self.covariance(held, more))) / self.sizes
-        return relative
+        return np.asarray(np.sqrt(np.diag(self.covariance(held, more))) / self.sizes)
 
     def rank(self) -> int:
         """How many independent facts about the parameters the readings hold, what constant errors may do taken off."""

@@ -528,7 +528,7 @@ def covariance_of_means(
 
 
 def _not_below_zero(matrix: Array) -> Array:
-    """Return a symmetric matrix without its negative directions."""
+    """Return a symmetric matrix (n, n) with its negative eigenvalues at zero."""
     sizes, vectors = np.linalg.eigh(0.5 * (matrix + matrix.T))
     return np.asarray((vectors * np.maximum(sizes, 0.0)) @ vectors.T)
 

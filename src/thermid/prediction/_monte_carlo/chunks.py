@@ -228,7 +228,10 @@ Settings = dict[tuple[int, int], Setting]
 
 
 def run_members_of(job: Job, numbers: Array, settings: Settings | None = None) -> Chunk:
-    """Return the runs of members at numbers (sources, members), counted from zero."""
+    """Return the runs of members at numbers (sources, members) in (0, 1): temperatures (members, nodes, times) [K], NaN where one fails.
+
+    Members with one variant of the scenario and one way of the model of error run together. `settings` keeps what was prepared.
+    """
     ready = {} if settings is None else settings
     sources = job.budget.drawn(numbers)
     chosen = sources[job.variant].astype(np.int64) if job.variant is not None else np.zeros(numbers.shape[1], dtype=np.int64)

@@ -82,7 +82,7 @@ def drivers_of(draws: Mapping[str, Array], result: Array) -> tuple[Driver, ...]:
 
 
 def _ranks(values: Array) -> Array:
-    """Return the ranks from 1 (members,); equal values have the mean of theirs."""
+    """Return the ranks from 1 (members,) of values (members,); equal values have the mean of theirs. [-]"""
     _, index, counts = np.unique(values, return_inverse=True, return_counts=True)
     ends = np.cumsum(counts)
     return np.asarray((ends - 0.5 * (counts - 1))[index], dtype=float)

@@ -232,7 +232,7 @@ class _Fit:
         return residuals, rows
 
     def compressed(self, fitted: Array, loss: str = "linear", loss_scale: float = 1.0, meshes: Sequence[Array] = ()) -> Compressed:
-        """Return weighted residuals and derivatives in as many rows as there are unknowns and one, by a QR decomposition."""
+        """Return the root (unknowns + 1, unknowns + 1) of weighted derivatives and residuals [-] at `fitted` (unknowns,): R of their QR."""
         residuals, rows = self._residuals(fitted)
         whole = np.vstack([np.column_stack([-j, r]) / s for r, j, s in zip(residuals, rows, self.sizes, strict=True)])
         root: Array = np.asarray(np.linalg.qr(whole, mode="r"))

@@ -102,7 +102,7 @@ class MemberTurnings:
 
     @classmethod
     def joined(cls, parts: Sequence[tuple[int, MemberTurnings]]) -> MemberTurnings:
-        """Return the points of several groups of members, each with the number of its first member; an empty set of no groups."""
+        """Return turning points [s, K] of groups of members, each group with the number of its first member; an empty set of no groups."""
         none = MemberTurnings(np.zeros(0, dtype=np.int64), np.zeros(0), np.zeros(0))
         every = list(parts) or [(0, none)]
         return cls(*(np.concatenate(c) for c in zip(*((first + p.members, p.times, p.kelvin) for first, p in every), strict=True)))
