@@ -582,8 +582,7 @@ class _Stepper:
         The time of a cut is found by regula falsi in the Illinois form, where the value of an end that stays is halved, to 1e-10 K. Not a
         number where `MOST_CUTS` cuts do not reach the end, for which `fixed_step.h` returns CHATTER.
         """
-        inner = 1e-9 * (end - begin)  # a held input has its value of before a jump at the end of a step
-        last = end - inner
+        last = end - 1e-9 * (end - begin)  # a held input has its value of before a jump at the end of a step
         state = self._switched(state, begin, 0.0)
         for _ in range(MOST_CUTS + 1):
             after = self._step(state, begin, end, last)

@@ -560,30 +560,22 @@ def _test_moves(request: Request, opened: Opened, inherited: _Inherited, at: Arr
     data = weighed(here, priors, pulls, level)
     test = Test.of_unknowns(data, priors, pulls, inherited.at, inherited.root)
     state_of_position = {k: s for k, s in enumerate(inherited.states) if s is not None}
+    low, high = (np.array(b) for b in zip(*(u.fitted_bounds() for u in unknowns), strict=True))
     values = []
     for (k, state), s in zip(state_of_position.items(), shifts(test, list(state_of_position)), strict=True):
         u, there = unknowns[inherited.at[k]], inherited.at[k]
-        alone, used = _value_if_near(u, float(at[there]), float(start[there] + s.size)), u.to_value(opened.fitted[there])
+        end, used = float(start[there] + s.size), u.to_value(opened.fitted[there])
+        # by this value alone, where derivatives taken at `at` hold
+        reach = MAX_LOG_CHANGE if u.log else NONSENSE * max(abs(at[there]), u.scale)
+        alone = u.to_value(end) if low[there] <= end <= high[there] and abs(end - at[there]) <= reach else math.nan
         below = (u.to_value(start[there]), float(np.linalg.norm(inherited.root[k])) * u.slope(start[there]), state.random)
         values.append(_move(u.name, part_of(request.model, u.name), state.origin.stage or state.origin.kind, below, alone, used, u, s))
     rows = {m.path: k for m, k in zip(values, state_of_position, strict=True)}
     far = [rows[m.path] for m in values if m.verdict == MOVED]
     groups = _groups(values, lambda several: together(test, [[rows[p] for p in g] for g in several], far))
     step = estimate(data, priors, pulls, inherited.at, inherited.root, far)
-    low, high = (np.array(b) for b in zip(*(u.fitted_bounds() for u in unknowns), strict=True))
     inside = np.array([MAX_LOG_CHANGE if u.log else math.inf for u in unknowns])
     return Moves(tuple(values), groups), np.clip(start + np.clip(step, -inside, inside), low, high)
-
-
-def _value_if_near(u: Unknown, at: float, end: float) -> float:
-    """Return the value [SI] of `end`, fitted form; NaN outside its bounds, or where it is too far from `at` for derivatives taken there.
-
-    Too far is a change of a logarithm by more than `MAX_LOG_CHANGE`, else one of more than `NONSENSE` times the larger of |at| and a
-    typical change.
-    """
-    low, high = u.fitted_bounds()
-    reach = MAX_LOG_CHANGE if u.log else NONSENSE * max(abs(at), u.scale)
-    return u.to_value(end) if low <= end <= high and abs(end - at) <= reach else math.nan
 
 
 def _other_priors(problem: Problem, start: Array, inherited: Sequence[int]) -> tuple[Array, Array]:

@@ -321,8 +321,12 @@ class _Fit:
 
     def _temperatures_about(self, x: Array, last: float, window: float) -> tuple[Array, Array]:
         """Return times [s] from `window` [s] before `last` [s] on, and the temperatures of the sensors' nodes then (times, sensors). [K]"""
-        ahead = last + np.geomspace(last / INSTANTS_AHEAD, MAX_STRETCHES_AHEAD * last, INSTANTS_AHEAD)
-        times = np.concatenate([np.linspace(max(last - window, 0.0), last, INSTANTS_AHEAD), ahead])
+        times = np.concatenate(
+            [
+                np.linspace(max(last - window, 0.0), last, INSTANTS_AHEAD),
+                last + np.geomspace(last / INSTANTS_AHEAD, MAX_STRETCHES_AHEAD * last, INSTANTS_AHEAD),
+            ]
+        )
         engine, wiring = self.bench.engine, self.bench.wiring
         a = engine.started(wiring.assemble(x, False))
         nodes = tuple(o.node for o in self.sensors)
