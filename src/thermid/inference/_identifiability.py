@@ -474,7 +474,7 @@ class PartlyFixed(Problem):
         return out
 
     def compressed(self, fitted: Array, loss: str = "linear", loss_scale: float = 1.0, meshes: object = ()) -> Compressed:
-        """Return the residuals of `whole` over `spread`, with their derivatives with respect to the fitted unknowns."""
+        """Return residuals [-] and derivatives of `whole` over `spread`, the latter by the fitted unknowns alone; `fitted` (unknowns,)."""
         whole_compressed = self.whole.compressed(self.full(fitted), loss, loss_scale, meshes)  # type: ignore[arg-type]
         rows, slopes = whole_compressed.rows / self.spread, whole_compressed.slopes[:, self.free_places] / self.spread
         return replace(whole_compressed, rows=rows, slopes=slopes, chi_square=whole_compressed.chi_square / self.spread**2)

@@ -398,7 +398,7 @@ def _quotient(above: Any, below: Any) -> MemberValues:
 
 
 def _power(base: Any, exponent: Any) -> MemberValues:
-    """Return a power (members,), each by `real_power` as for one member, so that not even the last bit differs."""
+    """Return a power (members,) [-], each by `real_power` as for one member, so that not even the last bit differs."""
     bases, exponents = np.broadcast_arrays(np.asarray(base, dtype=float), np.asarray(exponent, dtype=float))
     out, wrong = np.empty(bases.shape), np.zeros(bases.shape, dtype=bool)
     for k, (b, e) in enumerate(zip(bases.tolist(), exponents.tolist(), strict=True)):

@@ -596,7 +596,10 @@ def _whole(errors: LaterTable) -> ErrorModel:
 
 
 def errors_of_values(fit: Calibration, why: str = "") -> ErrorModel:
-    """Return what is known where no element is followed: the errors of the fit's values, and what wanders in its residuals."""
+    """Return what is known where no element is followed: covariance of the fit's values, and what wanders in its residuals [K].
+
+    What wanders has the RMS of the misfits and a third of the run as its time. `why` is the reason, in words.
+    """
     assert fit.problem is not None
     named = {u.name: u for u in fit.problem.unknowns if u.kind != "local" and u.name in fit.values}
     fitted_values = {n: SeenValue.of_unknown(u) for n, u in named.items()}

@@ -235,7 +235,7 @@ def _best(h: PowerHistory, law: Formula, starts: list[list[float]]) -> tuple[Arr
     sd = np.sqrt(np.diag(covariance))
 
     def misses(b: Array) -> Array:
-        """Return what a law misses of the power, in standard deviations."""
+        """Return what a law misses (means,) of the power, in standard deviations of its means. [-]"""
         with np.errstate(all="ignore"):
             return np.asarray(weights @ (power - law(at, b)) / sd)
 
@@ -763,7 +763,7 @@ def _colour(
         return Colour(root, 2.0 * float(np.log(np.diag(root)).sum()))
 
     def likely(colour: Colour) -> float:
-        """Return the log likelihood of the history under coloured noise, at its best smoothness."""
+        """Return the log likelihood of the history under coloured noise, at its best smoothness within six decades. [-]"""
         sides, force = _weighted_equations(problem, solution.x, pins, *colour.rows(pieces)), np.zeros(solution.x.size)
         near = solution.strength + np.arange(-6.0, 7.0, 1.5)
         return _likeliest(sides, force, knots, pins, base, solution.prior, near)[0] - 0.5 * colour.logdet

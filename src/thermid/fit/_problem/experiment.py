@@ -643,7 +643,7 @@ class Ticks:
         return np.round(self.at[0] + self.at[1] * ticks - self.zero, 9)
 
     def moved(self, path: str, signal: Signal, at: tuple[float, float]) -> Signal:
-        """Return the tabled signal of a path where a second clock stands otherwise; any other as it is."""
+        """Return the tabled signal of a path where a second clock stands at (offset [s], rate [-]); any other as it is."""
         if not isinstance(signal, TableSignal):
             return signal
         # to the nanosecond, so that rounding does not part an instant from the start of the run or from a reading

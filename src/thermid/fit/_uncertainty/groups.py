@@ -177,7 +177,7 @@ INNER = tuple(unit(u).dimension for u in ("W/K", "K/W", "W/(m^2 K)", "W/(m K)", 
 
 
 def _blocks(scaled: Array) -> list[list[int]]:
-    """Return sets of unknowns that the directions tie together."""
+    """Return sets of unknowns that directions (directions, unknowns) tie together: terms above 1e-4 of a direction's largest."""
     sets: list[set[int]] = []
     for direction in scaled:
         mine = set(np.flatnonzero(np.abs(direction) > 1e-4 * np.abs(direction).max()).tolist())

@@ -105,7 +105,10 @@ class Information:
         return row
 
     def covariance(self, held: Sequence[int] = (), more: Array | None = None) -> Array:
-        """Return the covariance of the fitted form, some unknowns held, with more rows if given; infinite where nothing is known."""
+        """Return the covariance (unknowns, unknowns), fitted form, unknowns in positions `held` known; infinite where nothing is known.
+
+        `more` are further rows (rows, unknowns), such as of `prior_row`.
+        """
         rows = self.rows if more is None else np.concatenate([self.rows, more])
         free = [k for k in range(len(self.unknowns)) if k not in held]
         out = np.zeros((len(self.unknowns),) * 2)
@@ -246,7 +249,10 @@ class Responses:
 
     @property
     def total(self) -> Array:
-        """The covariance of the unknowns: the consider covariance of all that was fixed is part of it."""
+        """The covariance (unknowns, unknowns), fitted form: rows rows' + noise, what was fixed counted as consider covariance.
+
+        Infinite variances stand alone, with covariances of zero.
+        """
         out = self.rows @ self.rows.T + self.noise
         out[self.unlimited, :] = out[:, self.unlimited] = 0.0
         out[self.unlimited, self.unlimited] = np.inf

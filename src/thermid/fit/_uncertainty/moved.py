@@ -140,7 +140,7 @@ def _shift_by_model(a: Test, k: int, loose: Sequence[int]) -> tuple[Array, Array
 
 
 def _chance(weights: Array, sizes: Array, errors: Array) -> float:
-    """Return 2 min(P(d > 0), P(d < 0)) of a shift d that has a normal distribution by each noise model."""
+    """Return 2 min(P(d > 0), P(d < 0)) [-] of a shift d, a mixture of normal laws of `sizes` and `errors` (models,) by `weights`."""
     from scipy.special import ndtr
 
     above = float(weights @ ndtr(sizes / errors))
@@ -148,7 +148,10 @@ def _chance(weights: Array, sizes: Array, errors: Array) -> float:
 
 
 def _quantile(weights: Array, errors: Array, chance: float) -> float:
-    """Return the q with P(d > q) = chance, d a mixture of normal distributions of mean 0, by bisection; infinite for an infinite error."""
+    """Return the q [unit of the errors] with P(d > q) = `chance`, d a mixture of normal laws of mean 0; infinite for an infinite error.
+
+    `weights` and `errors` (laws,); by bisection to the last bit.
+    """
     from scipy.special import ndtr
 
     if not np.isfinite(errors[weights > 0]).all():
@@ -503,7 +506,10 @@ def _fixed_values(request: Request, problem: Problem) -> dict[tuple[str, ...], S
 
 
 def _inherited(request: Request, opened: Opened, fixed: Mapping[tuple[str, ...], State]) -> _Inherited:
-    """Return mean and root covariance of the inherited unknowns of a fit, and of the `fixed` values opened beside them."""
+    """Return mean (inherited,) and responses (inherited, sources), fitted form, of the inherited unknowns of a fit and of `fixed` values.
+
+    Rows of fixed values, opened beside them, come last; zero by sources that a fit knows of copies alone.
+    """
     unknowns, store = opened.problem.unknowns, request.store
     before = known_before(request, unknowns[: opened.own])
     moving = {q: store.states[p] for p in request.prior for q in store.states[p].acts}
@@ -579,7 +585,7 @@ def _test_moves(request: Request, opened: Opened, inherited: _Inherited, at: Arr
 
 
 def _other_priors(problem: Problem, start: Array, inherited: Sequence[int]) -> tuple[Array, Array]:
-    """Return information 1 / sd^2 (unknowns, unknowns) and scores (mean - start) / sd^2 of priors of unknowns that are not inherited."""
+    """Return information 1 / sd^2 (unknowns, unknowns), fitted form, and scores (mean - start) / sd^2 of priors that are not inherited."""
     info, pulls = np.zeros((start.size, start.size)), np.zeros(start.size)
     for k, u in enumerate(problem.unknowns):
         if u.prior is not None and k not in inherited:

@@ -266,7 +266,7 @@ def chunk_name(first: int, members: int) -> str:
 
 
 def as_arrays(chunk: Chunk) -> dict[str, Any]:
-    """Return a chunk as arrays for a file."""
+    """Return a chunk as arrays for a file: temperatures [K], turning points [s, K], failed members and why."""
     failed, why = np.array(list(chunk.failed), dtype=int), np.array(list(chunk.failed.values()), dtype=str)
     points = {f"turnings{k}_{part}": getattr(t, part) for k, t in enumerate(chunk.turnings.values()) for part in TURNING_FIELDS}
     arrays = {"temperatures": chunk.temperatures, "followed": np.array(list(chunk.turnings), dtype=str), **points}

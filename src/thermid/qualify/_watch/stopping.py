@@ -211,7 +211,7 @@ class _Fit:
         return dict(zip((u.name for u in self.unknowns), self.z.tolist(), strict=True))
 
     def _values(self, z: Array) -> tuple[Array, Array]:
-        """Return x = base exp(z), or base + z for temperatures, of the free names, and dx/dz."""
+        """Return x = base exp(z), or base + z for temperatures [K], of the free names (names,) [SI], and dx/dz."""
         moves = z[: len(self.names)]
         x = np.where(self.relative, self.base * np.exp(moves), self.base + moves)
         return x, np.where(self.relative, x, 1.0)
