@@ -498,7 +498,7 @@ def _with_uncut(values: FittedValues, problem: Problem, minimum: Fit, responses_
 
 
 def _value(u: Unknown, fitted: float, total: float, random: float, origin: str) -> FittedValue:
-    """Return an unknown as a fitted value, from its fitted form and the total and random variances of that."""
+    """Return an unknown as a fitted value [SI], from its fitted form and the total and random variances of that: error = slope * sd."""
     slope = u.slope(fitted)
     errors = (slope * float(np.sqrt(total)), slope * float(np.sqrt(np.clip(random, 0.0, total))) if u.kind == "parameter" else 0.0)
     prior = (u.prior.mean, u.prior.sd) if u.prior is not None else None

@@ -435,7 +435,7 @@ class Calibration(Named[FittedValue]):
     def __str__(self) -> str:
         """Return values with random and total errors, statistics per sensor, correlations and warnings."""
         if not self.records:
-            return _text_of_hand_tuned(self)
+            return _by_hand(self)
         fitted = {p: v for p, v in self.values.items() if v.kind in ("parameter", "level")}
         samples = sum(s.samples for s in self.sensors.values())
         kind = " (synthetic data)" if self.synthetic else ""
@@ -562,7 +562,7 @@ def _value_line(v: FittedValue, width: int, estimate: FittedValue, ranges: Mappi
     return f"{v.path:<{width}}  {fitted:>12} {v.unit:<10}  {errors}   start {v.converted(v.start):.5g}{bounds}"
 
 
-def _text_of_hand_tuned(fit: Calibration) -> str:
+def _by_hand(fit: Calibration) -> str:
     """Return a stage without records as text."""
     width = max((len(p) for p in fit.store.parameters), default=0)
     lines = [f"{fit.stage}: {counted(len(fit.values), 'value')} tuned by hand", *_known_lines(fit.store, set(), width)]

@@ -240,7 +240,7 @@ def _with_bend(rows: Array, slopes: Array, bend: Array, scale: Array) -> tuple[A
 
 
 def _promised(rows: Array, slopes: Array, step: Array) -> float:
-    """Return by how much a step lowers the cost as far as rows and slopes say: ``-r'J s - |J s|^2 / 2``."""
+    """Return by how much a step (unknowns,) lowers the cost |r|^2 / 2 by rows r and slopes J: ``-r'J s - |J s|^2 / 2``. [-]"""
     change = slopes @ step
     return -float(rows @ change + 0.5 * change @ change)
 

@@ -92,7 +92,7 @@ class Population:
         return out
 
     def share(self, fitted: Array) -> Array:
-        """Return where values of all unknowns lie in the unit cube (parameters,)."""
+        """Return where values of all unknowns (unknowns,), fitted form, lie in the unit cube (parameters,). [-]"""
         return np.asarray(np.clip((fitted[self.at] - self.low) / (self.high - self.low), 0.0, 1.0))
 
     def costs(self, shares: Array) -> Array:
@@ -253,7 +253,7 @@ def _level(problem: Problem, minimum: Fit) -> float:
 
 
 def _errors(problem: Problem, minimum: Fit) -> Array:
-    """Return the standard errors (unknowns,) in the fitted form, widened by residuals that exceed the noise."""
+    """Return the standard errors (unknowns,), fitted form, widened by the root of chi^2 per degree of freedom where that is above 1."""
     rows = np.concatenate([minimum.jacobian / np.sqrt(max(1.0, _level(problem, minimum))), minimum.priors])
     return np.asarray(np.sqrt(np.diag(pseudo_inverse(rows, NOTHING))))
 

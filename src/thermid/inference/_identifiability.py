@@ -474,7 +474,7 @@ class PartlyFixed(Problem):
         return out
 
     def compressed(self, fitted: Array, loss: str = "linear", loss_scale: float = 1.0, meshes: object = ()) -> Compressed:
-        """Return the residuals of `whole` over `spread`, with their derivatives with respect to the fitted unknowns."""
+        """Return residuals [-] and derivatives of `whole` over `spread`, the latter by the fitted unknowns alone; `fitted` (unknowns,)."""
         whole_compressed = self.whole.compressed(self.full(fitted), loss, loss_scale, meshes)  # type: ignore[arg-type]
         rows, slopes = whole_compressed.rows / self.spread, whole_compressed.slopes[:, self.free_places] / self.spread
         return replace(whole_compressed, rows=rows, slopes=slopes, chi_square=whole_compressed.chi_square / self.spread**2)
@@ -573,7 +573,7 @@ def spread_of(problem: Problem, at: Array, k: int, error: float) -> float:
     data, priors = problem.compressed(at).slopes, problem.prior_rows(at)[1]
 
     def excess(log_spread: float) -> float:
-        """Return ln of the standard error at this spread of the residuals, less that of the fit."""
+        """Return ln of the standard error at a spread exp(`log_spread`) of the residuals, over that of the fit. [-]"""
         # ln of the standard error from (J'J / s^2 + P)^-1, over that of the fit
         rows = np.concatenate([data / np.exp(log_spread), priors])
         return float(0.5 * np.log(covariance(rows)[k, k]) - np.log(error))
@@ -691,7 +691,7 @@ class _Walk:
         rise_at = {distance: rise**0.5 for distance, rise in ((abs(x - self.best), r) for x, r in points)}
 
         def beyond(distance: float) -> float:
-            """Return the root of the rise of the sum of squares at a distance from the best value, kept for later."""
+            """Return the root of the rise of the sum of squares [-] at a `distance` [fitted form] from the best value, less the goal."""
             if distance not in rise_at:
                 rise, _ = self.rise(self.best + sign * distance, place)
                 points.append((self.best + sign * distance, rise))

@@ -209,7 +209,7 @@ class _FitProposals:
         return np.asarray(-0.5 * (TAIL_DEGREES_OF_FREEDOM + self.middle.size) * np.log1p(square / TAIL_DEGREES_OF_FREEDOM))
 
     def __call__(self, points: Array, random: np.random.RandomState) -> tuple[Array, Array]:
-        """Return new points and the logarithm of the ratio of proposal densities, old over new (Hastings)."""
+        """Return new points (points, parameters) of Student's t about the fit, fitted form, and ln(q(old) / q(new)) (points,). [-]"""
         wide = np.sqrt(TAIL_DEGREES_OF_FREEDOM / random.chisquare(TAIL_DEGREES_OF_FREEDOM, size=(points.shape[0], 1)))
         new = self.middle + (wide * random.standard_normal(points.shape)) @ self.root.T
         return new, self.log(points) - self.log(new)
@@ -233,7 +233,7 @@ class _Several:
     pace: float = math.inf
 
     def __call__(self, points: Array) -> Array:
-        """Return it (points,) at values (points, parameters) of the parameters."""
+        """Return ln of the density (points,) up to a constant at values (points, parameters), fitted form; the executor shares them. [-]"""
         if self.executor is None or math.isinf(self.pace):
             begun = time.process_time()
             out = np.array([self.density(p) for p in points])
@@ -350,7 +350,7 @@ class _Density:
         return bool(((point >= self.box[:, 0]) & (point <= self.box[:, 1])).all())
 
     def __call__(self, point: Array) -> float:
-        """Return the logarithm at `point` (parameters,), in the fitted form; minus infinity outside the box and where a run fails."""
+        """Return ln of the density at `point` (parameters,), fitted form; minus infinity outside the box and where a run fails. [-]"""
         if not self.inside(point):
             return -np.inf
         x = self.rest.copy()

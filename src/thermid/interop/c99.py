@@ -511,13 +511,13 @@ def stated_error(w: Wired, step: float) -> float:
     grid = step_grid(w.breaks(), w.scenario.seconds, step)
     with np.errstate(all="ignore"):
         temperatures = _Stepper(w, grid).temperatures()
-    if temperatures is None:
-        return math.inf
     engine = Engine(Wiring(w.network, w.scenario))
     start = engine.started(engine.wiring.assemble(gradients=False))
     tight = engine.integrate(start, grid, w.massive, float(grid[-1]), Options(error=TIGHT, inputs=1e-7)).temperatures
-    # rounded up to two digits
     error = max(ERROR_MARGIN * float(np.abs(temperatures - tight).max()), 1e-6)
+    if not math.isfinite(error):
+        return math.inf
+    # rounded up to two digits
     unit = 10.0 ** (math.floor(math.log10(error)) - 1)
     return float(f"{math.ceil(error / unit - 1e-9) * unit:.6g}")
 
@@ -546,16 +546,14 @@ class _Stepper:
         self.on = np.full(len(layout.controls), 0, dtype=np.int32)
         self.boundaries = {len(self.engine.nodes) + k: b for k, b in enumerate(w.network.boundaries)}
 
-    def temperatures(self) -> Array | None:
-        """Return temperatures (times, nodes with mass) [K]; None where a step has no finite answer."""
+    def temperatures(self) -> Array:
+        """Return temperatures (times, nodes with mass) [K], not a number from the first step on that has no finite answer."""
         state = self.a.initial.copy()
         for k, control in zip(self.places, self.controls, strict=True):
             self.on[k] = self._sensor(control, state, 0.0) <= self.a.coefficients[control.places[0]]
         out = [state[self.massive]]
         for begin, end in zip(self.grid[:-1], self.grid[1:], strict=True):
             state = self._advance(state, float(begin), float(end))
-            if not np.isfinite(state).all():
-                return None
             out.append(state[self.massive])
         return np.array(out)
 
@@ -583,12 +581,11 @@ class _Stepper:
         The time of a cut is found by regula falsi in the Illinois form, where the value of an end that stays is halved, to 1e-10 K. Not a
         number where `MOST_CUTS` cuts do not reach the end, for which `fixed_step.h` returns CHATTER.
         """
-        inner = 1e-9 * (end - begin)  # a held input has its value of before a jump at the end of a step
-        last = end - inner
+        last = end - 1e-9 * (end - begin)  # a held input has its value of before a jump at the end of a step
         state = self._switched(state, begin, 0.0)
         for _ in range(MOST_CUTS + 1):
             after = self._step(state, begin, end, last)
-            if not self.controls or self._due(after, last) < 0.0:
+            if not self.controls or not self._due(after, last) >= 0.0:  # of what is not a number, too
                 return after
             low, high, at_low, at_high, side = 0.0, 1.0, self._due(state, begin), self._due(after, last), 0
             for _ in range(40):

@@ -476,7 +476,7 @@ class Budget:
         return tuple(out)
 
     def chosen(self, sources: Array) -> Indices:
-        """Return which way each member (members,) has, by the values (sources, members) of the sources."""
+        """Return which way each member (members,) has, by the source `AVERAGED` of the values (sources, members); else the first."""
         place = next((k for k, s in enumerate(self.sources) if s.name == AVERAGED), None)
         if place is None:
             return np.zeros(sources.shape[1], dtype=np.int64)
@@ -498,7 +498,10 @@ class Budget:
         return np.array([uniforms(seed, s.name, first, members) for s in self.sources]).reshape(len(self.sources), members)
 
     def drawn(self, numbers: Array) -> Array:
-        """Return the values (sources, members) of the sources at numbers between 0 and 1."""
+        """Return the values (sources, members) of the sources at numbers (sources, members) in (0, 1), each by the quantiles of its law.
+
+        Sources that are alike are joined by a Gaussian copula with the correlations `alike`.
+        """
         from scipy.special import ndtr, ndtri
 
         if (self.alike != np.eye(len(self.sources))).any():
@@ -535,7 +538,7 @@ class Budget:
         return {cause: np.asarray(columns @ m) for cause, m in means.items() if m.any()}
 
     def beside(self, sources: Sequence[Source], cause: str, targets: Sequence[Target] = (), gain: Array | float = 0.0) -> Budget:
-        """Return it with sources of one cause that act on targets of their own; on none where one chooses between scenarios."""
+        """Return the budget with independent sources of one cause that act on `targets` of their own by `gain` (targets, sources)."""
         n, m, k = len(self.sources), len(self.targets), len(sources)
         taken = {s.name for s in self.sources}  # a member's numbers come by a source's name
         sources = [replace(s, name=f"{s.name} ({n + i})") if s.name in taken else s for i, s in enumerate(sources)]

@@ -815,7 +815,7 @@ def _member_rest(way: WayAnswer, sources: Array, drawn: Drawn, executor: Workers
 
 
 def _member_temperatures(setting: Setting, linear: Linear, sources: Array, nodes: Sequence[str], executor: Workers = None) -> Drawn:
-    """Return temperatures of members at `sources` (sources, members); linear in those that the fit compensates (`cancelled`)."""
+    """Return temperatures [K] of members at `sources` (sources, members); straight in those that the fit compensates (`cancelled`)."""
     straight = setting.cancelled(linear)[:, None] * sources
     drawn = setting.temperatures(sources - straight, nodes, extremes=False, executor=executor)
     return replace(drawn, kelvin={n: t + linear.columns[n][:-1] @ straight for n, t in drawn.kelvin.items()})

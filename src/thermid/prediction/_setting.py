@@ -323,7 +323,7 @@ class Setting:
         if (self.sizes or self._expected.any()) and not self.switches:
             after |= {n: combined(self._run.slopes(n) @ self._straight, sources) + after[n] for n in nodes}
         kelvin = {n: traces + after[n] for n, traces in temperatures.items()}
-        return Drawn(kelvin, {n: _turnings_after_run(t, ready.times, after[n]) for n, t in turnings.items()}, many)
+        return Drawn(kelvin, {n: t.shifted(ready.times, after[n]) for n, t in turnings.items()}, many)
 
     def rest(self, sources: Array, nodes: Sequence[str], executor: Workers) -> dict[str, Array]:
         """Return where nodes settle (members,) at values (sources, members) of the sources, with the inputs of the end held. [K]
@@ -345,18 +345,6 @@ class Setting:
         settled += [rest for _, (rest, _) in sorted(others, key=itemgetter(0))]
         after = {n: combined(self._added_after_run(n)[None, :], sources)[0] + (moves[n] @ moved if n in moves else 0.0) for n in nodes}
         return {n: np.array([member[n] for member in settled]) + after[n] for n in nodes}
-
-
-def _turnings_after_run(points: MemberTurnings, times: Array, after: Array) -> MemberTurnings:
-    """Return turning points (points,) [K] moved by what is added after the run, `after` (times or 1, members) [K].
-
-    It is straight between `times` (times,) [s]. The instants stay those of the run, which is exact where the same is added at all times.
-    """
-    if after.shape[0] == 1:
-        return points.shifted(after[0])
-    k = np.clip(np.searchsorted(times, points.times, side="right") - 1, 0, times.size - 2)
-    part = (points.times - times[k]) / (times[k + 1] - times[k])
-    return replace(points, kelvin=points.kelvin + (1.0 - part) * after[k, points.members] + part * after[k + 1, points.members])
 
 
 def assumed_effects(

@@ -452,7 +452,7 @@ def unknown_of(model: Model, path: str) -> Unknown:
 
 
 def _with_open_sources(knowledge: Knowledge) -> Knowledge:
-    """Return it with a source of its own for each value that its fit has no finite error of."""
+    """Return the knowledge with a source of unit deviation, fitted form, for each value that its fit has no finite error of."""
     fit = knowledge.fit
     assert fit is not None
     store = fit.store
@@ -588,7 +588,7 @@ def _repeat_remarks(options: Sequence[Option], slot: str, value: float) -> tuple
 
 
 def _rank(option: Option, goal: float) -> tuple[float, float, float]:
-    """Return what options are sorted by: the time to the goal, or without one the error in steps of 5 %, and then the time."""
+    """Return what options are sorted by: hours to the goal, or without one the error in steps of 5 %, then the hours."""
     if np.isfinite(goal):
         return (option.hours, option.error, 0.0)
     return (round(20.0 * float(np.log(option.error))) if np.isfinite(option.error) else np.inf, option.hours, option.error)

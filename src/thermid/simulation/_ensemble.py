@@ -391,14 +391,14 @@ def _plain(x: Any) -> Any:
 
 
 def _quotient(above: Any, below: Any) -> MemberValues:
-    """Return a quotient (members,); division by zero raises ZeroDivisionError, as it does for one member."""
+    """Return a quotient (members,); where all members divide by zero it raises ZeroDivisionError, as for one member."""
     if _all_alike(np.broadcast_to(np.asarray(below) == 0.0, np.broadcast_shapes(np.shape(above), np.shape(below)))):
         raise ZeroDivisionError("float division by zero")
     return MemberValues(above / below)
 
 
 def _power(base: Any, exponent: Any) -> MemberValues:
-    """Return a power (members,), each by `real_power` as for one member, so that not even the last bit differs."""
+    """Return a power (members,) [-], each by `real_power` as for one member, so that not even the last bit differs."""
     bases, exponents = np.broadcast_arrays(np.asarray(base, dtype=float), np.asarray(exponent, dtype=float))
     out, wrong = np.empty(bases.shape), np.zeros(bases.shape, dtype=bool)
     for k, (b, e) in enumerate(zip(bases.tolist(), exponents.tolist(), strict=True)):

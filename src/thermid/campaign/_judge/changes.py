@@ -110,7 +110,7 @@ def compare_models(old: Model, new: Model, scenarios: Scenario | Sequence[Scenar
     conditions = (scenarios,) if isinstance(scenarios, Scenario) else tuple(scenarios) or (at_twenty,)
     before, after = ([_temperatures(model, scenario) for scenario in conditions] for model in (old, new))
     moved, changes = _values(old, new, conditions, before)
-    changes = [*_added_and_removed(old, new), *_rest(moved, new), *changes]
+    changes = [*_elements_that_differ(moved, new), *changes]
     apart = {s.title: {n: b[n] - a[n] for n in a if n in b} for s, a, b in zip(conditions, before, after, strict=True)}
     ranked = sorted(changes, key=lambda c: -inf if np.isnan(c.effect) else -c.effect)
     totals = {what: (a, b) for (what, a), b in zip(_totals(old).items(), _totals(new).values(), strict=True)}
@@ -127,15 +127,9 @@ def _temperatures(model: Model, scenario: Scenario) -> dict[str, float]:
 
 
 def _elements(model: Model) -> dict[tuple[str, str], Any]:
-    """Return (group, path) -> element, of every part."""
-    return {(group, prefix + name): element for part, prefix in model.walk() for group, name, element in part.elements()}
-
-
-def _added_and_removed(old: Model, new: Model) -> Iterator[Change]:
-    """Yield a change, "only in the old" or "only in the new", for each boundary and element of any part that one alone has, by name."""
-    a, b = ({("boundary", name): None for name in model.needs} | _elements(model) for model in (old, new))
-    for one, other, word in ((a, b, "only in the old"), (b, a, "only in the new")):
-        yield from (Change(path, f"{group.removesuffix('s')} {word}") for group, path in sorted(one.keys() - other.keys()))
+    """Return (group, path) -> element, of every part; boundaries, without an element, as well."""
+    elements = {(group, prefix + name): element for part, prefix in model.walk() for group, name, element in part.elements()}
+    return {("boundary", name): None for name in model.needs} | elements
 
 
 def _values(old: Model, new: Model, scenarios: Sequence[Scenario], before: Sequence[Mapping[str, float]]) -> tuple[Model, list[Change]]:
@@ -182,9 +176,14 @@ def _effect(
     return largest if largest[0] != 0.0 else (0.0, "")
 
 
-def _rest(moved: Model, new: Model) -> Iterator[Change]:
-    """Yield what still differs in the elements that both have, with all common values equal: ends, laws, tables, courses, controls."""
+def _elements_that_differ(moved: Model, new: Model) -> Iterator[Change]:
+    """Yield a change for each boundary and element of any part that one model alone has, by name, then for those that still differ.
+
+    Still, with the common values of `moved` equal to those of `new`: in ends, laws, tables, courses or controls.
+    """
     a, b = _elements(moved), _elements(new)
+    for one, other, word in ((a, b, "only in the old"), (b, a, "only in the new")):
+        yield from (Change(path, f"{group.removesuffix('s')} {word}") for group, path in sorted(one.keys() - other.keys()))
     rows, others = (_rows(compile_network(model).numbers()) for model in (moved, new))
     for key in sorted(a.keys() & b.keys()):
         group, path = key

@@ -449,7 +449,7 @@ def _at_sensors(c: Criteria, kind: str, case: str, key: str, limit: float, senso
 
 
 def _pooled(c: Criteria, kind: str, case: str, key: str, limit: float, sensors: Sequence[Deviation]) -> Check:
-    """Judge a metric of all sensors together: of their means where settled, of every reading where they move."""
+    """Judge a metric of all sensors together, by their weights [-]: of their means [K] where settled, of every reading where they move."""
     total = sum(d.weight for d in sensors)
     if kind == "steady":
         parts = [Residuals(np.zeros(1), np.array([d["mean"]]), np.array([d.weight / total])) for d in sensors]

@@ -144,14 +144,14 @@ INTERVAL_HALVINGS = 20
 
 
 def weights_of(log_evidence: Sequence[float] | Array) -> Array:
-    """Return the probabilities (members,) of members that are as likely before, by ln of their evidence."""
+    """Return the probabilities (members,) exp(log) / sum exp(log) of members that are as likely before, by ln of their evidence. [-]"""
     logs = np.asarray(log_evidence, dtype=float)
     weights = np.exp(logs - logs.max())
     return np.asarray(weights / weights.sum())
 
 
 def log_sum(logs: Sequence[float] | Array) -> float:
-    """Return ln of the sum of numbers by their logarithms."""
+    """Return ln sum exp(logs) [-], computed about the largest."""
     most = float(np.max(logs))
     return most + float(np.log(np.sum(np.exp(np.asarray(logs) - most))))
 
@@ -225,7 +225,7 @@ LEAST_SPREAD = 0.1
 
 
 def _flattened(logs: Array, enough: float) -> Array:
-    """Return the weights whose logarithms are the largest part, up to all, of these with which so many points count."""
+    """Return the weights (points,) of exp(part * logs), summing to one, with the largest part up to 1 whose 1 / sum w^2 > `enough`."""
     low, high = 0.0, 1.0
     for _ in range(INTERVAL_HALVINGS):
         part = 0.5 * (low + high)
@@ -239,7 +239,7 @@ def _log_normal(points: Array, mean: Array, spread: Array) -> Array:
 
 
 def squared_exponential(first: Array, second: Array, lengths: Array) -> Array:
-    """Return k(x, x') (n, m) of points (n, d) and (m, d): ``exp(-|(x - x') / l|^2 / 2)``."""
+    """Return k(x, x') (n, m) of points (n, d) and (m, d): ``exp(-|(x - x') / l|^2 / 2)``, l the `lengths` (d,). [-]"""
     apart = (first[:, None, :] - second[None, :, :]) / lengths
     return np.asarray(np.exp(-0.5 * np.sum(apart**2, axis=2)))
 
@@ -263,7 +263,10 @@ def pivots(points: Array, lengths: Array, tolerance: float, most: int) -> Array:
 
 
 def features(points: Array, at: Array, lengths: Array) -> Array:
-    """Return the features (n, r) of points whose coefficients are N(0, 1) and independent: ``Phi Phi'`` is k at the pivots `at`."""
+    """Return the features Phi (n, r) of points (n, d) at pivots `at` (r, d), their coefficients independent and N(0, 1). [-]
+
+    ``Phi Phi'`` is k between pivots: Phi = k(x, at) L'^-1, L L' = k(at, at).
+    """
     inner = squared_exponential(at, at, lengths) + 1e-10 * np.eye(len(at))
     lower = np.linalg.cholesky(inner)
     return np.asarray(np.linalg.solve(lower, squared_exponential(points, at, lengths).T).T)
@@ -351,7 +354,7 @@ class Members:
 
     @cached_property
     def root(self) -> Array:
-        """Roots (members, s, s) of the covariances, ``R R'``: ``D L'^-1``."""
+        """Roots (members, s, s) of the covariances C, ``R R' = C``: ``D L'^-1``, D the sizes and L the factor of the scaled information."""
         return np.asarray(
             self.sizes[:, :, None]
             * np.swapaxes(forward_substitution(self.lower, np.broadcast_to(np.eye(self.centre.size), self.lower.shape)), 1, 2)

@@ -191,7 +191,7 @@ class KeptWay:
         )
 
     def beside(self, other: KeptWay) -> KeptWay:
-        """Return what both say, of different values and elements; independently of one another."""
+        """Return the way of both, of different values and elements, independent: its mean and root are theirs in blocks, values first."""
         mine, more = len(self.root), len(other.root)
         order = np.argsort([n not in w.values for w in (self, other) for n in w.places], kind="stable")  # values first
         root = np.block([[self.root, np.zeros((mine, more))], [np.zeros((more, mine)), other.root]])[order]
@@ -210,7 +210,10 @@ class KeptWay:
 
     @classmethod
     def of_fitted(cls, way: FittedWay, shares: Array) -> KeptWay:
-        """Return a way by its members and their probabilities."""
+        """Return a way by its members and their probabilities `shares` (members,): their common mean and covariance, fitted form.
+
+        Sizes are roots of mean squares; members below `COUNTED` of the mean share are left out.
+        """
         weight = float(shares.sum())
         every = shares / weight
         seen = np.flatnonzero(every > COUNTED / every.size)
@@ -613,7 +616,10 @@ def _whole(errors: LaterTable) -> ErrorModel:
 
 
 def errors_of_values(fit: Calibration, why: str = "") -> ErrorModel:
-    """Return what is known where no element is followed: the errors of the fit's values, and what wanders in its residuals."""
+    """Return what is known where no element is followed: covariance of the fit's values, and what wanders in its residuals [K].
+
+    What wanders has the RMS of the misfits and a third of the run as its time. `why` is the reason, in words.
+    """
     assert fit.problem is not None
     named = {u.name: u for u in fit.problem.unknowns if u.kind != "local" and u.name in fit.values}
     fitted_values = {n: SeenValue.of_unknown(u) for n, u in named.items()}

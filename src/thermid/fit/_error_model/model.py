@@ -112,7 +112,7 @@ def sizes_at(points: Array) -> Array:
 
 
 def deviations(columns: Sequence[UnknownColumn], sizes: Array) -> Array:
-    """Return the prior's standard deviations (members, columns) of unknowns at sizes (members, groups)."""
+    """Return the prior's standard deviations (members, columns) of unknowns at sizes (members, groups); each column's own size times it."""
     places = np.array([GROUPS.index(c.group) if c.group else len(GROUPS) for c in columns], dtype=int)
     return np.asarray(np.take(np.column_stack([sizes, np.ones(len(sizes))]), places, axis=1) * np.array([c.size for c in columns]))
 
@@ -162,7 +162,16 @@ class RunsOfFit:
         points: Mapping[str, OperatingPoint],
         departures: Departures | None,
     ) -> RunsOfFit:
-        """Return the runs at some values and laws; departures are laid over them where none are yet."""
+        """Return the runs at values `fitted` (unknowns,), fitted form, and laws; departures are laid over them where none are yet.
+
+        Columns of their rows are the values of all records, the departures that records share, then those of each record: values where
+        priors expect them, departures in standard deviations of their prior.
+
+        Parameters
+        ----------
+        laws : dict         Path -> law of an element that replaces its own.
+        points : dict       Path -> where an element was over the runs: difference and level. [K]
+        """
         networks = [with_laws(e.network, laws) for e in problem.experiments]
         courses = [course_in_fit(problem, i, n, fitted) for i, n in enumerate(networks)]
         spans = tuple(float(c.times[-1]) for c in courses)

@@ -321,7 +321,10 @@ class SensorRows:
 
 
 def run_rows(traces: Sequence[SensorRows], wanders: Sequence[Wander], shared: int) -> list[RunRows]:
-    """Return a run's whitened rows for each noise process of `wanders`; the first `shared` unknowns are those of all runs."""
+    """Return a run's whitened rows [-] for each noise process of `wanders`; the first `shared` unknowns are those of all runs.
+
+    Whitened are rows (times, unknowns) and residuals (times,) of each trace, by its noise and the process; its ln det is kept with them.
+    """
     parts, logs = [], np.zeros(len(wanders))
     for size in dict.fromkeys(t.times.size for t in traces):
         alike = [t for t in traces if t.times.size == size]

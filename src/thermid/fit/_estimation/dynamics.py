@@ -329,7 +329,10 @@ class Dynamics:
         return self.memo.value(("loads", times.tobytes(), a.coefficients[places].tobytes()), make, MAX_CACHED_COURSES)
 
     def _balance_massless(self, coefficients: Array, temperatures: Array, outer: Array, time: float) -> tuple[Array, Array, Array | None]:
-        """Return heat, Jacobian and slopes with the balance of massless nodes solved; their temperatures are put in place."""
+        """Return heat (nodes,) [W], Jacobian [W/K] and slopes with massless nodes in balance, by Newton's method to 1e-10 K.
+
+        Their `temperatures` (nodes,) [K] are put in place; `outer` (nodes,) [W] is heat of the noises, added to it.
+        """
         loose = self.massless
         for _ in range(BALANCES if loose.size else 0):
             heat, jacobian, _ = self.problem.rhs(coefficients, temperatures, time, None)
@@ -413,7 +416,10 @@ class Dynamics:
 
 
 def _units(places: Sequence[int], count: int) -> tuple[NDArray[np.int32], NDArray[np.int32], Array, int] | None:
-    """Return the derivatives of `count` coefficients with respect to those at some places, as CSR."""
+    """Return the derivatives of `count` coefficients by those at some places, unit vectors, as CSR: starts, columns, values, width.
+
+    None without places.
+    """
     if not places:
         return None
     indptr = np.zeros(count + 1, dtype=np.int32)

@@ -92,7 +92,18 @@ def estimated(request: Request, process_noise: Mapping[str, Any], start_sd: Mapp
 
 
 def _estimated(request: Request, noise_table: Mapping[str, Any], start_sd: Mapping[str, str], horizon: str | float) -> Estimation:
-    """Return the estimation of a request: sizes of process noise by maximum likelihood, then what they give."""
+    """Return the estimation of a request: sizes of process noise by maximum likelihood, then what they give.
+
+    Parameters
+    ----------
+    noise_table : dict          Node -> its process noise, as it is written.
+    start_sd : dict             Node -> standard deviation of its start, as a text in K.
+    horizon : str or float      Time that is foreseen [s]; a fifth of the shortest record where it is an empty text.
+
+    Raises
+    ------
+    IdentificationError   When the horizon leaves less than `MIN_FITTED_SHARE` of a record to fit.
+    """
     refuse_unseen(request.model, "a filter")
     whole = build_problem(request)
     problem = with_found_instants(whole)
@@ -146,7 +157,10 @@ def _uncounted_noise(problem: Problem, noises: Sequence[ProcessNoise]) -> list[s
 
 
 def _foreseen(full: Likelihood, maximum: Maximum, split: Sequence[float], spans: Sequence[float], ahead: float) -> OpenLoopScore:
-    """Return how well the later part of every record is foreseen with values of the earlier one."""
+    """Return how well the later part of every record is foreseen with values (unknowns,) of the earlier one, over `ahead` [s].
+
+    It is foreseen from at most `ORIGINS` instants between `split` and `ahead` before the end `spans` [s] of each record.
+    """
     covariance = symmetric_inverse(maximum.information)
     outlooks_of_records = []
     for i, (begin, end) in enumerate(zip(split, spans, strict=True)):
@@ -182,7 +196,7 @@ def _estimator(name: str, request: Request, full: Likelihood, maximum: Maximum, 
 
 
 def _widened(full: Likelihood, maximum: Maximum, factor: float) -> Maximum:
-    """Return a maximum whose readings say less by the square of a factor; priors say what they said."""
+    """Return a maximum with information (I - P) / factor^2 + P: its readings state less by the square of a factor [-], priors P stay."""
     slopes = full.priors(maximum.fitted)[1]
     prior_information = slopes.T @ slopes
     return replace(maximum, information=(maximum.information - prior_information) / factor**2 + prior_information)
@@ -248,7 +262,10 @@ def _compared(
 
 
 def _warnings(process: Estimator, output: Estimator, moved: Sequence[str]) -> tuple[str, ...]:
-    """Return what a reader must know."""
+    """Return sentences on values that depend on the process noise, searches that did not end, open values, bounds and innovations.
+
+    `moved` are values that differ by more than two standard errors without process noise.
+    """
     out = []
     if moved:
         named = ", ".join(f"'{m}'" for m in moved)

@@ -96,7 +96,7 @@ class Likelihood:
         return np.array([u.to_fitted(u.start) for u in self.unknowns])
 
     def at(self, i: int, fitted: Array) -> At:
-        """Return the dynamics of a record at values of the unknowns."""
+        """Return the dynamics of record `i` at values of the unknowns (unknowns,), fitted form."""
         problem_values = fitted[: len(self.problem.unknowns)]
         x, _ = self.problem.inputs(i, problem_values)
         named = {u.name: u.to_value(float(v)) for u, v in zip(self.unknowns, fitted, strict=True)}

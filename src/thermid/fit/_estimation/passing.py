@@ -307,7 +307,7 @@ class _Sheet:
         self.variances += [variance] * times.size
 
     def innovations(self, members: int) -> Innovations:
-        """Return all of them, in the order of time."""
+        """Return the errors [K] and variances [K^2] of all readings (readings, members), in the order of time [s]."""
         shape = (len(self.errors), members)
         order = np.argsort(np.array(self.times), kind="stable")
         errors, variances = np.array(self.errors).reshape(shape), np.array(self.variances).reshape(shape)

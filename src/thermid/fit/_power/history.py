@@ -235,7 +235,7 @@ def _best(h: PowerHistory, law: Formula, starts: list[list[float]]) -> tuple[Arr
     sd = np.sqrt(np.diag(covariance))
 
     def misses(b: Array) -> Array:
-        """Return what a law misses of the power, in standard deviations."""
+        """Return what a law misses (means,) of the power, in standard deviations of its means. [-]"""
         with np.errstate(all="ignore"):
             return np.asarray(weights @ (power - law(at, b)) / sd)
 
@@ -344,7 +344,7 @@ def _vee(h: PowerHistory) -> PowerLaw | None:
     wide = max(high - low, 0.1)
 
     def write(b: list[float]) -> tuple[str, dict[str, Any]]:
-        """Return the law as text, and the fields of a load that has it."""
+        """Return the law P + b |T - T0| [W] as text, and the table of a load that has it."""
         ends = (min(low, b[2]) - wide, b[2] - TURN, b[2] + TURN, max(high, b[2]) + wide)
         slopes = (-b[1], -b[1], b[1], b[1])  # else the table would round the turn
         points = [[f"{t!r} [degC]", f"{b[0] + b[1] * abs(t - b[2])!r} [W]", f"{s!r} [W/K]"] for t, s in zip(ends, slopes, strict=True)]
@@ -546,7 +546,7 @@ def _request_of_knots(
     priors: Mapping[str, Any] | None,
     knots: Array,
 ) -> tuple[Request, list[str]]:
-    """Return the request in which each knot is a load of its own, and the names of these."""
+    """Return the request in which each knot (knots,) [s] is a load of 1 W at it, straight to 0 at its neighbours, and the loads' names."""
     heat_load = model.at(path)
     assert isinstance(heat_load, HeatLoad)
     base = on_the_clock_of(record, scenario or Scenario(record.name))
@@ -763,7 +763,7 @@ def _colour(
         return Colour(root, 2.0 * float(np.log(np.diag(root)).sum()))
 
     def likely(colour: Colour) -> float:
-        """Return the log likelihood of the history under coloured noise, at its best smoothness."""
+        """Return the log likelihood of the history under coloured noise, at its best smoothness within six decades. [-]"""
         sides, force = _weighted_equations(problem, solution.x, pins, *colour.rows(pieces)), np.zeros(solution.x.size)
         near = solution.strength + np.arange(-6.0, 7.0, 1.5)
         return _likeliest(sides, force, knots, pins, base, solution.prior, near)[0] - 0.5 * colour.logdet

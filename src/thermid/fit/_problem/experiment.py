@@ -643,7 +643,7 @@ class Ticks:
         return np.round(self.at[0] + self.at[1] * ticks - self.zero, 9)
 
     def moved(self, path: str, signal: Signal, at: tuple[float, float]) -> Signal:
-        """Return the tabled signal of a path where a second clock stands otherwise; any other as it is."""
+        """Return the tabled signal of a path where a second clock stands at (offset [s], rate [-]); any other as it is."""
         if not isinstance(signal, TableSignal):
             return signal
         # to the nanosecond, so that rounding does not part an instant from the start of the run or from a reading
@@ -1023,7 +1023,15 @@ def _driving(channel: Channel, role: str, record: Record) -> str:
 
 
 def _observation(channel: Channel, seat: Seat, grid: NDArray[np.int64], times: Array, weight: float) -> Observation:
-    """Return the readings of a channel on the grid of an experiment, each with its weight."""
+    """Return the valid readings of a channel on the grid of an experiment, in SI, with weight and share of independent readings [-].
+
+    Of noise with correlations exp(-|t| / time), n samples count as n tanh(step / (2 time)).
+
+    Parameters
+    ----------
+    grid : array (instants,)    Positions of the instants in the channel.
+    times : array (instants,)   [s]
+    """
     index = np.flatnonzero(channel.valid[grid])
     part, share = channel.part, 1.0
     if part is not None and part.correlation_time and index.size > 1:

@@ -558,7 +558,10 @@ class Problem:
         return self.fixed_bias.get(sensor, 0.0), None
 
     def inputs(self, i: int, fitted: Array) -> tuple[Array, Array]:
-        """Return the values of an experiment's free names and their slopes (names, unknowns) to the fitted form."""
+        """Return the values (names,) [SI] of an experiment's free names and their slopes (names, unknowns) by the fitted form.
+
+        `i` is the position of the experiment. Each is the sum of offset + factor * value over the unknowns that act on it.
+        """
         place = {name: n for n, name in enumerate(self._names(i))}
         values, slopes = np.zeros(len(place)), np.zeros((len(place), len(self.unknowns)))
         for k, t in self._acting(i):

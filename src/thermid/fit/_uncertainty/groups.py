@@ -177,7 +177,7 @@ INNER = tuple(unit(u).dimension for u in ("W/K", "K/W", "W/(m^2 K)", "W/(m K)", 
 
 
 def _blocks(scaled: Array) -> list[list[int]]:
-    """Return sets of unknowns that the directions tie together."""
+    """Return sets of unknowns that directions (directions, unknowns) tie together: terms above 1e-4 of a direction's largest."""
     sets: list[set[int]] = []
     for direction in scaled:
         mine = set(np.flatnonzero(np.abs(direction) > 1e-4 * np.abs(direction).max()).tolist())
@@ -218,7 +218,10 @@ def _scales(info: Information, at: list[int], form: str) -> Array | None:
 
 
 def _combinations(info: Information, at: list[int], null: Array, form: str, scale: Array) -> tuple[Combination, ...]:
-    """Return what is known of a group, in as few terms as there are: every row has one member that no other row has."""
+    """Return what is known of a group in the fewest terms: combinations orthogonal to its null space `null` (members, directions).
+
+    Each has one member that no other has. `scale` (members,) is d(term) / d(fitted form) of the `form`.
+    """
     u, s, _ = np.linalg.svd(null / np.linalg.norm(null, axis=0), full_matrices=True)
     complement = u[:, int((s > RANK_TOLERANCE).sum()) :]
     if not complement.shape[1]:
@@ -260,7 +263,7 @@ def _few_terms(complement: Array, variance: Callable[[Array], float], inner: Seq
 
 
 def _independent(complement: Array, count: int) -> list[int]:
-    """Return rows of a basis that are independent, chosen by elimination."""
+    """Return `count` rows of a basis (rows, columns) that are independent, each time the one longest beside those chosen."""
     remaining, out = complement.copy(), list[int]()
     for _ in range(count):
         k = int(np.argmax(np.linalg.norm(remaining, axis=1)))

@@ -96,8 +96,7 @@ class Information:
     def alone(self) -> Array:
         """Relative error (unknowns,) that each would have with all others known. [-]"""
         length = np.linalg.norm(self.rows, axis=0)
-        out: Array = np.divide(1.0, length * self.sizes, out=np.full(length.size, np.inf), where=length > 0)
-        return out
+        return np.asarray(np.divide(1.0, length * self.sizes, out=np.full(length.size, np.inf), where=length > 0))
 
     def prior_row(self, k: int, relative: float) -> Array:
         """Return the row (1, unknowns) of a prior on one unknown, its standard deviation relative to its value."""
@@ -106,7 +105,10 @@ class Information:
         return row
 
     def covariance(self, held: Sequence[int] = (), more: Array | None = None) -> Array:
-        """Return the covariance of the fitted form, some unknowns held, with more rows if given; infinite where nothing is known."""
+        """Return the covariance (unknowns, unknowns), fitted form, unknowns in positions `held` known; infinite where nothing is known.
+
+        `more` are further rows (rows, unknowns), such as of `prior_row`.
+        """
         rows = self.rows if more is None else np.concatenate([self.rows, more])
         free = [k for k in range(len(self.unknowns)) if k not in held]
         out = np.zeros((len(self.unknowns),) * 2)
@@ -115,8 +117,7 @@ class Information:
 
     def errors(self, held: Sequence[int] = (), more: Array | None = None) -> Array:
         """Return the relative standard error (unknowns,). [-]"""
-        relative: Array = np.sqrt(np.diag(self.covariance(held, more))) / self.sizes
-        return relative
+        return np.asarray(np.sqrt(np.diag(self.covariance(held, more))) / self.sizes)
 
     def rank(self) -> int:
         """How many independent facts about the parameters the readings hold, what constant errors may do taken off."""
@@ -248,7 +249,10 @@ class Responses:
 
     @property
     def total(self) -> Array:
-        """The covariance of the unknowns: the consider covariance of all that was fixed is part of it."""
+        """The covariance (unknowns, unknowns), fitted form: rows rows' + noise, what was fixed counted as consider covariance.
+
+        Infinite variances stand alone, with covariances of zero.
+        """
         out = self.rows @ self.rows.T + self.noise
         out[self.unlimited, :] = out[:, self.unlimited] = 0.0
         out[self.unlimited, self.unlimited] = np.inf

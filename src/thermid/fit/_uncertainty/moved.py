@@ -140,7 +140,7 @@ def _shift_by_model(a: Test, k: int, loose: Sequence[int]) -> tuple[Array, Array
 
 
 def _chance(weights: Array, sizes: Array, errors: Array) -> float:
-    """Return 2 min(P(d > 0), P(d < 0)) of a shift d that has a normal distribution by each noise model."""
+    """Return 2 min(P(d > 0), P(d < 0)) [-] of a shift d, a mixture of normal laws of `sizes` and `errors` (models,) by `weights`."""
     from scipy.special import ndtr
 
     above = float(weights @ ndtr(sizes / errors))
@@ -148,7 +148,10 @@ def _chance(weights: Array, sizes: Array, errors: Array) -> float:
 
 
 def _quantile(weights: Array, errors: Array, chance: float) -> float:
-    """Return the q with P(d > q) = chance, d a mixture of normal distributions of mean 0, by bisection; infinite for an infinite error."""
+    """Return the q [unit of the errors] with P(d > q) = `chance`, d a mixture of normal laws of mean 0; infinite for an infinite error.
+
+    `weights` and `errors` (laws,); by bisection to the last bit.
+    """
     from scipy.special import ndtr
 
     if not np.isfinite(errors[weights > 0]).all():
@@ -503,7 +506,10 @@ def _fixed_values(request: Request, problem: Problem) -> dict[tuple[str, ...], S
 
 
 def _inherited(request: Request, opened: Opened, fixed: Mapping[tuple[str, ...], State]) -> _Inherited:
-    """Return mean and root covariance of the inherited unknowns of a fit, and of the `fixed` values opened beside them."""
+    """Return mean (inherited,) and responses (inherited, sources), fitted form, of the inherited unknowns of a fit and of `fixed` values.
+
+    Rows of fixed values, opened beside them, come last; zero by sources that a fit knows of copies alone.
+    """
     unknowns, store = opened.problem.unknowns, request.store
     before = known_before(request, unknowns[: opened.own])
     moving = {q: store.states[p] for p in request.prior for q in store.states[p].acts}
@@ -560,34 +566,26 @@ def _test_moves(request: Request, opened: Opened, inherited: _Inherited, at: Arr
     data = weighed(here, priors, pulls, level)
     test = Test.of_unknowns(data, priors, pulls, inherited.at, inherited.root)
     state_of_position = {k: s for k, s in enumerate(inherited.states) if s is not None}
+    low, high = (np.array(b) for b in zip(*(u.fitted_bounds() for u in unknowns), strict=True))
     values = []
     for (k, state), s in zip(state_of_position.items(), shifts(test, list(state_of_position)), strict=True):
         u, there = unknowns[inherited.at[k]], inherited.at[k]
-        alone, used = _value_if_near(u, float(at[there]), float(start[there] + s.size)), u.to_value(opened.fitted[there])
+        end, used = float(start[there] + s.size), u.to_value(opened.fitted[there])
+        # by this value alone, where derivatives taken at `at` hold
+        reach = MAX_LOG_CHANGE if u.log else NONSENSE * max(abs(at[there]), u.scale)
+        alone = u.to_value(end) if low[there] <= end <= high[there] and abs(end - at[there]) <= reach else math.nan
         below = (u.to_value(start[there]), float(np.linalg.norm(inherited.root[k])) * u.slope(start[there]), state.random)
         values.append(_move(u.name, part_of(request.model, u.name), state.origin.stage or state.origin.kind, below, alone, used, u, s))
     rows = {m.path: k for m, k in zip(values, state_of_position, strict=True)}
     far = [rows[m.path] for m in values if m.verdict == MOVED]
     groups = _groups(values, lambda several: together(test, [[rows[p] for p in g] for g in several], far))
     step = estimate(data, priors, pulls, inherited.at, inherited.root, far)
-    low, high = (np.array(b) for b in zip(*(u.fitted_bounds() for u in unknowns), strict=True))
     inside = np.array([MAX_LOG_CHANGE if u.log else math.inf for u in unknowns])
     return Moves(tuple(values), groups), np.clip(start + np.clip(step, -inside, inside), low, high)
 
 
-def _value_if_near(u: Unknown, at: float, end: float) -> float:
-    """Return the value [SI] of `end`, fitted form; NaN outside its bounds, or where it is too far from `at` for derivatives taken there.
-
-    Too far is a change of a logarithm by more than `MAX_LOG_CHANGE`, else one of more than `NONSENSE` times the larger of |at| and a
-    typical change.
-    """
-    low, high = u.fitted_bounds()
-    reach = MAX_LOG_CHANGE if u.log else NONSENSE * max(abs(at), u.scale)
-    return u.to_value(end) if low <= end <= high and abs(end - at) <= reach else math.nan
-
-
 def _other_priors(problem: Problem, start: Array, inherited: Sequence[int]) -> tuple[Array, Array]:
-    """Return information 1 / sd^2 (unknowns, unknowns) and scores (mean - start) / sd^2 of priors of unknowns that are not inherited."""
+    """Return information 1 / sd^2 (unknowns, unknowns), fitted form, and scores (mean - start) / sd^2 of priors that are not inherited."""
     info, pulls = np.zeros((start.size, start.size)), np.zeros(start.size)
     for k, u in enumerate(problem.unknowns):
         if u.prior is not None and k not in inherited:

@@ -103,7 +103,7 @@ class Binned:
 
 
 def stretch_means(values: Array, place: Indices, size: int) -> Array:
-    """Return the means of samples over each of so many stretches, `place` saying in which one a sample lies; zero of an empty one."""
+    """Return the means (stretches,) of `values` (samples,), `place` (samples,) the stretch of each; zero of an empty stretch."""
     return np.asarray(np.bincount(place, values, minlength=size) / np.maximum(np.bincount(place, minlength=size), 1))
 
 
@@ -315,7 +315,14 @@ class _Step:
 def _answers(
     problem: Problem, i: int, fitted: Array, paths: Sequence[str], centres: Sequence[Array]
 ) -> Iterator[tuple[str, TableSignal, list[_Step]]]:
-    """Yield every signal by its path with the answer of each sensor to a step of it."""
+    """Yield every signal by its path with the answer of each sensor to a step of it: (times [s], K per unit of the signal), from rest.
+
+    Parameters
+    ----------
+    i : int                     Position of the record.
+    fitted : array (unknowns,)  Fitted form.
+    centres : sequence          Instants at which each sensor's answer is needed. [s]
+    """
     bench_of_fit = problem.bench(i, fitted)
     values, _ = problem.inputs(i, fitted)
     experiment, named = _shifted(bench_of_fit.experiment, paths)
@@ -528,7 +535,7 @@ def covariance_of_means(
 
 
 def _not_below_zero(matrix: Array) -> Array:
-    """Return a symmetric matrix without its negative directions."""
+    """Return a symmetric matrix (n, n) with its negative eigenvalues at zero."""
     sizes, vectors = np.linalg.eigh(0.5 * (matrix + matrix.T))
     return np.asarray((vectors * np.maximum(sizes, 0.0)) @ vectors.T)
 

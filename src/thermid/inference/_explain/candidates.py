@@ -147,7 +147,10 @@ def _neighbours(network: Network, ends: set[str]) -> set[frozenset[str]]:
 
 
 def _masses(network: Network, held: Mapping[str, float]) -> Iterator[tuple[str, str, float]]:
-    """Yield node, path and value of a number that this node's capacitance, and no other one's, is proportional to."""
+    """Yield node, path and value [SI] of a number that this node's capacitance [J/K], and no other one's, is proportional to.
+
+    It is found by a change of 1 %. `held` is node -> capacitance.
+    """
     table, values = network.flat.parameters, network.numbers().values
     fields = {n.path: [p for p in n.fields.values() if p] for n in network.flat.nodes}
     for node, capacitance in held.items():

@@ -330,7 +330,7 @@ def _weighed(bench: FaultBench) -> Diagnosis:
 
 
 def _linear(bench: FaultBench, c: Fault, z: Array) -> Tried:
-    """Return the outcome of a fault by its response where nothing is wrong; `z` (readings,) are the whitened deviations."""
+    """Return the outcome of a fault by its response (readings,) [K per unit of it] at no fault; `z` (readings,) is whitened. [-]"""
     s = bench.response(c, bench.nominal)
     w = bench.root @ s
     amount, square = _likeliest_amount(c, float(w @ w), float(w @ z))

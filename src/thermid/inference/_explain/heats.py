@@ -304,7 +304,13 @@ class Pulses:
         return 0.5 * (self.edges[1:] + self.edges[:-1])
 
     def shape(self, pulses: Array, flows: Mapping[str, tuple[Array, Array]]) -> Array:
-        """Return the answers (rows, stretches) to heat of the course `flows` in each stretch; `pulses` (rows, pulses) are per watt."""
+        """Return the answers (rows, stretches) [1/unit of the course] to heat of the course `flows` in each stretch.
+
+        Parameters
+        ----------
+        pulses : array (rows, pulses)   Answers to pulses at each node in turn, in units of the noise. [1/W]
+        flows : dict                    Node -> times [s] and power per unit of the heat's amount.
+        """
         out = np.zeros((pulses.shape[0], PULSES))
         for node, (times, power) in flows.items():
             if node in self.nodes:

@@ -578,7 +578,7 @@ def _shifted(request: Request, names: list[str], shift: float) -> Request:
     """Return a request in which some channels show what they showed `shift` [s] later or, below zero, earlier."""
 
     def change(r: Record) -> Record:
-        """Return a record with the readings of some channels changed."""
+        """Return a record in which some channels have the readings of `shift` [s] later: held ones the last before it, others straight."""
         mine = []
         for c in (c for n, c in r.channels.items() if n in names):
             times, values = r.times[c.valid], c.values[c.valid]

@@ -103,7 +103,7 @@ def weighed_in_noise(
 
 
 def _prior_rows(problem: Problem, fitted: Array, sizes: Mapping[str, SizedValue]) -> tuple[Array, Array]:
-    """Return residuals (priors,) of the priors, and derivatives (priors, unknowns): those of `sizes` in place of a problem's own."""
+    """Return residuals (priors,) [-] and derivatives (priors, unknowns) of priors, those of `sizes` instead of a problem's own."""
     is_sized = np.array([u.name in sizes for u in problem.unknowns], dtype=bool)
     values, slopes = problem.prior_rows(fitted)
     stated = ~slopes[:, is_sized].any(axis=1) if values.size else np.zeros(0, dtype=bool)

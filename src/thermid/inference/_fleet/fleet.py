@@ -148,7 +148,7 @@ class CovariateDesign:
         return cls(tuple(columns), size, np.column_stack(values))
 
     def row(self, at: Mapping[str, float | str]) -> Array:
-        """Return X (values, coefficients) of a unit; what is not given is the fleet's mean."""
+        """Return X (values, coefficients) of a unit: 1 and covariates less their fleet means, for each value; the mean where not given."""
         refuse_unknown(at, [n for n, _, _ in self.columns], "fleet", "'{}' is no covariate of this fleet.", IdentificationError)
         about_mean = [
             (float(at[name] == text) if text else float(at[name])) - mean if name in at else 0.0 for name, text, mean in self.columns

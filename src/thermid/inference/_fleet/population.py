@@ -361,7 +361,10 @@ def student(freedom: float, share: float) -> float:
 
 
 def interval_of_mean(population: PopulationFit, c: Array, shared: float = 0.0) -> Interval:
-    """Return the interval of a combination c of coefficients, by Student's distribution, with a variance `shared` that no unit tells."""
+    """Return the 95 % interval of a combination c (coefficients,), fitted form, by Student's distribution.
+
+    `shared` is a variance that all units have in common, added with the factor of a normal law.
+    """
     freedom = population.freedom_of_mean(c)
     half = math.hypot(student(freedom, 0.975) * math.sqrt(float(c @ population.at.spread @ c)), HALF_WIDTH_95 * math.sqrt(max(shared, 0.0)))
     middle = float(c @ population.at.beta)

@@ -507,7 +507,15 @@ def _value(
     units: Sequence[FleetUnit],
     shared: float,
 ) -> PopulationValue:
-    """Return one value of the population; `shared` is the variance of its mean by what all units share, in the fitted form."""
+    """Return one value of the population [SI], its mean and interval, and its spread [fitted form]; 0 where that is not seen.
+
+    Parameters
+    ----------
+    k : int                     Position of the value.
+    reference : array (values,) About which the population was fitted, fitted form.
+    worth : tuple               Change of its error by one more unit and by one more hour of a log (values,) [-], and of which unit.
+    shared : float              Variance of its mean by what all units share, fitted form.
+    """
     mean = interval_of_mean(population, np.eye(population.at.beta.size)[k], shared)
     spread = interval_of_spread(population, k)
     middle = float(reference[k] + population.at.beta[k])

@@ -228,7 +228,10 @@ Settings = dict[tuple[int, int], Setting]
 
 
 def run_members_of(job: Job, numbers: Array, settings: Settings | None = None) -> Chunk:
-    """Return the runs of members at numbers (sources, members), counted from zero."""
+    """Return the runs of members at numbers (sources, members) in (0, 1): temperatures (members, nodes, times) [K], NaN where one fails.
+
+    Members with one variant of the scenario and one way of the model of error run together. `settings` keeps what was prepared.
+    """
     ready = {} if settings is None else settings
     sources = job.budget.drawn(numbers)
     chosen = sources[job.variant].astype(np.int64) if job.variant is not None else np.zeros(numbers.shape[1], dtype=np.int64)
@@ -263,7 +266,7 @@ def chunk_name(first: int, members: int) -> str:
 
 
 def as_arrays(chunk: Chunk) -> dict[str, Any]:
-    """Return a chunk as arrays for a file."""
+    """Return a chunk as arrays for a file: temperatures [K], turning points [s, K], failed members and why."""
     failed, why = np.array(list(chunk.failed), dtype=int), np.array(list(chunk.failed.values()), dtype=str)
     points = {f"turnings{k}_{part}": getattr(t, part) for k, t in enumerate(chunk.turnings.values()) for part in TURNING_FIELDS}
     arrays = {"temperatures": chunk.temperatures, "followed": np.array(list(chunk.turnings), dtype=str), **points}

@@ -82,14 +82,14 @@ def drivers_of(draws: Mapping[str, Array], result: Array) -> tuple[Driver, ...]:
 
 
 def _ranks(values: Array) -> Array:
-    """Return the ranks from 1 (members,); equal values have the mean of theirs."""
+    """Return the ranks from 1 (members,) of values (members,); equal values have the mean of theirs. [-]"""
     _, index, counts = np.unique(values, return_inverse=True, return_counts=True)
     ends = np.cumsum(counts)
     return np.asarray((ends - 0.5 * (counts - 1))[index], dtype=float)
 
 
 def _standard(values: Array) -> Array:
-    """Return values with mean 0 and standard deviation 1; zeros where all are equal."""
+    """Return values (members,) less their mean, over their standard deviation [-]; zeros where all are equal."""
     spread = values.std()
     return np.asarray((values - values.mean()) / spread) if spread > 0 else np.zeros(values.shape)
 
@@ -384,7 +384,10 @@ def _hold_point(
     confidence: float,
     drivers: tuple[Driver, ...],
 ) -> HoldPoint:
-    """Return the entry of a limit, from when the members pass it."""
+    """Return the entry of a limit [K] from when the members pass it, `crossings` (members,) [s], infinite where one never does.
+
+    The share of members beyond is given at every time of the runs; `confidence` [-] is that of the hold time.
+    """
     exceedance = np.searchsorted(np.sort(crossings), runs.times, side="right") / crossings.size
     never = int(np.isinf(crossings).sum())
     until, between = hold_time(crossings, confidence)

@@ -223,7 +223,10 @@ class Drive:
 
     @classmethod
     def of_run(cls, part: Subnetwork, network: Network, run: Solution, settled: bool) -> Drive:
-        """Return that of a run."""
+        """Return the drive of a run at `COMPARED_SAMPLES` even times: powers [W] into the part, temperatures [K] around it, its start.
+
+        With `settled` there is no start: it begins in balance.
+        """
         times = np.linspace(run.times[0], run.times[-1], COMPARED_SAMPLES)
         powers = np.zeros((COMPARED_SAMPLES, len(part.nodes)))
         for load in network.flat.loads:

@@ -110,7 +110,7 @@ class Timeline:
 
 
 def _piecewise_signal(times: tuple[float, ...], values: list[float], *, stepped: bool = False) -> Signal:
-    """Return values at times as a signal: straight lines, or jumps if `stepped`; of two values at one time the later holds."""
+    """Return values [SI] at times [s] as a signal: straight lines, or jumps if `stepped`; of two values at one time the later holds."""
     if len(set(values)) == 1:
         return Constant(values[0])
     t, v = np.array(times), np.array(values)

@@ -211,7 +211,7 @@ class _Fit:
         return dict(zip((u.name for u in self.unknowns), self.z.tolist(), strict=True))
 
     def _values(self, z: Array) -> tuple[Array, Array]:
-        """Return x = base exp(z), or base + z for temperatures, of the free names, and dx/dz."""
+        """Return x = base exp(z), or base + z for temperatures [K], of the free names (names,) [SI], and dx/dz."""
         moves = z[: len(self.names)]
         x = np.where(self.relative, self.base * np.exp(moves), self.base + moves)
         return x, np.where(self.relative, x, 1.0)
@@ -232,7 +232,7 @@ class _Fit:
         return residuals, rows
 
     def compressed(self, fitted: Array, loss: str = "linear", loss_scale: float = 1.0, meshes: Sequence[Array] = ()) -> Compressed:
-        """Return weighted residuals and derivatives in as many rows as there are unknowns and one, by a QR decomposition."""
+        """Return the root (unknowns + 1, unknowns + 1) of weighted derivatives and residuals [-] at `fitted` (unknowns,): R of their QR."""
         residuals, rows = self._residuals(fitted)
         whole = np.vstack([np.column_stack([-j, r]) / s for r, j, s in zip(residuals, rows, self.sizes, strict=True)])
         root: Array = np.asarray(np.linalg.qr(whole, mode="r"))
@@ -321,8 +321,12 @@ class _Fit:
 
     def _temperatures_about(self, x: Array, last: float, window: float) -> tuple[Array, Array]:
         """Return times [s] from `window` [s] before `last` [s] on, and the temperatures of the sensors' nodes then (times, sensors). [K]"""
-        ahead = last + np.geomspace(last / INSTANTS_AHEAD, MAX_STRETCHES_AHEAD * last, INSTANTS_AHEAD)
-        times = np.concatenate([np.linspace(max(last - window, 0.0), last, INSTANTS_AHEAD), ahead])
+        times = np.concatenate(
+            [
+                np.linspace(max(last - window, 0.0), last, INSTANTS_AHEAD),
+                last + np.geomspace(last / INSTANTS_AHEAD, MAX_STRETCHES_AHEAD * last, INSTANTS_AHEAD),
+            ]
+        )
         engine, wiring = self.bench.engine, self.bench.wiring
         a = engine.started(wiring.assemble(x, False))
         nodes = tuple(o.node for o in self.sensors)

@@ -500,7 +500,7 @@ class Watcher:
         return f
 
     def _after_gap(self, f: _Filter, record: Record) -> _Filter:
-        """Return the filter, begun anew with a wide spread after the last gap: unlogged inputs may have moved every node."""
+        """Return the filter, begun anew with `SPREAD_AFTER_GAP` [K] after the last gap: unlogged inputs may have moved every node."""
         times = record.times[np.searchsorted(record.times, f.time) :]
         gaps = np.flatnonzero(np.diff(times, prepend=f.time) > min_gap(record))
         if not gaps.size or f.belief is None:

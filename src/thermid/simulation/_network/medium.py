@@ -447,7 +447,7 @@ class Media:
         """Return `equivalent_wind` of a gas over time, and the levels between which it is interpolated. [m/s]"""
 
         def make() -> tuple[TableSignal, Array]:
-            """Return the wind that has the same effect at standard pressure, and the speeds at which films are tabled."""
+            """Return the wind [m/s] that has the same effect at standard pressure, and the speeds [m/s] at which films are tabled."""
             course = equivalent_wind(environment.wind, pressure, self.seconds)
             return course, np.asarray((np.sqrt(course.bounds[1]) * np.linspace(0.0, 1.0, INTERPOLATED_STREAMS) ** 1.5) ** 2)
 

@@ -420,7 +420,12 @@ class Engine(KernelProblem):
         return Answer(raw.traces, slopes, a.initial, raw.final_temperatures, *energies, end, statistics, raw.on, switched, turnings)
 
     def _by_modes(self, a: Assembled, times: Array, nodes: Sequence[str], end: float, options: Options, extremes: bool) -> Answer:
-        """Return temperatures and derivatives as `integrate` does, calculated by the modal solution."""
+        """Return temperatures [K] at `times` [s] and no derivatives, as `integrate` does, calculated by the modal solution.
+
+        Raises
+        ------
+        SolverError   When the kernel's run does not end.
+        """
         index = self._index()
         gone, sums = self._sums(a) if extremes else ((), None)
         raw = self.modal.run(a, times, ints([index[n] for n in nodes]), end, extremes, sums)
@@ -628,7 +633,10 @@ def at_rest(problem: KernelProblem, a: Assembled, time: float, gradients: bool =
 
 
 def _next_mode(problem: KernelProblem, a: Assembled, temperatures: Array, time: float, modes: NDArray[np.int32]) -> tuple[int, int] | None:
-    """Return the first control that does not rest in its mode at steady temperatures, and the mode that follows; None where all rest."""
+    """Return the first control, by position, that does not rest in its mode at steady temperatures (nodes,) [K], and the next mode.
+
+    None where all rest. `time` [s] is that of the signals, `modes` (controls,) are today's.
+    """
     wiring, now = problem.wiring, np.array([time])
     traces = Traces(wiring, a, now, problem.nodes, temperatures[None, :], np.zeros((1, temperatures.size, 0)))
     rows = {row.name: row for row in a.numbers.controls}

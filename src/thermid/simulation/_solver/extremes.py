@@ -102,7 +102,7 @@ class MemberTurnings:
 
     @classmethod
     def joined(cls, parts: Sequence[tuple[int, MemberTurnings]]) -> MemberTurnings:
-        """Return the points of several groups of members, each with the number of its first member; an empty set of no groups."""
+        """Return turning points [s, K] of groups of members, each group with the number of its first member; an empty set of no groups."""
         none = MemberTurnings(np.zeros(0, dtype=np.int64), np.zeros(0), np.zeros(0))
         every = list(parts) or [(0, none)]
         return cls(*(np.concatenate(c) for c in zip(*((first + p.members, p.times, p.kelvin) for first, p in every), strict=True)))
@@ -117,9 +117,17 @@ class MemberTurnings:
         mine = slice(*np.searchsorted(self.members, [member, member + 1]))
         return Turnings(self.times[mine], self.kelvin[mine])
 
-    def shifted(self, shifts: Array) -> MemberTurnings:
-        """Return the points with a constant (members,) added to the temperatures of each member. [K]"""
-        return MemberTurnings(self.members, self.times, self.kelvin + shifts[self.members])
+    def shifted(self, times: Array, added: Array) -> MemberTurnings:
+        """Return the points with `added` (times or 1, members) [K] on their temperatures, straight between `times` (times,) [s].
+
+        Their instants stay, which is exact where the same is added at all times.
+        """
+        if added.shape[0] == 1:
+            return MemberTurnings(self.members, self.times, self.kelvin + added[0, self.members])
+        k = np.clip(np.searchsorted(times, self.times, side="right") - 1, 0, times.size - 2)
+        part = (self.times - times[k]) / (times[k + 1] - times[k])
+        between = (1.0 - part) * added[k, self.members] + part * added[k + 1, self.members]
+        return MemberTurnings(self.members, self.times, self.kelvin + between)
 
     def without(self, members: Collection[int]) -> MemberTurnings:
         """Return the points of all but some members, numbered as before."""

@@ -297,7 +297,10 @@ def sparse_of(problem: KernelProblem, a: Assembled) -> SparseNetwork:
 
 
 def laid_out(problem: KernelProblem, a: Assembled) -> LargeLayout:
-    """Return where a model's numbers stand in its large network, computed once and kept."""
+    """Return where a model's coefficients stand in its large network, as positions, computed once and kept.
+
+    Links between nodes come first, rows of one law together; heat between two given temperatures is left out.
+    """
     if (layout := problem.memo.get("layout")) is not None:
         return layout  # type: ignore[no-any-return]
     s, stored = problem.wiring.structure, a.reduced.stored

@@ -306,7 +306,10 @@ def limits(options: Options, inputs: Iterable[Signal], end: float) -> dict[str, 
 
 
 def kernel_input(drawn: Drawn) -> tuple[int, Array, Array]:
-    """Return the kernel's form of a signal: its kind, then times and values of a table, or the numbers of a constant or a sine."""
+    """Return the kernel's form of a signal: its kind, then times [s] and values [SI] of a table, or the numbers of the law.
+
+    Those are a constant's value, or a sine's mean, amplitude, period [s] and phase.
+    """
     if isinstance(drawn, Constant):
         return _kernel.CONSTANT, np.array([drawn.value]), np.zeros(0)
     if isinstance(drawn, Sine):

@@ -379,7 +379,7 @@ def _check_masses(varied: Varied, first: Varied, title: str) -> None:
 
 
 def _other_slopes(number: Number, ratio: float, base: Number) -> NDArray[np.bool_]:
-    """Return which derivatives of a number are not `ratio` times those of its reference (parameters,); none where either has none."""
+    """Return where (parameters,) derivatives of a number are not `ratio` [-] times those of its reference, to 1e-9; none without any."""
     if not isinstance(number, Dual) or not isinstance(base, Dual):
         return np.zeros(0, dtype=bool)
     least = 1e-12 * float(np.abs(base.gradient).max(initial=0.0))
@@ -1073,7 +1073,7 @@ def _level(store: HeatStore, kelvin: Number) -> Number:
 
 
 def _csr(values: Sequence[Number]) -> Csr:
-    """Return the derivatives of coefficients as CSR arrays."""
+    """Return the derivatives of coefficients (coefficients, parameters) [SI] as CSR arrays: row starts, columns, values."""
     indptr, indices, data = [0], [], []  # type: tuple[list[int], list[int], list[float]]
     for number in values:
         if isinstance(number, Dual):
