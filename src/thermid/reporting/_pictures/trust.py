@@ -227,7 +227,8 @@ def draw_run(figure: Figure, run: ProfileRun) -> None:
     figure.legend(handles, labels, loc="outside lower center", ncols=4, fontsize="small")
     long, waited = run.duration / 3600.0, run.waited / 3600.0
     strip.set_title(
-        f"{run.profile.title} on {run.solution.title}\n{long:.1f} h, {waited:.1f} h of it waiting for the unit; weakest number: {run.mark}",
+        f"{run.profile.title} on {run.solution.title}\n{long:.1f} h, {waited:.1f} h of it waiting for the unit; "
+        f"weakest number: {run.profile.mark}",
         loc="left",
     )
     if not run.profile.decides:
