@@ -72,7 +72,9 @@ CLOSED_OR_SEVERAL = CLOSED | {*COLLECTIONS}
 def takes_objects(function: Callable[P, R], called: str = "") -> Callable[P, R]:
     """Return a function that refuses, by its annotations, a path in place of what a file holds, one thing in place of another, and so on.
 
-    Only what users mix up is looked at: texts, numbers, paths, dictionaries and thermid's own objects. Annotations are read once.
+    Only what users mix up is looked at: texts, numbers, paths, dictionaries and thermid's own objects. Annotations are read once, as texts
+    (`from __future__ import annotations`). A type that was taken once for an argument is not looked at again, except for numbers, texts,
+    lists and mappings. The function returned raises DeckError.
 
     Parameters
     ----------

@@ -38,6 +38,7 @@ _NAMES: Final = {"H": ("heater{}", "%", 0.1), "V": ("voltage{}", "V", 1e-3), "I"
 _MAX_LISTED_LINES: Final = 8
 _UNPRINTABLE: Final = re.compile(r"[^ -~]")
 _NEAR_WRAP: Final = COUNTER_RANGE - (1 << 24)
+"""Counters above it are about to wrap: within 2^24 of 2^32, 4.7 hours of milliseconds."""
 _MIN_DRIFT_TIME: Final = 600.0
 _MAX_CLOCK_DRIFT: Final = 0.02
 """No quartz or resonator is off by 2 %; a simulated board, run faster than time, is."""
@@ -324,7 +325,8 @@ def _wall_seconds(wall: str | None) -> float | None:
 def _runs_of_board(heard: Sequence[HeardLine], starts: Mapping[int, float]) -> tuple[list[_Run], int]:
     """Return the runs of the board between its resets, and how many of its lines are missing.
 
-    A reset shows as a number or time that falls back; both counters may also wrap at 2^32.
+    A reset shows as a number or time that falls back; both counters may also wrap at 2^32. Lines are numbered from 0 at a reset, so the
+    number of the first line after it is how many are missing; those before the first line of all are not counted.
     """
     groups: list[list[tuple[int, float, float, int]]] = []
     lost = 0

@@ -546,6 +546,7 @@ def evolved(population: Population, stoppable: bool = False) -> Evolved:
 
 
 GRID_OFFSETS, GRID_RATES, GRID_ROUNDS = 25, 5, 5
+"""Offsets and rates of a second clock that are tried, and rounds of trying and fitting at most. [-]"""
 
 
 def with_clocks(problem: Problem, loss: str, loss_scale: float, fitted: Array | None = None) -> Problem:

@@ -165,6 +165,7 @@ def _long_enough(
             begin = end
             progress(sampler.iteration, needed)
         done = sampler.iteration
+        # walkers begin at the covariance of the fit and not at the density itself
         chain = sampler.get_chain(discard=done // 5)
         lags = np.asarray(emcee.autocorr.integrated_time(chain, quiet=True, tol=0), dtype=float)
         length = float(chain.shape[0] / lags.max())

@@ -276,7 +276,12 @@ def _fluxes(path: _Path, radius: float, tilt: float, attitude: str, strength: fl
 def _checked(
     planet: str | Planet, attitude: str, perigee: str | float, apogee: str | float | None, albedo: float, beta: float | str
 ) -> tuple[Planet, float, float, float]:
-    """Return the planet, altitudes of perigee and apogee [m], and the angle between plane and sun [deg]."""
+    """Return the planet, altitudes of perigee and apogee [m], and the angle between plane and sun [deg]; a circle without an apogee.
+
+    Raises
+    ------
+    ScenarioError   When planet or attitude is unknown, altitudes are not above zero and rising, or albedo or angle outside their ranges.
+    """
     body = planet if isinstance(planet, Planet) else PLANETS.get(str(planet).lower())
     if body is None:
         raise ScenarioError(

@@ -199,6 +199,7 @@ def _speed(conductance: Array, skin: Array, air: Array, area: float, emissivity:
 def follow(solution: Solution, parts: Sequence[FlatConductor], open_air: Mapping[str, Signal], volumes: Mapping[str, Volume]) -> Followed:
     """Return dew points, films, latent heat and water balance along a run, films never below zero.
 
+    Films are zero at the start. The run stays as it is: latent heat is returned, and moves no temperature.
     Beside a gas of known humidity a film is integrated in closed form (`_film_in_known_gas`); volumes with vapour of their own are solved
     together with the films on their walls (`_System`).
 

@@ -296,11 +296,12 @@ class OnDemand(TyperCommand):
         return self.loaded().make_context(info_name, args, parent, **extra)
 
     def loaded(self) -> Any:
-        """Import the command.
+        """Import the function of the command and return it as a command of click, with its examples and exit codes.
 
         Raises
         ------
-        MissingExtraError   When an optional part of thermid that it needs is not installed.
+        MissingExtraError     When an optional part of thermid that it needs is not installed.
+        ModuleNotFoundError   When a module is missing though the command needs no optional part.
         """
         module, _, function = f"thermid.app.cli.{self.place.function}".rpartition(".")
         gc.disable()  # what is imported stays: looking through it for garbage, now or at the end, is a fifth of a first result

@@ -251,7 +251,10 @@ _ANY: Final = ("node", "boundary", "load", "command")
 
 
 def _roles(text: str) -> tuple[str, ...] | None:
-    """Return what a column in a unit may be bound as; None where the unit is none that is known."""
+    """Return what a column in a unit may be bound as, such as ("node", "boundary") for K; () where nothing takes such a unit.
+
+    None where the text is empty or no known unit.
+    """
     try:
         of = unit(text).dimension if text.strip() else None
     except ThermidError:

@@ -59,7 +59,7 @@ class Information:
         first = [k for k, u in enumerate(problem.unknowns) if u.kind == "parameter" and rows[:, k].any()]
         order = [*first, *(k for k in range(rows.shape[1]) if k not in first)]
         # R of QR with parameters first: below their rows it holds the marginal information of the others, also of a joint prior
-        upper = np.linalg.qr(rows[:, order], mode="r")[:, np.argsort(order)]
+        upper = np.asarray(np.linalg.qr(rows[:, order], mode="r"))[:, np.argsort(order)]
         return cls(problem.unknowns, fitted, tight.compressed(fitted).slopes / spread, upper[len(first) :], upper[: len(first)])
 
     @property

@@ -84,9 +84,14 @@ class Explanation:
         return np.asarray(self.sizes * (1.0 - np.exp(-length * np.array([0.1, 0.3, 1.0])[:, None] / self.constants)))
 
     def begun(self, shares: FloatArray, length: float) -> float:
-        """Return when sum_k shares_k (1 - exp(-t / constant_k)) reaches 3 % of its largest value up to `length`; zero without any. [s]
+        """Return the first of 200 instants up to `length` at which a power's response reaches `BEGUN` of its largest; zero without any. [s]
 
-        Of several powers it is the one that begins first.
+        The response is sum_k P shares_k (1 - exp(-t / constant_k)), P the power's range [W]; of several powers the one that begins first
+        counts, those below `LEAST_ACTING` of the largest do not.
+
+        Parameters
+        ----------
+        shares : array (terms,)     Of a fit, those of the responses last. [K/W]
         """
         if not self.constants.size:
             return 0.0
