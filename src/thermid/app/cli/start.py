@@ -193,9 +193,26 @@ def example(
 
     Published measurements are fetched and checked.
     """
-    if parts or made_of:
-        content, text = _parts_listed() if parts else _materials_listed()
-        say(as_json, content, text)
+    if parts:
+        say(as_json, *_parts_listed())
+        return
+    if made_of:
+        library = Material.table()
+        figures = [
+            {k: getattr(m, k) for k in ("name", "density", "specific_heat", "conductivity", "source", "read")} for m in library.values()
+        ]
+        finishes = [{"name": f.name, "emissivity": f.typical, "low": f.low, "high": f.high, "basis": f.basis} for f in FINISHES.values()]
+        lines = [
+            f"{len(library)} materials near 300 K, for material = NAME of nodes and conductors, each with what was read to check it",
+            f"{'':<34} {'kg/m3':>7} {'J/(kg K)':>9} {'W/(m K)':>9}",
+            *(
+                f"{m.name:<34} {m.density:>7g} {m.specific_heat:>9g} {m.conductivity:>9g}  {m.basis.partition('; ')[2]}"
+                for m in library.values()
+            ),
+            f"{len(finishes)} finishes, for finish = NAME of surfaces: emissivity, 95 % of parts",
+            *(f"{f.name:<34} {f.typical:>7g} {f.low:>9g} {f.high:>9g}  {f.basis.partition(': ')[2]}" for f in FINISHES.values()),
+        ]
+        say(as_json, {"materials": figures, "finishes": finishes}, "\n".join(lines))
         return
     if not name:
         rows = [{"name": e.name, "shows": e.shows, "data": data.words if (data := e.data) else ""} for e in EXAMPLES.values()]
@@ -236,24 +253,6 @@ def _parts_listed() -> tuple[dict[str, object], str]:
         lines.append(f"{STANDARD + name:<22} {part.use}; needs {', '.join(part.needs)}; {unchecked} of {len(values)} values {NOT_CHECKED}")
     head = f'{len(rows)} standard parts, for use = "std:NAME" in [submodels]; {open_values} of their values were {NOT_CHECKED}'
     return {"parts": rows}, "\n".join([head, *lines])
-
-
-def _materials_listed() -> tuple[dict[str, object], str]:
-    """Return materials and finishes, each with its figures and its source."""
-    library = Material.table()
-    rows = [{k: getattr(m, k) for k in ("name", "density", "specific_heat", "conductivity", "source", "read")} for m in library.values()]
-    finishes = [{"name": f.name, "emissivity": f.typical, "low": f.low, "high": f.high, "basis": f.basis} for f in FINISHES.values()]
-    lines = [
-        f"{len(library)} materials near 300 K, for material = NAME of nodes and conductors, each with what was read to check it",
-        f"{'':<34} {'kg/m3':>7} {'J/(kg K)':>9} {'W/(m K)':>9}",
-        *(
-            f"{m.name:<34} {m.density:>7g} {m.specific_heat:>9g} {m.conductivity:>9g}  {m.basis.partition('; ')[2]}"
-            for m in library.values()
-        ),
-        f"{len(finishes)} finishes, for finish = NAME of surfaces: emissivity, 95 % of parts",
-        *(f"{f.name:<34} {f.typical:>7g} {f.low:>9g} {f.high:>9g}  {f.basis.partition(': ')[2]}" for f in FINISHES.values()),
-    ]
-    return {"materials": rows, "finishes": finishes}, "\n".join(lines)
 
 
 def _fits(campaign: Path, stage: str, data: Path | None, results: Path | None, executor: Workers) -> Mapping[str, Calibration]:
