@@ -451,11 +451,10 @@ def summarise(
     values = FittedValues(name, items, total[np.ix_(rows, rows)], provenance)
     moved = moves_above(request, problem, best, spread.variance_factor) if request.store.states else Moves()
     at_end, message = (best.fitted.tolist(), np.sqrt(np.diag(total)).tolist()), best.message * (not best.converged)
-    far = contradicted(values)
+    far, runner = contradicted(values), request.model.runner
     alone, rests = own_standing(request, problem, far, *at_end, spread, moved, message), rests_on(request, values)
     store = stored(request, problem, values.judged(Standing.worst([alone, *rests.values()])), responses_of_fit)
     values = _with_uncut(FittedValues.of_store(store, list(values), name), problem, best, responses_of_fit)
-    runner = request.model.runner
     remarks = (
         *([f"{LOUD}{'; '.join(far.values())}. Do not use these values."] if far else []),
         *(r if far else f"{FIRST}{r}" for r in moved.warnings()),  # what a fit that is not credible contradicts is in its standing

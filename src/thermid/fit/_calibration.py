@@ -342,8 +342,7 @@ class Calibration(Named[FittedValue]):
         A power counts as it was fitted too: where elements depart it may agree, since heat that comes late or a film that is another makes
         up for it, at the cost of the values that are expected. Sensors take up what a structure lacks, so they do not.
         """
-        powers = {n: v for n, v in self.values.items() if v.kind == INPUT and v.unit != "K"}
-        return contradicted(powers) | contradicted(self.estimates)
+        return contradicted({n: v for n, v in self.values.items() if v.kind == INPUT and v.unit != "K"}) | contradicted(self.estimates)
 
     @property
     def contradicts_held(self) -> bool:

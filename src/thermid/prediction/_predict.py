@@ -211,17 +211,17 @@ class Band(Result):
         low, high = self.interval()
         return np.asarray(0.5 * (high - low))
 
-    def extreme(self, sign: float, during: Bools | slice = slice(None), level: float = 0.95) -> tuple[float, float]:
+    def extreme(self, sign: float, during: Bools | slice = slice(None), *level: float) -> tuple[float, float]:
         """Return the highest (sign 1) or lowest (-1) expected temperature of the run, and the end of the band that lies furthest. [K]
 
         Of members each has an extreme of its own, which no quantile at an instant shows where they switch at different times. `during`
-        chooses times.
+        chooses times; the `level` is that of `interval`.
         """
         if self.members is None or not self.switches:
-            end = self.interval(level)[int(sign > 0.0)][during]
+            end = self.interval(*level)[int(sign > 0.0)][during]
             return sign * float((sign * self.kelvin[during]).max()), sign * float((sign * end).max()) + ICE_POINT
         furthest = replace(self, members=sign * (sign * self.members[during]).max(axis=0)[None, :])
-        return float(furthest.kelvin[0]), float(furthest.interval(level)[int(sign > 0.0)][0]) + ICE_POINT
+        return float(furthest.kelvin[0]), float(furthest.interval(*level)[int(sign > 0.0)][0]) + ICE_POINT
 
     def at(self, time: float) -> Estimate:
         """Return the temperature at a time within the run, straight lines between stored times. [s]"""

@@ -440,6 +440,11 @@ class Policy:
     level: float = 0.95
     heater: Figure = HEATER
 
+    @property
+    def deviations(self) -> float:
+        """Standard deviations of a normal distribution that hold its level, on either side. [-]"""
+        return NormalDist().inv_cdf(0.5 + 0.5 * self.level)
+
 
 POLICIES = {
     p.name: p
@@ -517,7 +522,7 @@ class Margin(Result):
     @property
     def uncertainty(self) -> float:
         """Half the interval of the prediction at the policy's level. [K]"""
-        return NormalDist().inv_cdf(0.5 + 0.5 * self.policy.level) * self.error
+        return self.policy.deviations * self.error
 
     @property
     def printed(self) -> float:
@@ -661,7 +666,7 @@ def _tightest_instants(name: str, run: Foresight, one: Limits, k: int, side: str
     `k` is 0 for the lower and 1 for the upper limit; nearest counts how far the band of the policy's level reaches. `name` is the run's.
     """
     band, level = run.prediction[one.node], policy.level
-    sign, wide, end = 1.0 if k else -1.0, NormalDist().inv_cdf(0.5 + 0.5 * level), band.interval(level)[k] + ICE_POINT
+    sign, end = 1.0 if k else -1.0, band.interval(level)[k] + ICE_POINT
     out = []
     for state_name in ("operating", "non-operating", "start-up"):
         ends, inside = one.ends(state_name), times_in_state(run.solution, one, state_name, state or "operating")
@@ -671,8 +676,7 @@ def _tightest_instants(name: str, run: Foresight, one: Limits, k: int, side: str
         variance = sum(float(v[index]) for v in band.parts.values())  # of a mixture it is not that of the interval
         shares = {c: float(v[index]) / variance if variance > 0.0 else 0.0 for c, v in band.parts.items()}
         expected, furthest = band.extreme(sign, inside, level) if band.switches else (float(band.kelvin[index]), float(end[index]))
-        size = sign * (furthest - expected) / wide
-        figures = (float(band.times[index]), expected, size)
+        figures = (float(band.times[index]), expected, sign * (furthest - expected) / policy.deviations)
         out.append(Margin(one.point, side, state_name, name, *figures, shares, ends[k], one.mark, policy, tested, standing=run.standing))
     return out
 

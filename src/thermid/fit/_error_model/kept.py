@@ -196,13 +196,12 @@ class KeptWay:
         order = np.argsort([n not in w.values for w in (self, other) for n in w.places], kind="stable")  # values first
         root = np.block([[self.root, np.zeros((mine, more))], [np.zeros((more, mine)), other.root]])[order]
         a, b = self.departures, other.departures
-        departures = replace(a, smooth={**a.smooth, **b.smooth}, hidden=tuple({*a.hidden, *b.hidden}), nodes=(*a.nodes, *b.nodes))
         return replace(
             self,
             weight=self.weight * other.weight,
             laws={**self.laws, **other.laws},
             values={**self.values, **other.values},
-            departures=departures,
+            departures=replace(a, smooth={**a.smooth, **b.smooth}, hidden=tuple({*a.hidden, *b.hidden}), nodes=(*a.nodes, *b.nodes)),
             columns=(*self.columns, *other.columns),
             mean=np.concatenate([self.mean, other.mean])[order],
             root=_triangular(root @ root.T),
@@ -225,20 +224,6 @@ class KeptWay:
         return cls(
             way.way.name, weight, way.laws, values, way.runs.departures, way.runs.columns, mean, _triangular(covariance), sizes, rest
         )
-
-    def where_seen(self, smooth: Mapping[str, Smooth], sizes: Mapping[str, float]) -> KeptWay:
-        """Return a way in which elements are as built where the runs were, and depart further off.
-
-        Readings say nothing of conditions that no run had: there each departs by what its conditions in the runs leave of its variance, at the
-        sizes that it has where elements depart.
-
-        Parameters
-        ----------
-        smooth : dict   Conductor -> its smooth departure, whose features reach no further than the runs.
-        sizes : dict    Group -> size where elements depart.
-        """
-        own = {**self.sizes, "run": 0.0, **{kind: sizes[kind] for kind in (SURFACE, JOINT, LAW)}}
-        return replace(self, departures=Departures(smooth, ()), sizes=own)
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain numbers and texts for a file."""
@@ -372,8 +357,8 @@ class ErrorModel(Result):
             share, other = max(others, key=lambda pair: float(pair[0].sum()))
             probabilities[-1:] = [(1.0 - OTHER_FINISH) * probabilities[-1], OTHER_FINISH * holds * share / share.sum()]
             all_ways.append(replace(other, way=replace(other.way, name=AS_BUILT + ANOTHER)))
-        several = zip(all_ways, probabilities, strict=True)
-        ways = normalised([KeptWay.of_fitted(w, share) for w, share in several if share.sum() > COUNTED * departs])
+        pairs = zip(all_ways, probabilities, strict=True)
+        ways = normalised([KeptWay.of_fitted(w, share) for w, share in pairs if share.sum() > COUNTED * departs])
         fitted_values = {u.name: SeenValue.of_unknown(u) for u in problem.unknowns if u.name in ways[0].values}
         still = as_built.runs.posteriors(np.zeros(len(as_built.runs.values)), np.zeros((1, len(GROUPS))))  # neither elements nor rooms
         gain, spot = log_sum(logs) - log_sum([left_prior()[r] + m.log_evidence[0] for r, m in still.items()]), ""
@@ -382,12 +367,19 @@ class ErrorModel(Result):
         if gain > MIN_LOG_BAYES_FACTOR and spots:
             moved = fitted_way(problem, fitted, replace(likeliest.way, spots=spots), points, likeliest).members
             if log_sum(moved.log_evidence) - log_sum(likeliest.members.log_evidence) > MIN_LOG_BAYES_FACTOR:
-                sizes = np.abs(weights_of(moved.log_evidence) @ moved.mean)[-len(spots) :]
-                spot = spots[int(np.argmax(sizes))] if sizes.max() > BIOT_LIMIT else ""  # below, a lag or leads of the sensor do as much
+                drops = np.abs(weights_of(moved.log_evidence) @ moved.mean)[-len(spots) :]
+                spot = spots[int(np.argmax(drops))] if drops.max() > BIOT_LIMIT else ""  # below, a lag or leads of the sensor do as much
         found = cls(fit.stage, fitted_values, ways, math.hypot(apart, likeliest.nonlinearity()), gain=gain, spot=spot)
+        # readings say nothing of conditions that no run had: there elements depart as in other ways, by what the runs leave of the variance
         names = {n for v in fitted_values.values() for n, *_ in v.acts}
-        seen = departures_of([e.network for e in problem.experiments], courses, points, (), names, reach=0).smooth
-        found = replace(found, ways=tuple(w.where_seen(seen, found.sizes) if w.name == AS_BUILT else w for w in ways))
+        visited = departures_of([e.network for e in problem.experiments], courses, points, (), names, around=(0,)).smooth
+        sizes = {"run": 0.0, **{kind: found.sizes[kind] for kind in (SURFACE, JOINT, LAW)}}
+        found = replace(
+            found,
+            ways=tuple(
+                replace(w, departures=Departures(visited, ()), sizes={**w.sizes, **sizes}) if w.name == AS_BUILT else w for w in ways
+            ),
+        )
         return found if found.contradiction else found.at_means
 
     @property
@@ -442,11 +434,10 @@ class ErrorModel(Result):
     @property
     def at_means(self) -> ErrorModel:
         """The model with its derivatives where values are expected: on a network that explains the readings, curves beat lines there."""
-        size = len(self.seen)
-        moved = [
-            replace(w, values=dict(zip(w.values, m.tolist(), strict=True)), mean=np.concatenate([np.zeros(size), w.mean[size:]]))
+        moved = (
+            replace(w, values=dict(zip(w.values, m.tolist(), strict=True)), mean=np.r_[np.zeros(len(m)), w.mean[len(m) :]])
             for w, m in zip(self.ways, self._means, strict=True)
-        ]
+        )
         return replace(self, ways=tuple(moved))
 
     @property
@@ -457,9 +448,7 @@ class ErrorModel(Result):
     @cached_property
     def covariance(self) -> Array:
         """Covariance (values, values) of the fit's values, fitted form: sum w (L L' + d d') over ways, d a way's mean less that of all."""
-        size = len(self.seen)
-        weights = np.array([w.weight for w in self.ways])
-        apart = self._means - self.mean
+        size, weights, apart = len(self.seen), np.array([w.weight for w in self.ways]), self._means - self.mean
         within = sum(w.weight * w.root[:size, :size] @ w.root[:size, :size].T for w in self.ways)
         return np.asarray(within + (weights[:, None] * apart).T @ apart)
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
-from itertools import product
 from typing import Any
 
 import numpy as np
@@ -98,13 +97,13 @@ class Smooth:
         several: Sequence[tuple[ElementCourse, bool]],
         columns: int = COLUMNS,
         part: float = 1.0,
-        reach: int = 1,
+        around: Sequence[int] = (-1, 0, 1),
     ) -> Smooth:
         """Return the smooth departure of a conductor from its law over the runs of a fit, given with whether their gas is thinned.
 
         Pivots are chosen where the conductor carries more than `HEATED` of its largest heat, at most `columns` in each gas; centre and
         what lies outside are means over all runs, weighted by heat. `part` of the heat of the conductors that share its value is its own.
-        Features reach so many of their lengths beyond the runs.
+        Features are laid so many of their lengths `around` the runs.
         """
         runs = [(r, thin) for r, thin in several if c.path in r.flows]
         most = max(float(np.abs(r.flows[c.path]).max()) for r, _ in runs)
@@ -115,7 +114,7 @@ class Smooth:
             places_of_runs = [places(r, c, at)[np.abs(r.flows[c.path]) > HEATED * most][::EVERY] for r, thin in runs if thin == gas]
             every = np.concatenate(places_of_runs)
             if every.size:
-                wide = np.concatenate([every + aside * (i, j) for i, j in product(range(-reach, reach + 1), repeat=2)])
+                wide = np.concatenate([every + aside * (i, j) for i in around for j in around])
                 pivots_of_gas.append(pivots(wide, np.array(LENGTHS), LEFT_OVER, columns))
                 gases += [gas] * len(pivots_of_gas[-1])
         bare = cls(at, kind, np.concatenate(pivots_of_gas), np.zeros(len(gases)), tuple(gases))
@@ -247,7 +246,7 @@ def departures_of(
     points: Mapping[str, OperatingPoint],
     hidden: tuple[float, ...],
     fitted: Collection[str] = (),
-    reach: int = 1,
+    around: Sequence[int] = (-1, 0, 1),
 ) -> Departures:
     """Return what may depart of a model by the runs of a fit: the `CONDUCTORS` with most heat [W], the `NODES` with most stored heat [J].
 
@@ -272,7 +271,7 @@ def departures_of(
     for p, c in several.items():
         part = heat[p] / (heat[p] + sum(h for q, h in heat.items() if q != p and values[p] & values[q]))
         runs = [(course, thinned(n, c)) for n, course in zip(networks, courses, strict=True)]
-        smooth[p] = Smooth.of_conductor(c, points[p], class_of(c, network), runs, columns, part, reach)
+        smooth[p] = Smooth.of_conductor(c, points[p], class_of(c, network), runs, columns, part, around)
     return Departures(smooth, hidden, nodes, len(heat) - len(several) + len(stored) - len(nodes))
 
 

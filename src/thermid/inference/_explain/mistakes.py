@@ -202,7 +202,8 @@ def _as_sampled(request: Request, fit: RoughFit, base: RoughEnd) -> Mistake | No
 
     No other mistake competes: such a log has instants that nobody knows, and a load beside it fits as well in thinned readings.
     """
-    pulsed = {n for r in request.records for n, c in r.channels.items() if _is_pulsed(r, c)}
+    unsaid = ((r, n, c) for r in request.records for n, c in r.channels.items() if c.role in ("load", "command") and c.prompt is None)
+    pulsed = {n for r, n, c in unsaid if c.held and not np.isnan(single_pulses(r.times, c.values))}
     if not pulsed:
         return None
     other = _with_records(request, lambda r: r.with_channels(*(replace(c, prompt=False) for n, c in r.channels.items() if n in pulsed)))
@@ -211,11 +212,6 @@ def _as_sampled(request: Request, fit: RoughFit, base: RoughEnd) -> Mistake | No
     words = f"{quoted(sorted(pulsed))} changed between samples, not at them"
     mistake = Mistake("clock", ", ".join(sorted(pulsed)), words, base.cost - end.cost, (base.rms, end.rms), "State prompt = false for it.")
     return None if _misses(rough, end) else mistake
-
-
-def _is_pulsed(r: Record, c: Channel) -> bool:
-    """Whether a channel is an on/off power or command that an even log reads, of which nobody stated `prompt`."""
-    return c.role in ("load", "command") and c.held and c.prompt is None and not np.isnan(single_pulses(r.times, c.values))
 
 
 def _cost_with_element(request: Request, fit: RoughFit, base: RoughEnd) -> float:
