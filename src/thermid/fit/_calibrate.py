@@ -736,7 +736,7 @@ def held_emissivities(request: Request, problem: Problem, minimum: Fit, total: A
     moves = np.abs(covariances(minimum)[2] @ of_fit.T @ of_held) * steps
     errors = [np.sqrt(total[k, k]) if u.kind == "parameter" and total[k, k] > 0.0 else np.inf for k, u in enumerate(problem.unknowns)]
     ratios = np.nan_to_num(moves / np.array(errors)[:, None], posinf=0.0)
-    k, n = np.unravel_index(int(np.argmax(ratios)), ratios.shape)
+    k, n = divmod(int(np.argmax(ratios)), ratios.shape[1])
     if ratios[k, n] < HALF_WIDTH_95:
         return []
     return [
