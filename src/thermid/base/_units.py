@@ -100,8 +100,15 @@ def _normalised(text: str) -> str:
         ("percent", "%"),
     ):
         text = text.replace(old, new)
-    text = re.sub(r"\b([cdm]?m|ft|in)([23])\b", r"\1^\2", text)  # as loggers and data sheets write areas and volumes
-    parts = text.replace("(", " ( ").replace(")", " ) ").replace("/", " / ").replace("*", " ").split()
+    # m2 and cm3 are how loggers and data sheets write areas and volumes
+    parts = (
+        re.sub(r"\b([cdm]?m|ft|in)([23])\b", r"\1^\2", text)
+        .replace("(", " ( ")
+        .replace(")", " ) ")
+        .replace("/", " / ")
+        .replace("*", " ")
+        .split()
+    )
     out = ""
     for part in parts:
         if out and part not in ")/" and out[-1] not in "(/":

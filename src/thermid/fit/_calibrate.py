@@ -737,19 +737,19 @@ def held_emissivities(request: Request, problem: Problem, minimum: Fit, total: A
     flat = problem.experiments[0].network.flat
     if flat.names.model.runner is not None:
         return []
-    parameters, known = flat.parameters, {q for state in request.store.states.values() for q in state.acts}
+    parameters, inherited = flat.parameters, {q for state in request.store.states.values() for q in state.acts}
     behind = dict.fromkeys(parameters.literal_behind(p) for p in parameters.table if p.endswith(".emissivity"))
-    bare = [(p,) for p in behind if p not in {*parameters.stated_ranges, *known} and parameters.evaluate({}, [p])[p] > 0.0]
+    bare = [(p,) for p in behind if p not in {*parameters.stated_ranges, *inherited} and parameters.evaluate({}, [p])[p] > 0.0]
     opened = opened_at(request, problem, minimum.fitted, bare)
-    if not opened.names:
+    if not (opened.own and opened.names):
         return []
-    own, held = opened_jacobian(opened, request.loss)
+    of_fit, of_held = opened_jacobian(opened, request.loss)
     more = opened.problem.unknowns[opened.own :]
     steps = [UNSTATED_EMISSIVITY * u.start / u.slope(float(x)) for u, x in zip(more, opened.fitted[opened.own :], strict=True)]
-    moves = np.abs(covariances(minimum)[2] @ own.T @ held) * steps
+    moves = np.abs(covariances(minimum)[2] @ of_fit.T @ of_held) * steps
     errors = [np.sqrt(total[k, k]) if u.kind == "parameter" and total[k, k] > 0.0 else np.inf for k, u in enumerate(problem.unknowns)]
-    ratios = moves / np.array(errors)[:, None]
-    k, n = np.unravel_index(int(np.argmax(ratios)), ratios.shape)
+    ratios = np.nan_to_num(moves / np.array(errors)[:, None], posinf=0.0)
+    k, n = divmod(int(np.argmax(ratios)), ratios.shape[1])
     if ratios[k, n] < HALF_WIDTH_95:
         return []
     return [

@@ -16,7 +16,6 @@ import numpy as np
 from thermid.base.errors import DeckError, IdentificationError, ThermidError, refuse_unknown
 from thermid.base.units import amount, duration_text, value_of
 from thermid.campaign._start.roles import ACCURACY, JOIN, SURROUNDINGS, Power, Roles, noise_of, part_name, with_noise
-from thermid.campaign._start.switching import between_samples
 from thermid.fit.calibration import MOST_EVALUATIONS, Calibration, LocalSpec, Request, first_reading, fit
 from thermid.inference.criticism import (
     EVALUATIONS,
@@ -654,8 +653,8 @@ def propose(
     changes = _within(roles, facts)
     search = search_structure(begun.request, changes=changes, evaluations=budget, begin=begun.fitted)
     budget = EvaluationBudget(max(evaluations - budget.spent, evaluations // 2), progress)
-    if (moved := between_samples(begun, search.proposed, budget)) is not None:
-        search = search_structure(moved, changes=changes, evaluations=budget, begin=begun.fitted)
+    if (sampled := _between_samples(begun, search.proposed, budget)) is not None:
+        search = search_structure(sampled, changes=changes, evaluations=budget, begin=begun.fitted)
     assumed = ""
     if _ratios_only(roles, facts):
         first = next(iter(roles.parts.values()))
@@ -667,6 +666,42 @@ def propose(
     if not roles.powers and proposal.unexplained:
         raise IdentificationError(" ".join([proposal.unexplained, *roles.questions]), prepared[0].name, code="fit.not-determined")
     return proposal
+
+
+PROVES_INSTANT = 4.0
+"""Log-likelihood that each instant has to gain, those that do nothing gain a half. [-]"""
+
+
+def _between_samples(begun: FittedStructure, proposed: FittedStructure, budget: EvaluationBudget) -> Request | None:
+    """Return the request in which powers changed between their samples, where the readings prove that they did; else None.
+
+    A power of 18 W that changes half a minute before its sample gives 540 J that the log does not have, 0.4 K of a box of 1300 J/K.
+    The instants are unknowns of a fit. A mass would answer a delay too, and a delay a mass, so instants have to fit better beside what a
+    search found with powers as logged, or better than that beside nothing.
+
+    Parameters
+    ----------
+    begun : FittedStructure     The structure at the beginning.
+    proposed : FittedStructure  That which a search proposes for powers as logged.
+    budget : EvaluationBudget   What the evaluations of its fits are taken from.
+    """
+    records = tuple(_sampled(r) for r in begun.request.records)
+    for one in (begun, proposed):
+        try:
+            moved = fitted_structure(one.changes, replace(one.request, records=records), one.fitted, None, budget)
+        except (ThermidError, np.linalg.LinAlgError):
+            continue
+        count = sum(len(e.instants) for e in moved.problem.experiments)
+        reduced = max(moved.end.chi_square / max(moved.problem.freedom, 1.0), 1e-12)
+        if count and proposed.end.cost - moved.end.cost > PROVES_INSTANT * reduced * count:
+            return replace(begun.request, records=records)
+    return None
+
+
+def _sampled(record: Record) -> Record:
+    """Return a record whose powers and commands changed between their samples, where nobody says that they were logged as they changed."""
+    driven = (c for c in record.channels.values() if c.role in ("load", "command") and c.held and c.prompt is None)
+    return record.with_channels(*(replace(c, prompt=False) for c in driven))
 
 
 def _within(roles: Roles, facts: StatedFacts) -> Any:

@@ -308,7 +308,9 @@ class Look(Result):
     def supplies(self) -> dict[str, tuple[Column, ...]]:
         """Name of a power -> its columns in volts and in amperes, or that of a counter of energy where the log has no other power."""
         powers = [in_si(c.values, c.unit or "W") for c in self.columns if c.guess == "power"]
-        pairs = {n: (u, i) for n, (u, i) in self._pairs().items() if not any(_metered(watts, u, i) for watts in powers)}
+        pairs: dict[str, tuple[Column, ...]] = {
+            n: (u, i) for n, (u, i) in self._pairs().items() if not any(_metered(watts, u, i) for watts in powers)
+        }
         if pairs or powers:
             return pairs
         counters = [c for c in self.columns if c.unit and _is(c.unit, "J") and c.values.size]

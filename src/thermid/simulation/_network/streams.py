@@ -192,7 +192,8 @@ class Streams:
                 f"{which} {'are' if many else 'is'} {fluid} and {'stop' if many else 'stops'} without gas in {quoted(empty)}{when}",
                 "run.heat-stops-without-gas",
             )
-        loops = [c.path for c in self.conductors if c.by_volume and set(self.sources(c.path)) <= self._inner]
+        entered = {c.ends[1] for c in self.conductors} - self.boundaries
+        loops = [c.path for c in self.conductors if c.by_volume and set(self.sources(c.path)) <= entered]
         if loops:
             come, their = ("come", "their") if len(loops) > 1 else ("comes", "its")
             yield CodedText(
@@ -215,11 +216,6 @@ class Streams:
     def _named(self) -> dict[str, FlatConductor]:
         """Path -> conductor of each stream."""
         return {c.path: c for c in self.conductors}
-
-    @property
-    def _inner(self) -> set[str]:
-        """Nodes of the model that at least one stream of gas enters."""
-        return {c.ends[1] for c in self.conductors} - self.boundaries
 
     def _gone(self, path: str, end: float) -> float | None:
         """Return the first instant of a run at which a stream stands still for want of gas; None where it never does. [s]"""
