@@ -13,11 +13,11 @@ from by_code import raises_code
 from thermid.base.errors import IdentificationError
 from thermid.base.units import ICE_POINT
 from thermid.fit._error_model.courses import OperatingPoint
-from thermid.fit._error_model.elements import AS_BUILT, DepartureHeat, JointLaw, SurfaceLaw, Way, class_of, with_laws
+from thermid.fit._error_model.elements import AS_BUILT, JointLaw, SurfaceLaw, Way, class_of, with_laws
 from thermid.fit._error_model.gaussian import log_sum
-from thermid.fit._error_model.model import GROUPS, RunsOfFit, left_prior, traces_of, with_averaged_inputs
+from thermid.fit._error_model.model import GROUPS, RunsOfFit, left_prior
 from thermid.fit._error_model.runs import Departures
-from thermid.fit._error_model.sizes import DEPARTURE_SAMPLES, NEWTON_POINTS
+from thermid.fit._error_model.sizes import NEWTON_POINTS
 from thermid.fit.error_model import SIZES, BandCause, ErrorModel
 from thermid.model.tree import TableSignal
 from thermid.prediction.bands import Band
@@ -318,21 +318,3 @@ def test_a_joint_grows_straight_and_falls_as_an_exponential(trend: float) -> Non
     assert slope[0] == pytest.approx(trend)
     steps = np.array([300.0, 350.0]) + 1e-3
     assert (law.growth(steps)[0] - growth) / 1e-3 == pytest.approx(slope, rel=1e-4)
-
-
-def test_derivatives_do_not_see_the_noise_of_a_power_log_and_readings_do(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A meter of 1201 noisy samples: its means on the instants of departures give the derivatives of every sample within a part in 500."""
-    watts = 4.0 + 0.2 * np.random.default_rng(3).standard_normal(1201)
-    on = TableSignal(np.linspace(0.0, 18000.0, 1201), watts, hold=True)
-    made = log(_truth("fan"), {}, {"T": "case"}, loads={"heat": on}, noise=0.05, samples=1201)
-    fit = td.calibrate(box(), metered(made, "heat", watts.tolist(), 0.04), [HTC, MASS], search="local")
-    assert fit.problem is not None
-    (e,) = fit.problem.experiments
-    at = np.array(list(fit.fitted.values()))
-    assert with_averaged_inputs(e).scenario.loads["heat"].values.size == DEPARTURE_SAMPLES - 1
-    heat = [DepartureHeat("more", (("case", on),))]
-    (coarse,) = traces_of(fit.problem, 0, e.network, heat, at)
-    monkeypatch.setattr("thermid.fit._error_model.model.with_averaged_inputs", lambda e: e)
-    (every,) = traces_of(fit.problem, 0, e.network, heat, at)
-    assert np.array_equal(coarse.residuals, every.residuals)
-    assert np.abs(coarse.rows - every.rows).max(axis=0) == pytest.approx(np.zeros(at.size + 1), abs=2e-3 * np.abs(every.rows).max())

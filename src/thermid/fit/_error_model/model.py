@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from thermid.base.units import Array, Memo
-from thermid.fit._error_model.courses import ElementCourse, OperatingPoint, course_of, integral, point_of
+from thermid.fit._error_model.courses import ElementCourse, OperatingPoint, course_of, point_of
 from thermid.fit._error_model.elements import (
     AS_BUILT,
     DepartureHeat,
@@ -34,7 +34,6 @@ from thermid.fit._error_model.gaussian import (
 from thermid.fit._error_model.runs import Departures, SensorRows, UnknownColumn, departures_of, run_rows, widened
 from thermid.fit._error_model.sizes import (
     ARRIVED,
-    DEPARTURE_SAMPLES,
     FEWEST_SETS,
     FIRST_SETS,
     LEFT_SIZES,
@@ -50,9 +49,8 @@ from thermid.fit._error_model.sizes import (
     UNBOUNDED,
     WORTH_A_POINT,
 )
-from thermid.fit._problem.experiment import DRIVEN, LEAST_NOISE, UNSAID_NOISE, Experiment, Observation
+from thermid.fit._problem.experiment import LEAST_NOISE, UNSAID_NOISE, Experiment, Observation
 from thermid.fit._problem.residuals import Problem, Unknown, prior_rows
-from thermid.model.tree import Signal, TableSignal, in_run
 from thermid.simulation.runs import Network
 
 GROUPS = tuple(name for name in SIZES if name != "left")
@@ -276,38 +274,14 @@ def traces_of(
     problem: Problem, i: int, network: Network, heats: Sequence[DepartureHeat], fitted: Array, amounts: Array | None = None
 ) -> tuple[SensorRows, ...]:
     """Return the sensors of a run, with derivatives by every unknown and heat; `amounts` of the heats act in it, none of them without."""
-    acting = () if amounts is None else heats
-    plain = widened(problem, i, *with_heats(network, problem.experiments[i].scenario, acting), acting)
-    blocks = plain.blocks_of(0, np.append(fitted, [] if amounts is None else amounts))
     wide = widened(problem, i, *with_heats(network, problem.experiments[i].scenario, heats), heats)
-    wide = replace(wide, experiments=(with_averaged_inputs(wide.experiments[0]),))
-    slopes = wide.slopes(0, np.append(fitted, np.zeros(len(heats)) if amounts is None else amounts))
+    at = np.append(fitted, np.zeros(len(heats)) if amounts is None else amounts)
+    blocks, slopes = wide.blocks_and_slopes(0, at)
     out = []
     for k, (o, block) in enumerate(zip(wide.experiments[0].observations, blocks, strict=True)):
         noise = np.full(block.times.size, noise_of(wide.experiments[0], o))
         out.append(SensorRows(block.times, block.residuals, noise, -slopes[o.index, k, :] * block.noise))
     return tuple(out)
-
-
-def with_averaged_inputs(e: Experiment) -> Experiment:
-    """Return a run with the means of its logs between the instants of departures: derivatives do not see their noise.
-
-    A log with fewer changes stays as it is, and so does all of a run with instants that a fit has yet to find.
-    """
-    edges = np.linspace(0.0, e.scenario.seconds, DEPARTURE_SAMPLES)
-    if e.ticks or e.instants:
-        return e
-
-    def averaged(signal: Signal) -> Signal:
-        """Return the means of a log: over each stretch where it holds, else about each instant."""
-        if not isinstance(signal, TableSignal) or signal.times.size <= edges.size:
-            return signal
-        ends = edges if signal.held else np.r_[0.0, 0.5 * (edges[1:] + edges[:-1]), edges[-1]]
-        means = np.diff(integral(in_run(signal, edges[-1]), ends)) / np.diff(ends)
-        return TableSignal(edges[: means.size], means, signal.held)
-
-    tables = {t: {n: averaged(x) for n, x in getattr(e.scenario, t).items()} for t in ("boundaries", *DRIVEN)}
-    return replace(e, scenario=e.scenario.with_(**tables))
 
 
 def noise_of(e: Experiment, o: Observation) -> float:

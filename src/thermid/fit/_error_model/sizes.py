@@ -123,7 +123,7 @@ LEFT_SIZES: Final = (0.0, 0.3, 1.0, 2.0, 4.0, 8.0)
 HEATED, EVERY = 0.1, 10
 """Part of the largest heat of an element from which its conditions count where features are laid [-]; of those every tenth is taken."""
 DEPARTURE_SAMPLES: Final = 301
-"""Samples of a run along which departures are drawn, and its logs averaged where only derivatives are asked of them."""
+"""Samples of a run along which departures are drawn."""
 ROOM_KNOTS: Final = 24
 """Hats that hold a wandering room in a run, at most; a room that wanders faster is smoothed."""
 FIRST_SETS, SETS = 16, 256
