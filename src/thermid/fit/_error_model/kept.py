@@ -373,7 +373,7 @@ class ErrorModel(Result):
         # readings say nothing of conditions that no run had: there elements depart as in other ways, by what the runs leave of the variance
         names = {n for v in fitted_values.values() for n, *_ in v.acts}
         visited = departures_of([e.network for e in problem.experiments], courses, points, (), names, around=(0,)).smooth
-        sizes = {"run": 0.0, **{kind: found.sizes[kind] for kind in (SURFACE, JOINT, LAW)}}
+        sizes = {kind: found.sizes[kind] for kind in ("run", SURFACE, JOINT, LAW)}
         found = replace(
             found,
             ways=tuple(
