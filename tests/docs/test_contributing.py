@@ -127,7 +127,7 @@ def copy(tmp_path_factory: pytest.TempPathFactory) -> Path:
     source = store.read_text(encoding="utf-8").replace("\nMIDPOINTS = ", f"\n{EXAMPLE['prior-class']}\n\nMIDPOINTS = ")
     store.write_text(source.replace("Shifted, Logarithm)}", f"Shifted, Logarithm{EXAMPLE['prior-name'].strip()})}}"), encoding="utf-8")
     spreads = folder / "src" / "thermid" / "values" / "_spreads.py"
-    source = spreads.read_text(encoding="utf-8").replace("Normal, Uniform\n", "Normal, Triangular, Uniform\n")
+    source = spreads.read_text(encoding="utf-8").replace("Store, Uniform\n", "Store, Triangular, Uniform\n")
     spreads.write_text(added(source, "prior", "FORMS: Mapping", "FORMS: Mapping", '    "low": '), encoding="utf-8")
     cli = folder / "src" / "thermid" / "app" / "cli"
     commands = (cli / "build.py").read_text(encoding="utf-8")

@@ -20,6 +20,7 @@ from thermid.base.units import TEMPERATURE
 from thermid.campaign import _schema as campaign_schema
 from thermid.campaign._judge.schema import LimitTable
 from thermid.campaign._judge.verdict import METRICS, PLAIN
+from thermid.campaign._study_items import Component, ProcedureAction, SensorSpec
 from thermid.measure._readers.bindings import _KEYS as CHANNEL_KEYS
 from thermid.measure._record.record import STEPS
 from thermid.measure._record.sensor import _NUMBERS as PART_NUMBERS
@@ -73,7 +74,7 @@ ORBIT_UNITS = {
 STEP_UNITS = {"to": TEMPERATURE, "over": "s", "ramp": "K/s", "pressure": "Pa", "humidity": "1", "dwell": "s"}
 STUDY_UNITS = {"lowest": TEMPERATURE, "highest": TEMPERATURE, "error": "K", "accuracy": "K", "resolution": "K"}
 STUDY_UNITS |= {"range": TEMPERATURE, "conversion": "s"}
-STUDY = ("Knowledge", "Component", "Box", "Theory", "Experiment", "Sensor", "Procedure", "Action")
+STUDY = ("Knowledge", "Box", "Theory", "Experiment", "Procedure")
 PLAN = {"Document": "Document", "Configuration": "Configuration", "Difference": "Difference", "Model": "Source", "Host": "Host"}
 PLAN |= {"Margins": "Margin", "Sensor": "PlanSensor", "Exclusions": "Exclusion", "Validity": "Validity"}
 PLAN_UNITS = {"accuracy": "K", "noise": "K", "cap": "1", "temperature": TEMPERATURE, "pressure": "Pa", "power": "W", "gravity": "m/s^2"}
@@ -203,6 +204,9 @@ def by_heading() -> dict[str, Names]:
         "Step of a profile": _model(StepTable, STEP_UNITS),
         "Study": _model(campaign_schema.StudyFile),
         **{name: _model(getattr(campaign_schema, f"{name}Table"), STUDY_UNITS) for name in STUDY},
+        "Component": _of([f.name for f in dataclasses.fields(Component)], STUDY_UNITS),
+        "Sensor": _of([f.name for f in dataclasses.fields(SensorSpec)], STUDY_UNITS),
+        "Action": _of([f.name for f in dataclasses.fields(ProcedureAction)], STUDY_UNITS),
         "Plan": _model(plan_schema.PlanFile),
         **{f"{name} of a plan": _model(getattr(plan_schema, f"{table}Table"), PLAN_UNITS) for name, table in PLAN.items()},
         "Limits of a plan": _model(LimitTable, LIMIT_UNITS),

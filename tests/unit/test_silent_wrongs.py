@@ -206,7 +206,6 @@ def test_a_correlation_of_a_vertical_plate_is_not_for_horizontal_plates() -> Non
         ("W/m^2K", "unit.unknown", r"'W/\(m\^2 K\)'"),
         ("W/m²K", "unit.unknown", r"'W/\(m\^2 K\)'"),
         ("kJ/kgK", "unit.unknown", r"'kJ/\(kg K\)'"),
-        ("m3/s", "unit.unknown", r"'m\^3/s'"),
         ("W/mK", "unit.ambiguous", r"'\[W/mK\]'"),
     ],
 )

@@ -735,13 +735,12 @@ def held_emissivities(request: Request, problem: Problem, minimum: Fit, total: A
     An error dq of what is held moves the fit by -C A'B dq (`opened_jacobian`).
     """
     flat = problem.experiments[0].network.flat
-    if flat.names.model.runner is not None:
-        return []
     parameters, inherited = flat.parameters, {q for state in request.store.states.values() for q in state.acts}
+    if flat.names.model.runner is not None or not all(u.name in parameters.table for u in problem.unknowns if u.kind == "parameter"):
+        return []  # an FMU, or several models
     behind = dict.fromkeys(parameters.literal_behind(p) for p in parameters.table if p.endswith(".emissivity"))
     bare = [(p,) for p in behind if p not in {*parameters.stated_ranges, *inherited} and parameters.evaluate({}, [p])[p] > 0.0]
-    opened = opened_at(request, problem, minimum.fitted, bare)
-    if not (opened.own and opened.names):
+    if not bare or not (opened := opened_at(request, problem, minimum.fitted, bare)).names or not opened.own:
         return []
     of_fit, of_held = opened_jacobian(opened, request.loss)
     more = opened.problem.unknowns[opened.own :]

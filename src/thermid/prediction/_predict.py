@@ -50,7 +50,7 @@ MIN_CARRIER_PROBABILITY, MAJOR_SHARE = 0.1, 0.5
 MEANING = {
     BandCause.VALUES: "noise, instruments and priors leave the fitted values this uncertain",
     BandCause.STRUCTURE: "laws hold less well the further the conditions are from those of the fitted tests",
-    BandCause.RUN: "coefficients, masses and powers differ from one test to the next",
+    BandCause.RUN: "coefficients, masses and powers differ from one test to the next, and from their laws where no test was",
     BandCause.ROOM: "a room drifts about what is logged of it",
     BandCause.UNEXPLAINED: "residuals that no departure of an element follows",
     AVERAGED: "whether free air or a fan carries the heat of surfaces, and how much of it is radiated",
@@ -61,7 +61,7 @@ MEANING = {
 NARROWS = {
     BandCause.VALUES: "a run that determines the values better, or stated spreads",
     BandCause.STRUCTURE: "a test at conditions nearer to those that are asked",
-    BandCause.RUN: "further runs: they tell how much elements differ from run to run",
+    BandCause.RUN: "further runs, best at the conditions that are asked: they show how much elements differ",
     BandCause.ROOM: "a room that is logged better, or held",
     BandCause.UNEXPLAINED: "an element that explains what the residuals show: criticise looks for it",
     AVERAGED: "a deck that states what carries the heat (carried_by), measured emissivities, or a run at another difference",
