@@ -373,11 +373,12 @@ class ErrorModel(Result):
         # readings say nothing of conditions that no run had: there elements depart as in other ways, by what the runs leave of the variance
         names = {n for v in fitted_values.values() for n, *_ in v.acts}
         visited = departures_of([e.network for e in problem.experiments], courses, points, (), names, around=(0,)).smooth
-        sizes = {kind: found.sizes[kind] for kind in ("run", SURFACE, JOINT, LAW)}
+        sizes = {kind: found.sizes[kind] for kind in (SURFACE, JOINT, LAW)}
         found = replace(
             found,
             ways=tuple(
-                replace(w, departures=Departures(visited, ()), sizes={**w.sizes, **sizes}) if w.name == AS_BUILT else w for w in ways
+                replace(w, departures=replace(w.departures, smooth=visited), sizes={**w.sizes, **sizes}) if w.name == AS_BUILT else w
+                for w in ways
             ),
         )
         return found if found.contradiction else found.at_means

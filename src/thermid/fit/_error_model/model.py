@@ -175,13 +175,10 @@ class RunsOfFit:
         networks = [with_laws(e.network, laws) for e in problem.experiments]
         courses = [course_in_fit(problem, i, n, fitted) for i, n in enumerate(networks)]
         spans = tuple(float(c.times[-1]) for c in courses)
-        departures_used = departures or departures_of(
-            networks,
-            courses,
-            points,
-            tuple(part * max(spans) for part in SHARES_OF_RUN),
-            {n for u in problem.unknowns for n in (u.name, *u.also)},
-        )
+        names, times = {n for u in problem.unknowns for n in (u.name, *u.also)}, tuple(part * max(spans) for part in SHARES_OF_RUN)
+        departures_used = departures or departures_of(networks, courses, points, times, names)
+        if way.name == AS_BUILT:
+            departures_used = departures_used.of_runs_alone
         parts = [(departures_used.shared(n, c, way, laws), departures_used.of_run(n, c)) for n, c in zip(networks, courses, strict=True)]
         columns = {c.name: c for shared, _ in parts for c, _ in shared}
         alone = [alone_in(problem, i) for i in range(len(courses))]
@@ -306,7 +303,7 @@ def fitted_way(problem: Problem, fitted: Array, way: Way, points: Mapping[str, O
     they do not explain, and a large one would leave them where they began. The search begins at the fit's values, or where that of a way
     with the same laws ended, `near`.
     """
-    at, laws, departures = fitted, dict(way.laws), Departures({}, ()) if way.name == AS_BUILT else None
+    at, laws, departures = fitted, dict(way.laws), None
     if near is not None:
         at, laws, departures = near.runs.fitted, dict(near.laws), near.runs.departures
     share, costs = 1.0, list[float]()

@@ -167,6 +167,12 @@ class Departures:
     nodes: tuple[str, ...] = ()
     aside: int = 0
 
+    @property
+    def of_runs_alone(self) -> Departures:
+        """Those by which one run differs from the next: no element departs from its law in what all runs share."""
+        smooth = {p: replace(s, pivots=s.pivots[:0], centre=s.centre[:0], thinned=()) for p, s in self.smooth.items()}
+        return replace(self, smooth=smooth, hidden=())
+
     def shared(
         self, network: Network, course: ElementCourse, way: Way, laws: Mapping[str, ElementLaw]
     ) -> list[tuple[UnknownColumn, DepartureHeat]]:
