@@ -89,8 +89,9 @@ def test_a_margin_counts_the_constant_coefficients_of_a_values_file_or_names_the
     td.save_model(model, tmp_path / "unit.toml")
     counted = td.qualify.run_plan(file).margins
     assert not any(why == SILENT for m in counted for why in m.not_counted)
-    # what elements may differ by, from their laws and from one test to the next
-    assert all(m.shares["extrapolation"] + m.shares["differences between tests"] > 0.5 for m in counted)
+    assert any(m.shares.get("extrapolation", 0.0) > 0.05 for m in counted)
+    # what elements may differ by, from their laws and from one test to the next, is most of it
+    assert all(m.shares["extrapolation"] + m.shares["differences between tests"] > 0.8 for m in counted)
     # a file of before does not hold the fit's response
     old = replace(fit.values, provenance={k: v for k, v in fit.values.provenance.items() if k != "errors"})
     old.save(tmp_path / "fit.values.toml")
