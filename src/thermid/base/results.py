@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any, Final, Generic, TypeVar
 import numpy as np
 
 from thermid.base._numbers import Array
+from thermid.base._units import HOUR
 from thermid.base.arguments import guard_methods
 from thermid.base.errors import ScenarioError, ThermidError, look_up, optional, refuse_unknown
 
@@ -30,7 +31,6 @@ ROWS: Final = 20
 """Rows of a table in a notebook; what is left out is counted below it."""
 NAMES: Final = 4
 """Names of a mapping that one line gives; of more, their count."""
-HOUR: Final = 3600.0
 CYCLE_COLOURS: Final = 10
 """Colours of a plot, those of matplotlib; more channels repeat them in other styles of line and other marks."""
 LINE_STYLES: Final = ("-", "--", ":", "-.")

@@ -22,7 +22,7 @@ import numpy as np
 from thermid.base.errors import MissingDataError, NameNotFoundError, RecordError, ScenarioError, ThermidError, optional, refuse_unknown
 from thermid.base.files import was_read
 from thermid.base.results import Named
-from thermid.base.units import TEMPERATURE, Array, amount, from_si, seconds, unit
+from thermid.base.units import HOUR, TEMPERATURE, Array, amount, from_si, seconds, unit
 from thermid.measure.readers import read_plain
 from thermid.measure.records import FloatArray
 from thermid.model.tree import degrees
@@ -562,7 +562,7 @@ def _read_typical_year(path: Path, year: int, epw: bool) -> Columns:
     stamps = data.index
     seconds = np.asarray((stamps - stamps[0]).total_seconds(), dtype=np.float64)
     # EPW stamps of pvlib stand at the beginning of their hour; its values belong to the end, as those of TMY3 do
-    ahead = 3600.0 if epw else 0.0
+    ahead = HOUR if epw else 0.0
     first = (stamps[0] + timedelta(seconds=ahead)).to_pydatetime()
     place = {"latitude": "latitude", "longitude": "longitude", "altitude": "altitude", "timezone": "TZ"}
     notes = (f"a typical year, dated {year}",) if mixed else ()

@@ -16,6 +16,7 @@ import numpy as np
 
 from thermid.base.errors import ScenarioError, cap, errors_at, raising
 from thermid.base.units import (
+    HOUR,
     TEMPERATURE,
     THREE_WAYS,
     Array,
@@ -710,7 +711,7 @@ def check_span(course: Signal, end: float, where: str) -> None:
 
 def _hours(seconds: float) -> str:
     """Return a time as text, in seconds below an hour and in hours from there on."""
-    return f"{seconds:g} s" if seconds < 3600.0 else f"{seconds / 3600.0:.5g} h"
+    return f"{seconds:g} s" if seconds < HOUR else f"{seconds / 3600.0:.5g} h"
 
 
 def together(signals: Sequence[Drawn], end: float) -> tuple[Array, bool]:

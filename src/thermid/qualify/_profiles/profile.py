@@ -16,7 +16,7 @@ from typing import Any, Final
 from thermid.base.errors import ScenarioError, ThermidError, cap, errors_at, look_up, nearest, raising, refuse_unknown
 from thermid.base.files import FileKinds, Places, by_grammar, grammar_of, read_toml, refuse_another_kind, toml_value
 from thermid.base.results import Result, check_mark, weakest
-from thermid.base.units import ATMOSPHERE, ICE_POINT, TEMPERATURE, Kelvin, Quantity, amount, si_value
+from thermid.base.units import ATMOSPHERE, HOUR, ICE_POINT, TEMPERATURE, Kelvin, Quantity, amount, si_value
 from thermid.measure.records import StabilityRule
 from thermid.model.tree import literal
 from thermid.qualify._profiles.numbers import SLOTS, USUAL, WORDS
@@ -52,7 +52,7 @@ class Number:
         if self.slot == "K/s":
             return f"{round(60.0 * v, 9):.6g} [K/min]"
         if self.slot == "s":
-            return f"{v / 3600.0:.6g} [h]" if v >= 7200.0 or (v >= 3600.0 and v % 3600.0 == 0) else f"{v / 60.0:.6g} [min]"
+            return f"{v / 3600.0:.6g} [h]" if v >= 7200.0 or (v >= HOUR and v % HOUR == 0) else f"{v / 60.0:.6g} [min]"
         return f"{v:.6g}" if self.slot == "1" else f"{v:.6g} [{self.slot}]"
 
     def to_dict(self) -> dict[str, str]:

@@ -18,7 +18,7 @@ import numpy as np
 
 from thermid.base.errors import CodedText, RecordError, ScenarioError
 from thermid.base.results import Result, Row
-from thermid.base.units import ICE_POINT, Bools, Memo, amount, duration_text, positive_seconds, short
+from thermid.base.units import HOUR, ICE_POINT, Bools, Memo, amount, duration_text, positive_seconds, short
 from thermid.measure.records import FloatArray, Record, StabilityRule, effective_samples
 from thermid.model.tree import Model
 from thermid.simulation.runs import Scenario, simulate
@@ -222,7 +222,11 @@ def approach(
         taus = SCALES[:, None] * np.array(slow_constants)[None, :]
         prior = np.exp(-0.5 * np.linspace(-2.0, 2.0, SCALES.size) ** 2)
     else:
-        taus = _time_constant_pairs(span, slowest)
+        # pairs of a logarithmic grid up to `slowest`, the slower second, two steps apart at least (pairs, 2) [s]
+        fast = span * MIN_TIME_CONSTANT_SHARE_TRIED
+        top = max(slowest, 3.0 * fast)
+        grid = np.geomspace(fast, top, max(3, round(TIME_CONSTANTS_PER_DECADE * np.log10(top / fast)) + 1))
+        taus = np.array([(a, b) for i, a in enumerate(grid) for b in grid[i + 2 :]])
         prior = np.ones(taus.shape[0])
     designs = np.stack([_design(axis, now, row, reference) for row in taus])
     terms = designs.shape[2]
@@ -268,15 +272,6 @@ def _reference(times: FloatArray, kelvin: FloatArray, axis: FloatArray) -> Refer
     last = float(smooth[-max(smooth.size // 10, 1) :].mean())
     grid = np.union1d(points, axis)
     return Reference(grid, np.interp(grid, points, smooth) - last, last)
-
-
-def _time_constant_pairs(span: float, slowest: float) -> FloatArray:
-    """Return pairs of time constants (pairs, 2) of a logarithmic grid up to `slowest`, the slower second, two steps apart at least. [s]"""
-    fast = span * MIN_TIME_CONSTANT_SHARE_TRIED
-    top = max(slowest, 3.0 * fast)
-    count = max(3, round(TIME_CONSTANTS_PER_DECADE * np.log10(top / fast)) + 1)
-    grid = np.geomspace(fast, top, count)
-    return np.array([(a, b) for i, a in enumerate(grid) for b in grid[i + 2 :]])
 
 
 def _design(axis: FloatArray, now: float, taus: FloatArray, room: Reference | None) -> FloatArray:
@@ -660,7 +655,7 @@ def _model_time_constants(model: Model | None, scenario: Scenario | None) -> Seq
             model.title,
             code="value.incomplete",
         )
-    constants = simulate(model, scenario if scenario.seconds > 0 else scenario.with_(duration=3600.0)).time_constants
+    constants = simulate(model, scenario if scenario.seconds > 0 else scenario.with_(duration=HOUR)).time_constants
     return tuple(float(t) for t in constants if np.isfinite(t))
 
 
