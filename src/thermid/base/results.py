@@ -351,32 +351,32 @@ class Figure:
 
     def __post_init__(self) -> None:
         """Refuse a mark that is none."""
-        check_mark(self.mark, self.source or "figure")
+        self.check_mark(self.mark, self.source or "figure")
+
+    @staticmethod
+    def check_mark(mark: str, where: str) -> str:
+        """Return a mark that is known.
+
+        Raises
+        ------
+        ScenarioError   With the nearest mark.
+        """
+        refuse_unknown([mark], MARKS, where, "'{}' is not a mark; use one of {known}.", ScenarioError)
+        return mark
+
+    @staticmethod
+    def weakest(marks: Iterable[str]) -> str:
+        """The least sure of some marks; ``read`` of none.
+
+        >>> Figure.weakest(["read", "memory", "project"])
+        'memory'
+        """
+        return max(marks, key=list(MARKS).index, default="read")
 
     @property
     def decides(self) -> bool:
         """Whether a verdict may rest on it: not on a number quoted from memory."""
         return self.mark != "memory"
-
-
-def check_mark(mark: str, where: str) -> str:
-    """Return a mark that is known.
-
-    Raises
-    ------
-    ScenarioError   With the nearest mark.
-    """
-    refuse_unknown([mark], MARKS, where, "'{}' is not a mark; use one of {known}.", ScenarioError)
-    return mark
-
-
-def weakest(marks: Iterable[str]) -> str:
-    """The least sure of some marks; ``read`` of none.
-
-    >>> weakest(["read", "memory", "project"])
-    'memory'
-    """
-    return max(marks, key=list(MARKS).index, default="read")
 
 
 def weigh(verdicts: Iterable[bool | None]) -> bool | None:

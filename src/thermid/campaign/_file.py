@@ -339,9 +339,9 @@ def scenario_of(table: ScenarioTable, title: str) -> Scenario:
     return Scenario(title, **table.written)
 
 
-def local_of(tables: Mapping[str, Any]) -> dict[str, dict[str, str]]:
-    """Return local values as `calibrate` takes them."""
-    return {name: t.model_dump(exclude_none=True) for name, t in tables.items()}
+def plain_tables(tables: Mapping[str, Any]) -> dict[str, Any]:
+    """Return local values or readings of a stage or verdict as `calibrate` and `validate` take them."""
+    return {name: t if isinstance(t, str) else t.model_dump(exclude_none=True) for name, t in tables.items()}
 
 
 def _patterns(table: RecordTable) -> list[str]:

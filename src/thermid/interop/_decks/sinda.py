@@ -20,8 +20,8 @@ import numpy as np
 from thermid.base.errors import DeckError, ThermidError, cap, raising
 from thermid.base.units import HOUR, ICE_POINT, MINUTE, STEFAN_BOLTZMANN, counted
 from thermid.interop._decks.cards import card_blocks
-from thermid.interop._decks.emissivities import FileEmissivity, optical_properties, read_emissivities
-from thermid.interop._decks.heat_rates import CALL, SUFFIX, CommentedArrays, heat_rates, owner_of
+from thermid.interop._decks.emissivities import PROPERTY, FileEmissivity, read_emissivities
+from thermid.interop._decks.heat_rates import CALL, OWNER, SUFFIX, CommentedArrays, heat_rates
 from thermid.interop._decks.network_file import (
     SCALED,
     DeckReading,
@@ -363,8 +363,8 @@ def _arrays(deck: SindaDeck, submodel: str, lines: list[Line]) -> None:
                 repeated.append((match[1], where, numbers))
             elif deck.reading.is_first(name, where):
                 deck.arrays[submodel, match[1]] = numbers
-                if owner := owner_of(line.before):
-                    deck.owners[submodel, match[1]] = owner
+                if owner := next((m for comment in reversed(line.before) if (m := OWNER.match(comment))), None):
+                    deck.owners[submodel, match[1]] = (owner[1].upper(), f"T{int(owner[2])}")
         for word in re.findall(r"[^\s,&]+", row):
             if word.upper() == "END":
                 continue
@@ -651,7 +651,10 @@ def _followed(deck: SindaDeck, lines: list[Line]) -> dict[TextSpan, tuple[FileEm
     """Return place of a row -> the emissivities that it follows, and keep their values; empty where the files do not say them."""
     areas = Path(lines[0].where.file).with_suffix(".ar")
     text, emissivities, places = deck.reading.texts[lines[0].where.file], dict[str, tuple[float, float]](), dict[str, TextSpan]()
-    for found in optical_properties(text, lines[0].where.begin) if any("PROPERTY NAME" in words for words in lines[0].before) else ():
+    begin = lines[0].where.begin if any("PROPERTY NAME" in words for words in lines[0].before) else 0
+    at = text.find("\n", text.rfind("PROPERTY NAME", 0, begin)) + 1
+    while found := PROPERTY.match(text, at, begin):  # the list stands above the block
+        at = found.end()
         emissivities[made := f"emissivity_{identifier(found[1])}"] = (float(found[3] or found[2]), float(found[2]))
         places[made] = TextSpan(lines[0].where.file, text.count("\n", 0, found.start()) + 1, *found.span(2))
     block = read_emissivities([(x.text, x.note) for x in lines], emissivities, deck.reading.open(areas)) if areas.is_file() else None

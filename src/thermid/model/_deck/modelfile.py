@@ -226,14 +226,14 @@ def _parts(deck: Any, site: _Site) -> Iterator[tuple[str, Instances]]:
         if isinstance(used.use, Model):
             part, definition = used.use, definition_of(used.use)
         elif used.use.startswith(STANDARD):
-            standard, parts = used.use.removeprefix(STANDARD), standard_parts()
-            if standard not in parts:
+            parts = standard_parts()
+            if used.use not in parts:
                 raise DeckError(
-                    f"no standard part '{standard}'.{nearest(standard, parts)} 'thermid example --parts' lists all.",
+                    f"no standard part '{used.use}'.{nearest(used.use, parts)} 'thermid example --parts' lists all.",
                     site.where(f"{key}.use"),
                     code="name.unknown",
                 )
-            part, definition = _load(parts[standard], (), {})
+            part, definition = _load(parts[used.use], (), {})
         elif site.use is None:
             raise DeckError(
                 "a file name works in a deck file only. Here pass a Model: td.load_model(file).",
@@ -303,8 +303,8 @@ def _check_names(model: Model) -> None:
 
 
 def standard_parts() -> dict[str, Path]:
-    """Return name of every standard part -> its deck."""
-    return {file.stem: file for file in sorted(_PARTS.glob("*.toml"))}
+    """Return name of every standard part, as a deck uses it -> its deck."""
+    return {f"{STANDARD}{file.stem}": file for file in sorted(_PARTS.glob("*.toml"))}
 
 
 def _file_name(title: str) -> str:

@@ -212,7 +212,13 @@ def approach(
     span = float(times[-1] - times[0])
     axis, medians, scatter = _medians(times, kelvin, times[0] + SKIPPED_SHARE * span)
     now = float(times[-1])
-    reference = None if room is None else _reference(*room, axis)
+    reference = None
+    if room is not None:  # on the times of the medians, less the mean of its last tenth
+        _, smooth, _ = _medians(*room, float(room[0][0]))
+        points, _, _ = _medians(room[0], room[0], float(room[0][0]))
+        last = float(smooth[-max(smooth.size // 10, 1) :].mean())
+        grid = np.union1d(points, axis)
+        reference = Reference(grid, np.interp(grid, points, smooth) - last, last)
     scale = max(float(np.ptp(_medians(times, kelvin, float(times[0]))[1])), 1e-3)
     middle = float(medians[-1])
     if time_constants:
@@ -263,15 +269,6 @@ def _medians(times: FloatArray, kelvin: FloatArray, begin: float) -> tuple[Float
     medians = np.array([o[o.size // 4 : o.size - o.size // 4].mean() for o in ordered])
     off = np.concatenate([y[g] - m for g, m in zip(filled, medians, strict=True)])
     return axis, medians, float(np.median(np.abs(off)) / 0.6745)
-
-
-def _reference(times: FloatArray, kelvin: FloatArray, axis: FloatArray) -> Reference:
-    """Return a reference of (times [s], kelvin) on the times of the medians, less the mean of its last tenth."""
-    _, smooth, _ = _medians(times, kelvin, float(times[0]))
-    points, _, _ = _medians(times, times, float(times[0]))
-    last = float(smooth[-max(smooth.size // 10, 1) :].mean())
-    grid = np.union1d(points, axis)
-    return Reference(grid, np.interp(grid, points, smooth) - last, last)
 
 
 def _design(axis: FloatArray, now: float, taus: FloatArray, room: Reference | None) -> FloatArray:
