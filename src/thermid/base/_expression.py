@@ -26,7 +26,7 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from thermid.base._numbers import Dual, real_power
+from thermid.base._numbers import Array, Dual, real_power
 from thermid.base._units import (
     DIMENSIONLESS,
     TEMPERATURE,
@@ -41,8 +41,6 @@ from thermid.base._units import (
     unit as read_unit,
 )
 from thermid.base.errors import ExpressionError, RecordError, ThermidError, UnitError, cap, errors_at, raising
-
-Array = NDArray[np.float64]
 
 _BRACKET = re.compile(r"^(?P<number>[^\[\]]*)\[(?P<unit>[^\[\]]*)\]\s*$", re.DOTALL)
 _BARE = re.compile(r"\s*([-+]?\d+(?:\.\d*)?(?:[eE][-+]?\d+)?)\s*([A-Za-z%][\w/^*% ]{0,20}?)\s*\Z")

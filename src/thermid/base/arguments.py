@@ -226,13 +226,6 @@ def _check(value: Any, words: tuple[str, ...], name: str, function: str) -> None
     )
 
 
-def _has_size(value: Any) -> bool:
-    """Return whether a value is no NaN and no whole number beyond all floats; what is no number is."""
-    if isinstance(value, Integral):
-        return abs(int(value)) <= sys.float_info.max
-    return not isinstance(value, Real) or bool(value == value)
-
-
 def _check_plain(value: Any, words: tuple[str, ...], name: str, function: str) -> None:
     """Refuse what is not of the kind that an annotation without thermid's own objects takes.
 
@@ -249,7 +242,9 @@ def _check_plain(value: Any, words: tuple[str, ...], name: str, function: str) -
         plain = value[()] if isinstance(value, np.ndarray) and value.ndim == 0 else value  # as `Trace.at` returns one number
         alone = isinstance(plain, str | bytes | Mapping) and not {"str", "Mapping", "dict"} & {*words}  # which is no list of its parts
         of_kind = isinstance(plain, bool | np.bool_) == ("bool" in words) and any(isinstance(plain, kind) for kind, _ in allowed)
-        if alone or not (of_kind and _has_size(plain)):
+        # no NaN, and no whole number beyond all floats
+        sized = abs(int(plain)) <= sys.float_info.max if isinstance(plain, Integral) else not isinstance(plain, Real) or plain == plain
+        if alone or not (of_kind and sized):
             raise DeckError(f"`{name}` takes {allowed[0][1]}, not {_brief(value)}.", function, code="value.wrong-kind")
         if name in COUNTS and plain < 0:
             raise DeckError(f"`{name}` is counted from 0 on, not {_brief(value)}.", function, code="value.outside-range")

@@ -282,8 +282,10 @@ def _text(fault: Any, path: list[str], branch: str, grammar: type[Grammar]) -> s
     if path[2:] == ["between"]:
         return 'needs two ends: between = ["a", "b"].'
     if fault["type"] == "extra_forbidden":
+        tables = [place for step in _schema(grammar).get("properties", {}) for place in ([step], [step, "NAME"])]
+        homes = [".".join(place) for place in tables if path[-1] in _fields(place, "", grammar)]  # NAME is one that its author gives
         near = nearest(path[-1], _fields(path[:-1], branch, grammar))
-        return f"'{path[-1]}' is not a field here.{near or _home(path[-1], grammar)}"
+        return f"'{path[-1]}' is not a field here.{near or (f' Give it in [{homes[0]}].' if len(homes) == 1 else '')}"
     if fault["type"] == "missing":
         return "is missing."
     if fault["type"] == "string_pattern_mismatch":
@@ -327,13 +329,6 @@ WANTED = {
 def _schema(grammar: type[Grammar]) -> dict[str, Any]:
     """Return the schema of a grammar, made once: faults ask for it again and again."""
     return grammar.model_json_schema()
-
-
-def _home(name: str, grammar: type[Grammar]) -> str:
-    """Return where else in its file a key may stand, where that is one kind of table; NAME is a name that its author gives."""
-    tables = [path for step in _schema(grammar).get("properties", {}) for path in ([step], [step, "NAME"])]
-    homes = [".".join(path) for path in tables if name in _fields(path, "", grammar)]
-    return f" Give it in [{homes[0]}]." if len(homes) == 1 else ""
 
 
 def _fields(path: list[str], branch: str, grammar: type[Grammar]) -> list[str]:

@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any, Final, Generic, TypeVar
 import numpy as np
 
 from thermid.base._numbers import Array
+from thermid.base._units import HOUR
 from thermid.base.arguments import guard_methods
 from thermid.base.errors import ScenarioError, ThermidError, look_up, optional, refuse_unknown
 
@@ -30,7 +31,6 @@ ROWS: Final = 20
 """Rows of a table in a notebook; what is left out is counted below it."""
 NAMES: Final = 4
 """Names of a mapping that one line gives; of more, their count."""
-HOUR: Final = 3600.0
 CYCLE_COLOURS: Final = 10
 """Colours of a plot, those of matplotlib; more channels repeat them in other styles of line and other marks."""
 LINE_STYLES: Final = ("-", "--", ":", "-.")
@@ -351,32 +351,32 @@ class Figure:
 
     def __post_init__(self) -> None:
         """Refuse a mark that is none."""
-        check_mark(self.mark, self.source or "figure")
+        self.check_mark(self.mark, self.source or "figure")
+
+    @staticmethod
+    def check_mark(mark: str, where: str) -> str:
+        """Return a mark that is known.
+
+        Raises
+        ------
+        ScenarioError   With the nearest mark.
+        """
+        refuse_unknown([mark], MARKS, where, "'{}' is not a mark; use one of {known}.", ScenarioError)
+        return mark
+
+    @staticmethod
+    def weakest(marks: Iterable[str]) -> str:
+        """The least sure of some marks; ``read`` of none.
+
+        >>> Figure.weakest(["read", "memory", "project"])
+        'memory'
+        """
+        return max(marks, key=list(MARKS).index, default="read")
 
     @property
     def decides(self) -> bool:
         """Whether a verdict may rest on it: not on a number quoted from memory."""
         return self.mark != "memory"
-
-
-def check_mark(mark: str, where: str) -> str:
-    """Return a mark that is known.
-
-    Raises
-    ------
-    ScenarioError   With the nearest mark.
-    """
-    refuse_unknown([mark], MARKS, where, "'{}' is not a mark; use one of {known}.", ScenarioError)
-    return mark
-
-
-def weakest(marks: Iterable[str]) -> str:
-    """The least sure of some marks; ``read`` of none.
-
-    >>> weakest(["read", "memory", "project"])
-    'memory'
-    """
-    return max(marks, key=list(MARKS).index, default="read")
 
 
 def weigh(verdicts: Iterable[bool | None]) -> bool | None:

@@ -17,11 +17,11 @@ from pathlib import Path
 import numpy as np
 
 from thermid.base.errors import RecordError
+from thermid.base.units import Array
 from thermid.bench._wire import BoardLine, parse_line, sealed
 from thermid.bench.bench_files import MappedSensor, Programme
 from thermid.bench.benchlog import MAX_CURRENT, RANGE, LogFile
 from thermid.bench.port import LinePort, Port
-from thermid.measure.records import FloatArray
 
 _MIN_CLOCK_JUMP = 1.0
 _WALL_EVERY = 600.0
@@ -281,14 +281,14 @@ class History:
                 self._width *= 2.0
                 self._early = _binned(self._early, self._width)
 
-    def arrays(self) -> tuple[FloatArray, FloatArray]:
+    def arrays(self) -> tuple[Array, Array]:
         """Return times (readings,) [s] and values (readings,) [degC]."""
         with self._lock:
             early, late = self._early, np.array(self._late).reshape(-1, 2).T
         return np.hstack([early[0], late[0]]), np.hstack([early[1], late[1]])
 
 
-def _binned(points: FloatArray, width: float) -> FloatArray:
+def _binned(points: Array, width: float) -> Array:
     """Return time, value and weight (3, bins) of points (3, n), as weighted means over bins of a width [s]."""
     starts = np.flatnonzero(np.diff(np.floor(points[0] / width), prepend=-np.inf))
     count = np.add.reduceat(points[2], starts)

@@ -84,9 +84,16 @@ class CampaignSource:
         """Return record name -> its file and table; two files of one name, and a checksum of no record, are refused."""
         out: dict[str, tuple[Path, RecordTable]] = {}
         for name, table in self.content.records.items():
-            for record, file in self._files_of(name, table):
+            where = self.where(f"records.{name}")
+            if (table.file is None) == (table.files is None):
+                raise DeckError("give a record either `file`, or `files` with patterns.", where, code="value.excludes-another")
+            files = (
+                [(name, self._find(name, table.file, table)[0])]
+                if table.file is not None
+                else [(file.name.split(".")[0], file) for pattern in _patterns(table) for file in self._find(name, pattern, table)]
+            )
+            for record, file in files:
                 if record in out and out[record][0] != file:
-                    where = self.where(f"records.{name}")
                     raise DeckError(
                         f"two logs give a record with the name '{record}': '{out[record][0].name}' and '{file.name}'. Give one of them a "
                         "name by `file`.",
@@ -103,16 +110,6 @@ class CampaignSource:
                     self.where(f"checksums.{name}"),
                 )
         return out
-
-    def _files_of(self, name: str, table: RecordTable) -> list[tuple[str, Path]]:
-        """Return the names of the records of a table, each with its file."""
-        if (table.file is None) == (table.files is None):
-            raise DeckError(
-                "give a record either `file`, or `files` with patterns.", self.where(f"records.{name}"), code="value.excludes-another"
-            )
-        if table.file is not None:
-            return [(name, self._find(name, table.file, table)[0])]
-        return [(file.name.split(".")[0], file) for pattern in _patterns(table) for file in self._find(name, pattern, table)]
 
     def _find(self, name: str, pattern: str, table: RecordTable) -> list[Path]:
         """Return the files of a pattern, in the data folder where one is given, or beside the campaign."""
@@ -342,9 +339,9 @@ def scenario_of(table: ScenarioTable, title: str) -> Scenario:
     return Scenario(title, **table.written)
 
 
-def local_of(tables: Mapping[str, Any]) -> dict[str, dict[str, str]]:
-    """Return local values as `calibrate` takes them."""
-    return {name: t.model_dump(exclude_none=True) for name, t in tables.items()}
+def plain_tables(tables: Mapping[str, Any]) -> dict[str, Any]:
+    """Return local values or readings of a stage or verdict as `calibrate` and `validate` take them."""
+    return {name: t if isinstance(t, str) else t.model_dump(exclude_none=True) for name, t in tables.items()}
 
 
 def _patterns(table: RecordTable) -> list[str]:

@@ -27,7 +27,7 @@ from thermid.base.files import resolve_inside
 from thermid.base.results import Named, Row
 from thermid.base.units import counted, duration_text, short
 from thermid.campaign._cache import file_name, kept_stages
-from thermid.campaign._file import CampaignSource, accepting, local_of, scenario_of
+from thermid.campaign._file import CampaignSource, accepting, plain_tables, scenario_of
 from thermid.campaign._joint import JointFit, fit_jointly, joint_key
 from thermid.campaign._judge.verdict import Criteria, Verdict, look, not_judged, validate
 from thermid.fit.calibration import (
@@ -160,7 +160,7 @@ def request_of(source: CampaignSource, stage: StageTable, k: int, done: Mapping[
         records,
         free,
         {"*": scenario, **settled},
-        {n: LocalSpec.read(t, f"{where}.local.{n}") for n, t in local_of(stage.local).items()},
+        {n: LocalSpec.read(t, f"{where}.local.{n}") for n, t in plain_tables(stage.local).items()},
         record_local={r.name: source.local_of_record(r.name) for r in records if r.name not in settled},
         priors=priors_of(model, {p: t if isinstance(t, str) else (t.mean, t.sd) for p, t in stage.priors.items()}, where),
         store=store,
@@ -266,11 +266,6 @@ def _free_here(
 def readings_of(tables: Mapping[str, Any]) -> dict[str, Reading]:
     """Return the readings of a stage or verdict."""
     return {n: Reading(t) if isinstance(t, str) else Reading(t.channel, t.offset) for n, t in tables.items()}
-
-
-def plain_readings(tables: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the readings of a stage or verdict as `validate` takes them."""
-    return {n: t if isinstance(t, str) else t.model_dump() for n, t in tables.items()}
 
 
 def keyed(request: Request, stage: StageTable, keys: Mapping[str, str]) -> tuple[Request, dict[str, str]]:
@@ -757,9 +752,9 @@ def _judge(
                 record,
                 Criteria.read(table.criteria, where),
                 scenario=scenario_of(table.scenario or stage.scenario, table.name or name),
-                local=local_of(table.local),
+                local=plain_tables(table.local),
                 window=literal(stage.window, "s", where),
-                readings=plain_readings(table.readings if table.readings is not None else stage.readings),
+                readings=plain_tables(table.readings if table.readings is not None else stage.readings),
                 title=table.name,
             )
 

@@ -22,7 +22,7 @@ from thermid.base.errors import (
 )
 from thermid.base.files import resolve_inside
 from thermid.base.units import kelvin, value_of
-from thermid.campaign._file import CampaignSource, bound_by, local_of, scenario_of
+from thermid.campaign._file import CampaignSource, bound_by, plain_tables, scenario_of
 from thermid.campaign._judge.limits import Limits
 from thermid.campaign._judge.predictions import CampaignPrediction
 from thermid.campaign._stages import Campaign, Notice, keyed, readings_of, request_of, run_stages
@@ -313,7 +313,7 @@ def _judged_on(source: CampaignSource, verdict: VerdictTable, stage: StageTable,
             priors={},
             weights={},
             scenarios={"*": scenario_of(verdict.scenario or stage.scenario, verdict.name or verdict.record)},
-            local={n: LocalSpec.read(t, f"{where}.local.{n}") for n, t in local_of(verdict.local).items()},
+            local={n: LocalSpec.read(t, f"{where}.local.{n}") for n, t in plain_tables(verdict.local).items()},
             record_local={},
             readings=readings_of(verdict.readings if verdict.readings is not None else stage.readings),
             fit_start=False,

@@ -2,7 +2,7 @@
 
 from thermid.campaign._cache import KeptStage as KeptStage, file_name as file_name
 from thermid.campaign._credibility import CredibilityRecord as CredibilityRecord, credibility as credibility
-from thermid.campaign._file import CampaignSource as CampaignSource, local_of as local_of, scenario_of as scenario_of
+from thermid.campaign._file import CampaignSource as CampaignSource, plain_tables as plain_tables, scenario_of as scenario_of
 from thermid.campaign._joint import JointFit as JointFit
 from thermid.campaign._judge.changes import Changes as Changes, compare_models as compare_models
 from thermid.campaign._judge.correlation import (
@@ -52,7 +52,6 @@ from thermid.campaign._stages import (
     joint as joint,
     keyed as keyed,
     next_command as next_command,
-    plain_readings as plain_readings,
     request_of as request_of,
     run_stages as run_stages,
 )

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from thermid.base.errors import IdentificationError, NameNotFoundError, SolverError, foretell, quoted, refuse_unknown, spoken
 from thermid.base.linear_algebra import covariance
 from thermid.base.results import Named, PlottedTrace, Result
-from thermid.base.units import Array, counted, from_si
+from thermid.base.units import HOUR, Array, counted, from_si
 from thermid.fit.calibration import (
     Calibration,
     Compressed,
@@ -138,7 +138,7 @@ def _known_step(problem: Problem, info: Information) -> tuple[Array, str] | None
         rows = Information.of_problem(again, info.at, exact=False).data
     except SolverError:
         return None
-    hours = lengths[i] / 3600.0
+    hours = lengths[i] / HOUR
     return rows, f"repeat the test of {hours:.3g} h with an extra, known {watts:.3g} W at '{load}' in its second half"
 
 

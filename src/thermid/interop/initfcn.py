@@ -350,7 +350,11 @@ def statements(
     """
     assignments: list[Statement] = []
     vectors, passed = set[str](), list[str]()
-    for number, code, comment in _joined(_without_line_numbers(text.splitlines()), file):
+    lines = text.splitlines()
+    numbered = [re.match(r"\s*(\d+)(?:\s|$)", line) for line in lines if line.strip()]
+    if [int(m[1]) for m in numbered if m is not None] == list(range(1, len(numbered) + 1)):  # as a printed listing has them in front
+        lines = [re.sub(r"\A\s*\d+(?:\s|$)", "", line) for line in lines]
+    for number, code, comment in _joined(lines, file):
         parts = _parts(code)
         assignments_of_part: list[list[Statement]] = []
         for part in parts:
@@ -379,15 +383,6 @@ def _parts(code: str) -> list[str]:
     depths = accumulate((sign in "([{") - (sign in ")]}") for sign in code)
     lines = "".join("\n" if sign in ";," and depth <= 0 else sign for sign, depth in zip(code, depths, strict=True))
     return [part.strip() for part in lines.split("\n") if part.strip()]
-
-
-def _without_line_numbers(lines: list[str]) -> list[str]:
-    """Return lines without the numbers that a printed listing has in front of them."""
-    numbered = [re.match(r"\s*(\d+)(?:\s|$)(.*)", line) for line in lines if line.strip()]
-    counts = [int(m[1]) for m in numbered if m is not None]
-    if len(counts) != len(numbered) or not counts or counts != list(range(1, len(counts) + 1)):
-        return lines
-    return [re.sub(r"\A\s*\d+(?:\s|$)", "", line) for line in lines]
 
 
 def _joined(lines: list[str], file: str) -> Iterator[tuple[int, str, str]]:

@@ -5,7 +5,6 @@ from thermid.measure._record.channel import (
     ROLES as ROLES,
     UNSEEN_PULSES as UNSEEN_PULSES,
     Channel as Channel,
-    FloatArray as FloatArray,
     Origin as Origin,
     SecondClock as SecondClock,
     gap_from as gap_from,

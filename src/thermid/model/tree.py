@@ -7,7 +7,6 @@ Which values of several places are one, and what a replaced part keeps.
 from thermid.model._blocks.block import FACES as FACES, Block as Block, Exchange as Exchange
 from thermid.model._deck.document import DeckDocument as DeckDocument, Edit as Edit, Renamed as Renamed
 from thermid.model._deck.modelfile import (
-    STANDARD as STANDARD,
     load_model as load_model,
     model_beside as model_beside,
     model_from_dict as model_from_dict,

@@ -14,7 +14,7 @@ from thermid.base.arguments import guard_methods
 from thermid.base.errors import IdentificationError, NameNotFoundError, ThermidError, nearest, quoted, with_time_left
 from thermid.base.linear_algebra import variance
 from thermid.base.results import Result, Shown
-from thermid.base.units import Array, amount, duration_text, short, value_of
+from thermid.base.units import HOUR, Array, amount, duration_text, short, value_of
 from thermid.fit.calibration import (
     SCALE,
     Binned,
@@ -234,9 +234,9 @@ class Advice(Result):
                 lines.append(f"  {o.name:<{width}}  cannot be made: {o.refused}")
                 continue
             gain = f"{short(self.now / o.error)} times better" if self.now > 1.02 * o.error else "no better"
-            took = duration_text(3600 * o.hours) if np.isfinite(o.hours) else ""
+            took = duration_text(HOUR * o.hours) if np.isfinite(o.hours) else ""
             what = "goal after" if np.isfinite(self.goal) and not is_met else "most of it after"
-            long = duration_text(3600 * o.longest)
+            long = duration_text(HOUR * o.longest)
             when = f"{what} {took} of {long}" if took else f"goal not within {long}"
             lines.append(f"  {o.name:<{width}}  +- {self._shown(o.error):<10} {gain:<20} {when}")
         relevant = {cause: error for cause, error in self.beside.items() if error >= MIN_SHARE_OF_ERROR * self.now}
@@ -664,7 +664,7 @@ def _option(before: Before, action: Action, sensors: Sequence[Sensor], every: st
     gradient : array (sources,)     Of the predicted quantity by the known sources, in units of their deviations.
     goal : float                    Error that is wanted; where today's is below it, `SHARE_OF_GAIN` of what the whole action gains.
     """
-    longest = action.scenario.seconds / 3600.0
+    longest = action.scenario.seconds / HOUR
     try:
         shares = {name: min(rate * amount(every, "s", "every"), 1.0) for name, rate in before.worth.items()}
         grown = [
@@ -686,8 +686,8 @@ def _option(before: Before, action: Action, sensors: Sequence[Sensor], every: st
     now = _error(np.diag(before.information), gradient)
     wanted = goal if now > goal else now - SHARE_OF_GAIN * (now - errors[-1]) if np.isfinite(now) else errors[-1] / SHARE_OF_GAIN
     met = np.flatnonzero(errors <= wanted * (1 + 1e-9))
-    hours = float(durations[met[0]]) / 3600.0 if met.size else np.inf
-    table = np.column_stack([durations / 3600.0, errors])
+    hours = float(durations[met[0]]) / HOUR if met.size else np.inf
+    table = np.column_stack([durations / HOUR, errors])
     same = _error(alike, full) if _rounds_alike(before, problem.experiments[0]) else float("nan")
     return Option(action.name, float(errors[-1]), hours, longest, table, alike=same)
 

@@ -262,18 +262,13 @@ def hashes_of_files(target: Path, content: PlanFile, data: Path | None, where: C
         if not file.is_file():
             raise DeckError(f"there is no file '{name}'.", target.name, code="file.not-found")
         for one in _with_files_named(file, logs, set()):
-            out[_name_in_plan(one, folder, logs)] = hashlib.sha256(read_bytes(one)).hexdigest()
+            # the folder of logs may move, unless the plan lies in it
+            if logs and one.is_relative_to(logs.resolve()) and not folder.resolve().is_relative_to(logs.resolve()):
+                key = f"data: {one.relative_to(logs.resolve()).as_posix()}"
+            else:
+                key = Path(os.path.relpath(one, folder.resolve())).as_posix()
+            out[key] = hashlib.sha256(read_bytes(one)).hexdigest()
     return out
-
-
-def _name_in_plan(file: Path, folder: Path, logs: Path | None) -> str:
-    """Return the name of a file in a lock: ``data: PATH`` inside the folder of logs, which may move, else the path relative to the plan."""
-    inside = logs is not None and file.is_relative_to(logs.resolve()) and not folder.resolve().is_relative_to(logs.resolve())
-    return (
-        f"data: {file.relative_to(logs.resolve()).as_posix()}"
-        if logs and inside
-        else Path(os.path.relpath(file, folder.resolve())).as_posix()
-    )
 
 
 def _with_files_named(file: Path, logs: Path | None, visited: set[Path]) -> Iterator[Path]:

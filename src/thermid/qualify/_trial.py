@@ -12,7 +12,7 @@ import numpy as np
 from thermid.base.errors import CodedText, NameNotFoundError, RecordError, ScenarioError, errors_at, refuse_unknown
 from thermid.base.files import resolve_inside
 from thermid.base.results import VERDICTS, weigh
-from thermid.base.units import ATMOSPHERE, ICE_POINT, TEMPERATURE, Array, duration_text
+from thermid.base.units import ATMOSPHERE, HOUR, ICE_POINT, TEMPERATURE, Array, duration_text
 from thermid.campaign.stages import (
     Correlation,
     Exclusions,
@@ -51,7 +51,7 @@ MAX_STORED_TIMES = 6000
 """At most so many stored times of a run: two minutes over eight days."""
 ENVIRONMENTAL = ("thermal cycling", "thermal vacuum", "thermal balance", "humidity")
 """Kinds of test whose levels somebody applies."""
-MIN_SETTLED_STAY = 3600.0
+MIN_SETTLED_STAY = HOUR
 """Stays of at least so long end settled. [s]"""
 LEVEL_TOLERANCE = 3.0
 """How far a test's temperature may be off its level: SMC-S-016, 4.7 (read). [K]"""

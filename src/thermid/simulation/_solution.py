@@ -13,7 +13,7 @@ import numpy as np
 from thermid.base.errors import NameNotFoundError, ScenarioError, look_up, optional
 from thermid.base.files import NETCDF_SOURCE, FileKinds
 from thermid.base.results import PlottedTrace, Result, Row
-from thermid.base.units import ICE_POINT, Array, Memo, amount, kelvin, value_of, values_of
+from thermid.base.units import HOUR, ICE_POINT, MINUTE, Array, Memo, amount, kelvin, value_of, values_of
 from thermid.model.tree import Standing, degrees, literal
 from thermid.physics.correlations import GapLaw, correlation
 from thermid.simulation._condensation import condensation
@@ -665,7 +665,7 @@ class Solution(Result):
     def __str__(self) -> str:
         """Return the end of the run as a short table."""
         width = max(len(n) for n in self.nodes)
-        size, unit = next(((s, u) for s, u in ((3600.0, "h"), (60.0, "min")) if self.times[-1] >= s), (1.0, "s"))
+        size, unit = next(((s, u) for s, u in ((HOUR, "h"), (MINUTE, "min")) if self.times[-1] >= s), (1.0, "s"))
         lines = [f"{self.title}, {self.scenario}: {self.times[-1] / size:.4g} {unit}, {self.status}"]
         for node in self.nodes:
             trace = self[node]

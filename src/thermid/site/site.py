@@ -22,9 +22,8 @@ import numpy as np
 from thermid.base.errors import MissingDataError, NameNotFoundError, RecordError, ScenarioError, ThermidError, optional, refuse_unknown
 from thermid.base.files import was_read
 from thermid.base.results import Named
-from thermid.base.units import TEMPERATURE, Array, amount, from_si, seconds, unit
+from thermid.base.units import HOUR, TEMPERATURE, Array, amount, from_si, seconds, unit
 from thermid.measure.readers import read_plain
-from thermid.measure.records import FloatArray
 from thermid.model.tree import degrees
 from thermid.site._atmosphere import standard_atmosphere
 
@@ -255,8 +254,8 @@ _TMY3: Final = {
 class WeatherSeries(NamedTuple):
     """One quantity over time: times (samples,) from its beginning [s], and values (samples,) [SI]."""
 
-    times: FloatArray
-    values: FloatArray
+    times: Array
+    values: Array
 
 
 @dataclass(frozen=True, eq=False)
@@ -440,7 +439,7 @@ def read_weather(
     return Weather(target.name, table.begin, series, table.place, tuple(filled), tuple(notes))
 
 
-def _finite_samples(columns: Columns, name: str, values: FloatArray, longest: float, file: str, filled: list[str]) -> WeatherSeries:
+def _finite_samples(columns: Columns, name: str, values: Array, longest: float, file: str, filled: list[str]) -> WeatherSeries:
     """Return the finite samples of a column; each gap up to `longest` [s] adds a remark to `filled`.
 
     Raises
@@ -475,7 +474,7 @@ def _in_usual_unit(value: float, unit_text: str) -> str:
     return f"{from_si(float(value), '' if unit_text == 'degrees' else unit_text):.4g}"
 
 
-def _physical_values(columns: Columns, name: str, series: WeatherSeries, file: str) -> FloatArray:
+def _physical_values(columns: Columns, name: str, series: WeatherSeries, file: str) -> Array:
     """Return the values, radiation just below zero at night as zero; values that do not exist are refused."""
     low, high, unit_text = RANGES[name]
     values = (
@@ -514,8 +513,8 @@ class Columns:
     place : dict                latitude, longitude [deg], altitude [m], timezone [h].
     """
 
-    times: FloatArray
-    values: Mapping[str, FloatArray]
+    times: Array
+    values: Mapping[str, Array]
     begin: datetime | None
     step: float
     averaged: bool
@@ -562,7 +561,7 @@ def _read_typical_year(path: Path, year: int, epw: bool) -> Columns:
     stamps = data.index
     seconds = np.asarray((stamps - stamps[0]).total_seconds(), dtype=np.float64)
     # EPW stamps of pvlib stand at the beginning of their hour; its values belong to the end, as those of TMY3 do
-    ahead = 3600.0 if epw else 0.0
+    ahead = HOUR if epw else 0.0
     first = (stamps[0] + timedelta(seconds=ahead)).to_pydatetime()
     place = {"latitude": "latitude", "longitude": "longitude", "altitude": "altitude", "timezone": "TZ"}
     notes = (f"a typical year, dated {year}",) if mixed else ()
@@ -575,7 +574,7 @@ def _read_typical_year(path: Path, year: int, epw: bool) -> Columns:
     return Columns(seconds, values, first, _step(seconds), True, where, notes)
 
 
-def _converted(data: pandas.DataFrame, table: Mapping[str, tuple[str, str, float]]) -> dict[str, FloatArray]:
+def _converted(data: pandas.DataFrame, table: Mapping[str, tuple[str, str, float]]) -> dict[str, Array]:
     """Return quantities in SI, missing ones as NaN."""
     out = {}
     for column, (name, text, absent) in table.items():
@@ -610,6 +609,6 @@ def _time_zero(stamp: str | None, begin: str | None, file: str) -> datetime | No
         raise RecordError(f"'{text}' is not a date and time. Write it as 2026-03-21 06:00-03:00.", file, code="value.wrong-kind") from None
 
 
-def _step(seconds: FloatArray) -> float:
+def _step(seconds: Array) -> float:
     """Return the usual time between two rows. [s]"""
     return float(np.median(np.diff(seconds)))

@@ -18,7 +18,7 @@ from rich.live import Live
 from rich.table import Table
 
 from thermid.base.errors import RecordError, require, spoken
-from thermid.base.units import ICE_POINT, TEMPERATURE, amount, duration_text, positive_seconds
+from thermid.base.units import HOUR, ICE_POINT, TEMPERATURE, amount, duration_text, positive_seconds
 from thermid.bench.bench_files import load_programme, load_sensors
 from thermid.bench.guide import ice_point as guided_ice_point, name_sensors
 from thermid.bench.logger import Logger, Settings
@@ -28,7 +28,6 @@ from thermid.qualify.steadiness import MIN_FORECAST_READINGS, Forecast, forecast
 
 _SHARE = 0.1
 """Share of a processor that it takes: the logger comes first."""
-HOUR = 3600.0
 _WORST = ("fault", "not stable", "cannot tell", "too early", "", "stable")
 _STYLE = {"fault": "bold red", "not stable": "yellow", "cannot tell": "yellow", "stable": "green"}
 

@@ -53,9 +53,8 @@ from thermid.campaign.stages import (
     check_replacement,
     file_name,
     fleet_in,
-    local_of,
     new_logs,
-    plain_readings,
+    plain_tables,
     plan_retune,
     scenario_of,
     survey,
@@ -498,14 +497,14 @@ def _predict_without_scenario(
         local_table = {n: s.to_table() for n, s in source.local_of_record(run).items()}
         scenario = verdict.scenario if verdict is not None and verdict.scenario is not None else stage.scenario
         readings = verdict.readings if verdict is not None and verdict.readings is not None else stage.readings
-        local = local_of(verdict.local) if verdict is not None else local_of(stage.local) | local_table
+        local = plain_tables(verdict.local) if verdict is not None else plain_tables(stage.local) | local_table
         with working(f"prediction of '{run}'"):
             score = predict_record(
                 fit,
                 source.bound(run, stage),
                 scenario=scenario_of(scenario, run),
                 local=local,
-                readings=plain_readings(readings),
+                readings=plain_tables(readings),
                 window=literal(stage.window, "s", "window"),
             )
         scores.append(score)

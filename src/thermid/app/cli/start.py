@@ -33,7 +33,7 @@ from thermid.campaign.start import (
 )
 from thermid.fit.calibration import Calibration
 from thermid.inference.criticism import EVALUATIONS, criticise as criticised, plausibility as ranges_of
-from thermid.model.tree import STANDARD, Standing, load_model, standard_parts
+from thermid.model.tree import Standing, load_model, standard_parts
 from thermid.physics.finishes import FINISHES
 from thermid.physics.materials import Material
 
@@ -248,9 +248,9 @@ def _parts_listed() -> tuple[dict[str, object], str]:
         values = [entry for _, _, entry in part.own_parameters() if entry.basis]
         unchecked = sum(NOT_CHECKED in p.basis for p in values)
         open_values += unchecked
-        row = {"name": f"{STANDARD}{name}", "use": part.use, "needs": list(part.needs), "values": len(values), "not_checked": unchecked}
+        row = {"name": name, "use": part.use, "needs": list(part.needs), "values": len(values), "not_checked": unchecked}
         rows.append(row | {"deck": str(file)})
-        lines.append(f"{STANDARD + name:<22} {part.use}; needs {', '.join(part.needs)}; {unchecked} of {len(values)} values {NOT_CHECKED}")
+        lines.append(f"{name:<22} {part.use}; needs {', '.join(part.needs)}; {unchecked} of {len(values)} values {NOT_CHECKED}")
     head = f'{len(rows)} standard parts, for use = "std:NAME" in [submodels]; {open_values} of their values were {NOT_CHECKED}'
     return {"parts": rows}, "\n".join([head, *lines])
 

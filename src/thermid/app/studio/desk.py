@@ -15,7 +15,7 @@ from typing import Any, Final
 import numpy as np
 
 from thermid.base.errors import DeckError, NameNotFoundError, ThermidError, refuse_unknown
-from thermid.base.units import ICE_POINT, Array, from_si, in_si, unit
+from thermid.base.units import HOUR, ICE_POINT, Array, from_si, in_si, unit
 from thermid.fit.calibration import Bench, Calibration, Problem, Sums, Unknown, in_place
 from thermid.model.tree import Edit, Entry, Model, literal
 from thermid.physics.finishes import FINISHES
@@ -182,7 +182,7 @@ def conditions_object(desk: Desk) -> dict[str, Any]:
         "runs": desk.runs,
         "boundaries": boundaries,
         "loads": sorted(model.loads),
-        "hours": scenario.seconds / 3600.0,
+        "hours": scenario.seconds / HOUR,
         "finishes": sorted(FINISHES),
     }
 

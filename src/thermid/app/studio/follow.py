@@ -15,7 +15,7 @@ from thermid.app.texts import add_codes, pairs, with_unit
 from thermid.base.errors import DeckError, MissingDataError, RecordError, ThermidError, refuse_unknown
 from thermid.base.files import project_root, resolve_inside
 from thermid.base.results import clean
-from thermid.base.units import ICE_POINT, TEMPERATURE, Array, Bools, unit
+from thermid.base.units import HOUR, ICE_POINT, TEMPERATURE, Array, Bools, unit
 from thermid.campaign.stages import Campaign, RunningTest
 from thermid.measure.looks import look
 from thermid.measure.readers import log_cells, name_and_unit, read_record
@@ -407,7 +407,7 @@ class Follower:
 
 def _hours(query: Mapping[str, Any], key: str) -> float | None:
     """Return a time that a page gives in hours; None where it gives none. [s]"""
-    return None if query.get(key) in (None, "") else 3600.0 * number_of(query, key)
+    return None if query.get(key) in (None, "") else HOUR * number_of(query, key)
 
 
 def _forecast(record: Record, name: str, rule: StabilityRule, query: Mapping[str, Any], begun: float) -> dict[str, Any]:
@@ -487,8 +487,8 @@ def _words(
     return {
         "verdict": c.verdict,
         "why": "",
-        "rate": 3600.0 * c.rate,
-        "error": 3600.0 * c.error,
+        "rate": HOUR * c.rate,
+        "error": HOUR * c.error,
         "over": c.end - c.start,
         "since": when[name],
     }

@@ -151,9 +151,11 @@ def _values(old: Model, new: Model, scenarios: Sequence[Scenario], before: Seque
                 continue
             unit = si_unit(values.dimension(path))
             number = {path: f"{float(wanted[path])!r} [{unit}]"}
-            changes.append(
-                Change(path, f"{now[path]:.6g} -> {wanted[path]:.6g} {unit}".removesuffix(" 1"), *_effect(old, number, scenarios, before))
-            )
+            after = [_temperatures(old.with_values(number), scenario) for scenario in scenarios]
+            apart = [(abs(b[n] - a[n]), n) for a, b in zip(before, after, strict=True) for n in a if n in b]
+            largest, node = max(apart, default=(float("nan"), ""))  # change of a steady temperature by this value alone [K]
+            text = f"{now[path]:.6g} -> {wanted[path]:.6g} {unit}".removesuffix(" 1")
+            changes.append(Change(path, text, largest, node if largest != 0.0 else ""))
             moved = moved.with_values(number)
     here = ParameterSet(old).table
     for path in sorted(here.keys() & target.table.keys()):
@@ -164,16 +166,6 @@ def _values(old: Model, new: Model, scenarios: Sequence[Scenario], before: Seque
         if str(a.stated_range) != str(b.stated_range) and (a.spread != b.spread or None in (a.stated_range, b.stated_range)):
             changes.append(Change(path, f"stated range {a.stated_range} -> {b.stated_range}", 0.0))
     return moved, changes
-
-
-def _effect(
-    old: Model, number: Mapping[str, str], scenarios: Sequence[Scenario], before: Sequence[Mapping[str, float]]
-) -> tuple[float, str]:
-    """Return the largest change of a steady temperature by one value, and its node. [K]"""
-    after = [_temperatures(old.with_values(number), scenario) for scenario in scenarios]
-    apart = [(abs(b[n] - a[n]), n) for a, b in zip(before, after, strict=True) for n in a if n in b]
-    largest = max(apart, default=(float("nan"), ""))
-    return largest if largest[0] != 0.0 else (0.0, "")
 
 
 def _elements_that_differ(moved: Model, new: Model) -> Iterator[Change]:

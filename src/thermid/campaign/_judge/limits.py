@@ -19,7 +19,7 @@ import numpy as np
 from thermid.base.arguments import check_two, guard_methods
 from thermid.base.errors import CodedText, NameNotFoundError, ScenarioError, errors_at, look_up, refuse_unknown
 from thermid.base.files import Places, by_grammar, read_toml
-from thermid.base.results import MARKS, Figure, Result, check_mark, weakest
+from thermid.base.results import MARKS, Figure, Result
 from thermid.base.units import ICE_POINT, Array, Bools, amount, end_of_range
 from thermid.model.tree import UNJUDGED, Standing
 from thermid.prediction.bands import Foresight
@@ -63,7 +63,7 @@ class Limits:
         ScenarioError   Which two are the wrong way round.
         """
         where = f"limits of '{self.point}'"
-        check_mark(self.mark, where)
+        Figure.check_mark(self.mark, where)
         for state, ends_of in STATES.items():
             if (ends := getattr(self, ends_of)) is not None or ends_of == "operating":
                 check_two(ends, ends_of, where)
@@ -563,7 +563,7 @@ class Margin(Result):
     @property
     def mark(self) -> str:
         """The least sure of the marks that the margin rests on."""
-        return weakest((self.limit_mark, self.policy.acceptance.mark, self.policy.qualification.mark, self.course_mark))
+        return Figure.weakest((self.limit_mark, self.policy.acceptance.mark, self.policy.qualification.mark, self.course_mark))
 
     @property
     def with_assumed(self) -> float:
@@ -596,7 +596,7 @@ class Margin(Result):
     def __str__(self) -> str:
         """Return the sum as a line."""
         p = self.policy
-        mark = weakest((p.acceptance.mark, p.qualification.mark))
+        mark = Figure.weakest((p.acceptance.mark, p.qualification.mark))
         source = "" if mark == "read" else f", {MARKS[mark]}"
         word = f"not decided: {self.undecided}" if self.undecided else "met" if self.passed else "NOT met"
         return (

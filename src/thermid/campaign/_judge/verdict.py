@@ -20,7 +20,7 @@ import numpy as np
 from thermid.base.arguments import takes_objects
 from thermid.base.errors import IdentificationError, ScenarioError, nearest, refuse_unknown
 from thermid.base.files import FileKinds, Places, by_grammar, read_json
-from thermid.base.results import VERDICTS, PlottedTrace, Result, Row, check_mark, weigh
+from thermid.base.results import VERDICTS, Figure, PlottedTrace, Result, Row, weigh
 from thermid.base.units import ICE_POINT, Array, amount, counted, short, some
 from thermid.fit.calibration import FIRST, Calibration, Request, SensorStatistics, SensorTrace, fit
 from thermid.measure.records import Record
@@ -203,7 +203,7 @@ class Criteria:
             )
         common = _kelvin({**(limits or {}), **more}, place)
         sensor_limits = {sensor: _kelvin(table, f"{place}.sensors.{sensor}") for sensor, table in (sensors or {}).items()}
-        check_mark(str(mark), place)
+        Figure.check_mark(str(mark), place)
         if name and not common:
             raise ScenarioError(
                 f"a set of criteria needs at least one limit above zero: {', '.join(known_criteria())}.", place, code="value.incomplete"

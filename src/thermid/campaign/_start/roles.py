@@ -13,9 +13,9 @@ from typing import Any
 import numpy as np
 
 from thermid.base.errors import NameNotFoundError, RecordError, ThermidError, refuse_unknown
-from thermid.base.units import unit
+from thermid.base.units import Array, unit
 from thermid.measure.readers import Column, log_cells, log_columns, name_and_unit, read_record
-from thermid.measure.records import Channel, FloatArray, Record
+from thermid.measure.records import Channel, Record
 
 ACCURACY = 0.5
 """Constant error that an instrument has unless somebody says better: DS18B20 and thermocouples of class 1, as their makers print. [K]"""
@@ -292,7 +292,7 @@ def _asked_unit(column: Column) -> tuple[str, str] | None:
     return next(((slot, text) for slot in _QUESTIONS if of == unit(slot).dimension), None)
 
 
-def _questions(others: Mapping[str, Column], watts: Sequence[FloatArray]) -> tuple[str, ...]:
+def _questions(others: Mapping[str, Column], watts: Sequence[Array]) -> tuple[str, ...]:
     """Return what to ask about columns that a power may follow from, such as a current, or whose changes a model would have to know.
 
     A voltage is named with its current where there is one; neither where a power is their product, to a twentieth in most rows.
@@ -350,7 +350,7 @@ def _pair(text: str, named: bool = True) -> tuple[str, str]:
     return column.strip(), node.strip() or (part_name(column) if named else "")
 
 
-def _idle(values: FloatArray) -> bool:
+def _idle(values: Array) -> bool:
     """Whether a column has no value other than zero."""
     finite = values[np.isfinite(values)]
     return not finite.size or not np.any(finite)

@@ -13,12 +13,11 @@ from typing import Any
 import numpy as np
 
 from thermid.base.errors import CodedText, quoted
-from thermid.base.units import Array, short, value_of
+from thermid.base.units import HOUR, Array, short, value_of
 from thermid.fit.calibration import MEASURED, Calibration, Experiment, LocalSpec, Problem, Request, SensorTrace, clock_suffix, first_reading
 from thermid.fit.power import PowerCourse
 from thermid.inference._explain.thresholds import (
     DEFAULT_COLD_TEMPERATURE,
-    HOUR,
     MAX_CLOCK_ERROR,
     MAX_CLOCK_SHARE,
     MAX_PLACES,

@@ -11,7 +11,7 @@ import numpy as np
 from thermid.base.errors import IdentificationError, ThermidError, time_left
 from thermid.base.linear_algebra import one_thread
 from thermid.base.results import Result
-from thermid.base.units import Array, duration_text, short
+from thermid.base.units import HOUR, Array, duration_text, short
 from thermid.fit.calibration import Calibration, Request, SensorStatistics, fit as refit
 from thermid.inference._explain.candidates import missing_elements
 from thermid.inference._explain.heats import unlogged_powers
@@ -77,7 +77,7 @@ class TraceCriticism:
         if s.white:
             return f"{head}, independent from reading to reading"
         text = f"{head}, autocorrelated (lag-1 {s.lag_one:.2f}): for a mean, {s.samples} readings are worth {short(s.effective_samples, 3)}"
-        units = {"temperature": ("K per K of temperature", 1.0), "power": ("K per W", 1.0), "time": ("K per hour", 3600.0)}
+        units = {"temperature": ("K per K of temperature", 1.0), "power": ("K per W", 1.0), "time": ("K per hour", HOUR)}
         for name, (slope, error) in self.slopes.items():
             if abs(slope) > MAX_CHANCE_DEVIATIONS * error:
                 text += f"; they go with {name}: {slope * units[name][1]:+.2g} {units[name][0]} ({abs(slope) / error:.0f} standard errors)"

@@ -120,7 +120,9 @@ def _explained(fit: Calibration, request: Request) -> tuple[ExplainedFit, ...]:
     best = max(attempts, key=_likeliest)
     if best.fit.reduced_chi_square > MAX_NOISE_CHI_SQUARE or _over(best.weighing, _weighed(fit, None)) < 0.5 * VERY_STRONG:
         return ()  # it leaves more than noise, or is not much better than the fit of the deck
-    likely = _nearly_as_likely(attempts)
+    noise = noise_of(t.weighing for t in attempts)
+    least = max(t.weighing.logs[noise] for t in attempts) + np.log(MIN_DEFECT_WEIGHT)  # under one noise, of the best one's evidence
+    likely = [t for t in attempts if t.weighing.logs[noise] > least]
     weights = shares([t.weighing for t in likely])
     out = [
         ExplainedFit("" if t.change is None else t.change.name, _finding(t), float(w), t.fit) for t, w in zip(likely, weights, strict=True)
@@ -150,13 +152,6 @@ def _promises(fit: Calibration, request: Request, change: MissingElement | None,
 def _likeliest(t: _Tried) -> float:
     """Return the logarithm of the evidence of a refit; what refits are sorted by."""
     return t.weighing.best
-
-
-def _nearly_as_likely(attempts: Sequence[_Tried]) -> list[_Tried]:
-    """Return the refits whose evidence is above `MIN_DEFECT_WEIGHT` of the best one's, under one noise."""
-    noise = noise_of(t.weighing for t in attempts)
-    most = max(t.weighing.logs[noise] for t in attempts)
-    return [t for t in attempts if t.weighing.logs[noise] > most + np.log(MIN_DEFECT_WEIGHT)]
 
 
 def _over(one: CauseScore, other: CauseScore) -> float:

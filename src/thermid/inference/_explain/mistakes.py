@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from thermid.base.errors import ThermidError, code_of, quoted
-from thermid.base.units import ICE_POINT, Array, duration_text, short, unit
+from thermid.base.units import HOUR, ICE_POINT, MINUTE, Array, duration_text, short, unit
 from thermid.fit.calibration import Prior, Request, Unknown
 from thermid.inference._explain.candidates import Fitted, plain_lacks
 from thermid.inference._explain.heats import Heat, heats_of, stores_of
@@ -422,7 +422,7 @@ def _units(request: Request) -> Iterator[Hypothesis]:
                 factor = float(unit(text).factor / unit(declared).factor)
                 read = {n: (n, factor) for n in names if quantity == "temperature"}
                 yield replace(_hypothesis("unit", ", ".join(names), words, remedy, other, against), read=read)
-    for factor, text, short_text in ((60.0, "minutes", "min"), (3600.0, "hours", "h"), (1e-3, "milliseconds", "ms")):
+    for factor, text, short_text in ((MINUTE, "minutes", "min"), (HOUR, "hours", "h"), (1e-3, "milliseconds", "ms")):
         if any(r.clocks or r.origin.start for r in request.records):
             break
         other = replace(request, records=tuple(replace(r, times=factor * r.times) for r in request.records))

@@ -68,8 +68,8 @@ MAX_REFIT_UNKNOWNS, MAX_REFIT_SAMPLES, MAX_REFIT_NODES, MAX_REFIT_RECORDS = 16, 
 
 # ---- clocks of joined logs
 
-HOUR, WRONG_HOURS = 3600.0, (0.0, -1.0, 1.0, -2.0, 2.0)
-"""An hour [s], and by how many a clock of another time zone, or of summer time, is off."""
+WRONG_HOURS = (0.0, -1.0, 1.0, -2.0, 2.0)
+"""By how many hours a clock of another time zone, or of summer time, is off."""
 MAX_CLOCK_ERROR, MAX_CLOCK_SHARE = 300.0, 0.25
 """How far a clock that was not set by the other may be off [s], and the part of the log that this is at most. [-]"""
 

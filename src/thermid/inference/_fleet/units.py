@@ -17,7 +17,7 @@ import numpy as np
 
 from thermid.base.errors import IdentificationError, quoted
 from thermid.base.linear_algebra import inverse_square_root, one_thread, square_root, symmetric_inverse
-from thermid.base.units import Array, Bools, counted
+from thermid.base.units import HOUR, Array, Bools, counted
 from thermid.fit.calibration import (
     FIRST,
     KeptFit,
@@ -57,7 +57,6 @@ FEWEST_UNITS = 3
 """Units per number of Omega from which correlations are estimated."""
 LEAST_MEAN_INFORMATION = 1e-8
 """Information about a combination of means, beside the largest, below which no log of the fleet tells it."""
-HOUR = 3600.0
 
 FIRST_PRIOR_SD = 1.0
 """Standard deviation of the first prior, in typical changes of a value: before there is a population."""

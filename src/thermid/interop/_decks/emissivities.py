@@ -13,7 +13,7 @@ surfaces that see each other only. Terms with a negative m, of pairs that see ea
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Final
 
@@ -23,7 +23,8 @@ WAS: Final = re.compile(r"fitted, was ([-+.\deEdD]+)")
 """Mark of a number that was written back: the first says what the exchange factors were computed with."""
 POSITIVE: Final = 0.9
 """Share of a conductor that reflections may lose as an emissivity rises to 1, so that it stays positive."""
-_PROPERTY: Final = re.compile(r"[Cc][ \t]+(\S.*?)[ \t]+([01]?\.\d+|[01]\.?)(?:[ \t]+[01]?\.?\d*)?(?:.*?fitted, was ([-+.\deEdD]+))?.*\n")
+PROPERTY: Final = re.compile(r"[Cc][ \t]+(\S.*?)[ \t]+([01]?\.\d+|[01]\.?)(?:[ \t]+[01]?\.?\d*)?(?:.*?fitted, was ([-+.\deEdD]+))?.*\n")
+"""A row of the list of optical properties: name, emissivity, and what that was before a fit, if it is one."""
 _ROW: Final = re.compile(r"\s*-\d+\s*,\s*([\w.]+)\s*,\s*([\w.]+)\s*,\s*([-+.\deEdD]+)")
 _AREA: Final = re.compile(r"^\s*([\w.]+)\s+([-+.\deE]+)\s*$", re.MULTILINE)
 
@@ -123,17 +124,3 @@ def read_emissivities(lines: Sequence[tuple[str, str]], properties: Mapping[str,
     counts = {name: sum(other_name == name for other_name in of.values()) for name in names}
     between = sum(abs(emissivity[node] - properties[of[node]][0]) > 1e-3 for node in of)
     return Emissivities({name: (properties[name][0], n) for name, n in counts.items() if n}, rows, between)
-
-
-def optical_properties(text: str, row: int) -> Iterator[re.Match[str]]:
-    """Yield the rows of the list of optical properties above a row: name, emissivity, and what that was before a fit, if it is one.
-
-    Parameters
-    ----------
-    text : str      The file.
-    row : int       Where the first row of the block begins in it.
-    """
-    at = text.find("\n", text.rfind("PROPERTY NAME", 0, row)) + 1
-    while found := _PROPERTY.match(text, at, row):
-        yield found
-        at = found.end()

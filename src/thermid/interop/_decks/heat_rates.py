@@ -23,7 +23,8 @@ SUFFIX: Final = ".hra"
 """End of the name of a file of heat rates."""
 FIRST_COURSE: Final = 6
 """Number of the array that holds the course of the first node."""
-_OWNER: Final = re.compile(r".* - (\w+)\.(\d+)\s+Area\b")
+OWNER: Final = re.compile(r".* - (\w+)\.(\d+)\s+Area\b")
+"""The comment before an array that names its node: `solar albedo planetshine - PLATE.4 Area = 0.0008`."""
 _BEGIN: Final = re.compile(r"C\s+\d+\s*=")
 _NUMBER: Final = re.compile(r"[-+]?[\d.]+(?:[eEdD][-+]?\d+)?")
 CALL: Final = re.compile(r"F?\s*CALL\s+LOADQ(?:_(\w+)_\d+\s*$|\s*\(\s*'(\w+)')", re.IGNORECASE)
@@ -54,12 +55,6 @@ class CommentedArrays:
         words = re.split(r"[\s,]+", comment[begins.end() if begins else 1 :].strip(" ,"))
         self.inside = (self.inside or begins is not None) and all(_NUMBER.fullmatch(word) for word in words)
         return f" {comment[1:]}" if self.inside else None
-
-
-def owner_of(comments: Sequence[str]) -> tuple[str, str] | None:
-    """Return the node that the last comment before an array names: `solar albedo planetshine - PLATE.4 Area = 0.0008`."""
-    match = next((match for comment in reversed(comments) if (match := _OWNER.match(comment))), None)
-    return (match[1].upper(), f"T{int(match[2])}") if match else None
 
 
 def heat_rates(

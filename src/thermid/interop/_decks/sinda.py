@@ -18,10 +18,10 @@ from typing import Final
 import numpy as np
 
 from thermid.base.errors import DeckError, ThermidError, cap, raising
-from thermid.base.units import ICE_POINT, STEFAN_BOLTZMANN, counted
+from thermid.base.units import HOUR, ICE_POINT, MINUTE, STEFAN_BOLTZMANN, counted
 from thermid.interop._decks.cards import card_blocks
-from thermid.interop._decks.emissivities import FileEmissivity, optical_properties, read_emissivities
-from thermid.interop._decks.heat_rates import CALL, SUFFIX, CommentedArrays, heat_rates, owner_of
+from thermid.interop._decks.emissivities import PROPERTY, FileEmissivity, read_emissivities
+from thermid.interop._decks.heat_rates import CALL, OWNER, SUFFIX, CommentedArrays, heat_rates
 from thermid.interop._decks.network_file import (
     SCALED,
     DeckReading,
@@ -46,11 +46,10 @@ from thermid.interop._wired import distinct
 
 BTU: Final = 1055.05585262
 """International table British thermal unit. [J]"""
-HOUR: Final = 3600.0
 RANKINE: Final = 5.0 / 9.0
 """A degree of Rankine or Fahrenheit. [K]"""
 _ENERGY: Final = {"J": 1.0, "KJ": 1e3, "BTU": BTU, "CAL": 4.184, "W-HR": HOUR, "W*S": 1.0}
-_TIME: Final = {"S": 1.0, "SEC": 1.0, "MIN": 60.0, "HR": HOUR, "H": HOUR}
+_TIME: Final = {"S": 1.0, "SEC": 1.0, "MIN": MINUTE, "HR": HOUR, "H": HOUR}
 _LENGTH: Final = {"M": 1.0, "MM": 1e-3, "CM": 1e-2, "IN": 0.0254, "FT": 0.3048}
 _ZERO: Final = {"K": 0.0, "R": 0.0, "C": -ICE_POINT, "F": -459.67}
 """Absolute zero in a unit of temperature."""
@@ -364,8 +363,8 @@ def _arrays(deck: SindaDeck, submodel: str, lines: list[Line]) -> None:
                 repeated.append((match[1], where, numbers))
             elif deck.reading.is_first(name, where):
                 deck.arrays[submodel, match[1]] = numbers
-                if owner := owner_of(line.before):
-                    deck.owners[submodel, match[1]] = owner
+                if owner := next((m for comment in reversed(line.before) if (m := OWNER.match(comment))), None):
+                    deck.owners[submodel, match[1]] = (owner[1].upper(), f"T{int(owner[2])}")
         for word in re.findall(r"[^\s,&]+", row):
             if word.upper() == "END":
                 continue
@@ -432,7 +431,11 @@ def _nodes(deck: SindaDeck, submodel: str, lines: list[Line]) -> None:
         """Add what a card of this kind states, times a factor."""
         for node, course in _nodes_of_card(deck, submodel, line, kind, cells):
             if deck.reading.is_first(f"node {submodel}.{node.name}", node.where):
-                deck.nodes.append(_multiplied(node, factor))
+                mass = node.capacitance
+                if factor != 1.0 and mass is not None:
+                    product = {**mass, "mass": f"({factor})*{mass['mass']}"} if isinstance(mass, Mapping) else f"({factor})*{mass}"
+                    node = replace(node, capacitance=product)
+                deck.nodes.append(node)
                 if course is not None:
                     deck.courses[node.path] = course
 
@@ -528,15 +531,6 @@ def _numbers(cells: Cells) -> Iterator[tuple[str, TextSpan]]:
     if count > cap("repeats"):
         raise DeckError(f"{count} elements of one statement are too many.{raising('repeats')}", str(where), code="cap.exceeded")
     yield from ((_stepped(first, k * step), where) for k in range(count))
-
-
-def _multiplied(node: FileNode, factor: float | str) -> FileNode:
-    """Return a node with the factor of the FAC before it."""
-    mass = node.capacitance
-    if factor == 1.0 or mass is None:
-        return node
-    product = {**mass, "mass": f"({factor})*{mass['mass']}"} if isinstance(mass, Mapping) else f"({factor})*{mass}"
-    return replace(node, capacitance=product)
 
 
 def _product(cells: Cells) -> tuple[str, TextSpan]:
@@ -657,7 +651,10 @@ def _followed(deck: SindaDeck, lines: list[Line]) -> dict[TextSpan, tuple[FileEm
     """Return place of a row -> the emissivities that it follows, and keep their values; empty where the files do not say them."""
     areas = Path(lines[0].where.file).with_suffix(".ar")
     text, emissivities, places = deck.reading.texts[lines[0].where.file], dict[str, tuple[float, float]](), dict[str, TextSpan]()
-    for found in optical_properties(text, lines[0].where.begin) if any("PROPERTY NAME" in words for words in lines[0].before) else ():
+    begin = lines[0].where.begin if any("PROPERTY NAME" in words for words in lines[0].before) else 0
+    at = text.find("\n", text.rfind("PROPERTY NAME", 0, begin)) + 1
+    while found := PROPERTY.match(text, at, begin):  # the list stands above the block
+        at = found.end()
         emissivities[made := f"emissivity_{identifier(found[1])}"] = (float(found[3] or found[2]), float(found[2]))
         places[made] = TextSpan(lines[0].where.file, text.count("\n", 0, found.start()) + 1, *found.span(2))
     block = read_emissivities([(x.text, x.note) for x in lines], emissivities, deck.reading.open(areas)) if areas.is_file() else None

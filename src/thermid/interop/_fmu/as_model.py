@@ -166,19 +166,15 @@ class FmuFile(FmuDescribed):
         except AttributeError as error:
             raise ThermidError("its derivatives are of no state.", str(path), code="value.wrong-kind") from error
         check_trust(path, self.digest, trust)
-        self.directional = self.exchange and self._offers_directions()
+        with zipfile.ZipFile(path) as packed:  # FMPy does not read of FMI 3.0 whether model exchange has directional derivatives
+            head = re.search(r"<ModelExchange\b[^>]*>", packed.read(DESCRIPTION).decode("utf-8", "replace"))
+        offered = head is not None and re.search(r'providesDirectionalDerivatives?\s*=\s*["\'](true|1)["\']', head[0]) is not None
+        self.directional = self.exchange and offered
         self.why = "" if self.directional else "the FMU offers none" if self.exchange else "it has co-simulation alone"
         self._agreeing: dict[tuple[int, ...], bool] = {}
         self._stack = ExitStack()
         finalize(self, self._stack.close)  # of a model in a circle of references too: a `__del__` comes after those of the pipes there
         self._program: ConfinedProgram | None = None
-
-    def _offers_directions(self) -> bool:
-        """Whether model exchange has directional derivatives; FMPy does not read this of FMI 3.0."""
-        with zipfile.ZipFile(self.path) as packed:
-            text = packed.read(DESCRIPTION).decode("utf-8", "replace")
-        head = re.search(r"<ModelExchange\b[^>]*>", text)
-        return head is not None and re.search(r'providesDirectionalDerivatives?\s*=\s*["\'](true|1)["\']', head[0]) is not None
 
     @property
     def exact(self) -> bool:
@@ -251,22 +247,17 @@ class FmuFile(FmuDescribed):
             self.outputs(setting, times, wanted)  # a run that fails without them fails here
             why = "it refuses those with respect to these variables"
         if run is not None and moving not in self._agreeing:
-            self._agreeing[moving] = self._agree(setting, times, wanted, ways, *run)
+            base, slopes = run
+            others = (self._difference(setting, times, wanted, way, base) for way in ways)
+            self._agreeing[moving] = not any(
+                np.abs(other - slopes[..., k]).max(initial=0.0) > AGREE * max(float(np.abs(other).max(initial=0.0)), 1e-12)
+                for k, other in enumerate(others)
+            )
             why = "its directional derivatives differ from them"
         if run is None or not self._agreeing[moving]:
             self.why, self._agreeing[moving] = why, False
             return None
         return run
-
-    def _agree(
-        self, setting: FmuSetting, times: Array, wanted: Sequence[int], ways: Sequence[FmuSetting], base: Array, slopes: Array
-    ) -> bool:
-        """Whether differences of two strides give the same slopes in every direction, to the share `AGREE` of the largest."""
-        for k, way in enumerate(ways):
-            other = self._difference(setting, times, wanted, way, base)
-            if np.abs(other - slopes[..., k]).max(initial=0.0) > AGREE * max(float(np.abs(other).max(initial=0.0)), 1e-12):
-                return False
-        return True
 
     def _difference(self, setting: FmuSetting, times: Array, wanted: Sequence[int], way: FmuSetting, base: Array) -> Array:
         """Return derivatives (times, wanted) in a direction by central differences; one-sided where a side cannot be run."""

@@ -426,7 +426,12 @@ class FanTable(StrictTable):
             parameters[f"flow_{k}"] = (
                 f"2*speed**2*head_{k}/({branch_resistance} + sqrt({branch_resistance}**2 + 4*resistance*speed**2*head_{k}))"
             )
-        parameters["flow"] = _nested("max", list(dict.fromkeys([_lowest(k, lines, points) for k in range(len(lines))])))
+        lowest = []  # for each line the flows of all that lie at or above it between its own two points
+        for (a, b), ends in zip(lines, pairwise(v for v, _ in points), strict=True):
+            here = [a + b * v for v in ends]
+            above = [j for j, (c, d) in enumerate(lines) if all(c + d * v >= h - 1e-12 * abs(h) for v, h in zip(ends, here, strict=True))]
+            lowest.append(_nested("min", [f"flow_{j}" for j in above]))
+        parameters["flow"] = _nested("max", list(dict.fromkeys(lowest)))
         parameters["pressure"] = "linear_resistance*flow + resistance*flow**2"
         return Assembly({"title": f"fan {name}", "parameters": parameters}, {}, values.set)
 
@@ -470,14 +475,6 @@ class FanTable(StrictTable):
                 code="value.outside-range",
             )
         return f"{quadratic!r} [Pa s^2/m^6]"
-
-
-def _lowest(k: int, lines: list[tuple[float, float]], points: list[tuple[float, float]]) -> str:
-    """Return as text min(flow_j, ...) over all lines j that lie at or above line k between its own two points."""
-    ends = (points[k][0], points[k + 1][0])
-    here = [lines[k][0] + lines[k][1] * v for v in ends]
-    above = [j for j, (a, b) in enumerate(lines) if all(a + b * v >= h - 1e-12 * abs(h) for v, h in zip(ends, here, strict=True))]
-    return _nested("min", [f"flow_{j}" for j in above])
 
 
 def _nested(function: str, texts: list[str]) -> str:

@@ -144,8 +144,13 @@ class DeckDocument:
     def _then(self, text: str, content: Mapping[str, Any]) -> DeckDocument:
         """Return the document with a new text as its next step, after `check` has taken its content."""
         self.check(self.path, content)
-        past = (*self.past, _splice(self.text, text)) if text != self.text else self.past
-        return replace(self, text=text, past=past, future=())
+        if text == self.text:
+            return replace(self, future=())
+        # one step: what lies between the common beginning and end of both texts
+        first = _alike(self.text, text)
+        last = _alike(self.text[first:][::-1], text[first:][::-1])
+        step = _Splice(first, self.text[first : len(self.text) - last], text[first : len(text) - last])
+        return replace(self, text=text, past=(*self.past, step), future=())
 
     def undo(self) -> DeckDocument:
         """Return the document before its last edit; itself where there is none."""
@@ -230,13 +235,6 @@ class DeckDocument:
     def history(self) -> dict[str, Any]:
         """Its text, its steps done and undone, and whether it is new, as plain values for JSON."""
         return {"text": self.text, "past": [asdict(s) for s in self.past], "future": [asdict(s) for s in self.future], "new": self.new}
-
-
-def _splice(before: str, after: str) -> _Splice:
-    """Return the one step that turns the text `before` into `after`: what lies between their common beginning and end."""
-    first = _alike(before, after)
-    last = _alike(before[first:][::-1], after[first:][::-1])
-    return _Splice(first, before[first : len(before) - last], after[first : len(after) - last])
 
 
 def _alike(one: str, other: str) -> int:

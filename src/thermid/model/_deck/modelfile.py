@@ -226,7 +226,14 @@ def _parts(deck: Any, site: _Site) -> Iterator[tuple[str, Instances]]:
         if isinstance(used.use, Model):
             part, definition = used.use, definition_of(used.use)
         elif used.use.startswith(STANDARD):
-            part, definition = _load(standard_part(used.use, site.where(f"{key}.use")), (), {})
+            parts = standard_parts()
+            if used.use not in parts:
+                raise DeckError(
+                    f"no standard part '{used.use}'.{nearest(used.use, parts)} 'thermid example --parts' lists all.",
+                    site.where(f"{key}.use"),
+                    code="name.unknown",
+                )
+            part, definition = _load(parts[used.use], (), {})
         elif site.use is None:
             raise DeckError(
                 "a file name works in a deck file only. Here pass a Model: td.load_model(file).",
@@ -296,23 +303,8 @@ def _check_names(model: Model) -> None:
 
 
 def standard_parts() -> dict[str, Path]:
-    """Return name of every standard part -> its deck."""
-    return {file.stem: file for file in sorted(_PARTS.glob("*.toml"))}
-
-
-def standard_part(used: str, where: str) -> Path:
-    """Return the deck of a standard part, by its name as a deck uses it.
-
-    Raises
-    ------
-    DeckError   When there is none of that name; the message has the nearest one.
-    """
-    name, parts = used.removeprefix(STANDARD), standard_parts()
-    if name not in parts:
-        raise DeckError(
-            f"no standard part '{name}'.{nearest(name, parts)} 'thermid example --parts' lists all.", where, code="name.unknown"
-        )
-    return parts[name]
+    """Return name of every standard part, as a deck uses it -> its deck."""
+    return {f"{STANDARD}{file.stem}": file for file in sorted(_PARTS.glob("*.toml"))}
 
 
 def _file_name(title: str) -> str:

@@ -911,14 +911,10 @@ _WORDS = frozenset[str]().union(*(kind.words for kind in KINDS.values()))
 """Fields and words of all kinds of conductors."""
 
 
-def _with_fields_of_kinds() -> type[_ConductorTable]:
-    """Return the conductor's table with the fields of every kind, so that a new kind needs no line here."""
-    shaped: dict[str, Any] = {"htc": Coefficient | None, "conductivity": Tabulated | None}
-    fields: dict[str, Any] = {name: (shaped.get(name, Value | None), None) for name in sorted(_SLOTS)}
-    return create_model("ConductorTable", __base__=_ConductorTable, __doc__=_ConductorTable.__doc__, **fields)
-
-
-ConductorTable = _with_fields_of_kinds()
+_SHAPED: dict[str, Any] = {"htc": Coefficient | None, "conductivity": Tabulated | None}
+_OF_KINDS: dict[str, Any] = {name: (_SHAPED.get(name, Value | None), None) for name in sorted(_SLOTS)}
+ConductorTable = create_model("ConductorTable", __base__=_ConductorTable, __doc__=_ConductorTable.__doc__, **_OF_KINDS)
+"""The conductor's table with the fields of every kind, so that a new kind needs no line here."""
 
 
 class SubmodelTable(UsedTable):

@@ -16,6 +16,7 @@ import numpy as np
 
 from thermid.base.errors import ScenarioError, cap, errors_at, raising
 from thermid.base.units import (
+    HOUR,
     TEMPERATURE,
     THREE_WAYS,
     Array,
@@ -300,10 +301,6 @@ class TableSignal:
         times, change = self.times.copy(), 1 + np.flatnonzero(np.diff(self.values))
         times[change] -= 0.5 * (self.times[change] - self.times[change - 1])
         return self.retimed(lambda _: times)
-
-    def jumps_at(self, time: float) -> bool:
-        """Return whether it is held and has another value from a time on than before. [s]"""
-        return self.hold and time in self.corners()[1:]
 
     def with_row_later(self, row: int, by: float) -> TableSignal:
         """Return the signal with one row later by some time, and those that it would pass right behind it. [s]"""
@@ -710,7 +707,7 @@ def check_span(course: Signal, end: float, where: str) -> None:
 
 def _hours(seconds: float) -> str:
     """Return a time as text, in seconds below an hour and in hours from there on."""
-    return f"{seconds:g} s" if seconds < 3600.0 else f"{seconds / 3600.0:.5g} h"
+    return f"{seconds:g} s" if seconds < HOUR else f"{seconds / 3600.0:.5g} h"
 
 
 def together(signals: Sequence[Drawn], end: float) -> tuple[Array, bool]:

@@ -136,11 +136,6 @@ class FlatLoad:
         laws = ("proportional.setpoint", "command_curve")
         return bool(self.controls) or self.curve is not None or any(f in laws or f.endswith("_coefficient") for f in self.fields)
 
-    @property
-    def power_alone(self) -> FlatLoad:
-        """The load as its power alone: no temperature changes it, nothing switches or sets it; itself where it has no power."""
-        return replace(self, fields={"power": self.fields["power"]}, controls=(), cycle=None) if "power" in self.fields else self
-
 
 @dataclass(frozen=True)
 class FlatControl:
@@ -258,7 +253,14 @@ class Flat:
                 for node in gases & set(c.ends) if factor != 0.0 else ():
                     out.setdefault(node, {})[enclosure] = None
         for node, paths in out.items():
-            yield next(n.where for n in self.nodes if n.path == node), _radiates_into(node, list(paths))
+            radiates, sees = ("radiate", "they see") if len(paths) > 1 else ("radiates", "it sees")
+            message = (
+                f"{quoted(list(paths))} {radiates} to '{node}', which is gas, and gas does not absorb radiation here. Name the wall that "
+                f"{sees}, sees = ...; define an enclosure; bind the need of a part separately, "
+                f'bind = {{ need = {{ to = "{node}", sees = "..." }} }}; or, where \'{node}\' is one node for the air and the walls around '
+                'it, stands_for = "air and walls" (a solid: stands_for = "walls").'
+            )
+            yield next(n.where for n in self.nodes if n.path == node), CodedText(message, "model.radiates-into-gas")
 
     @property
     def without_emissivity(self) -> dict[str, str]:
@@ -654,18 +656,6 @@ def _require(fitting: set[tuple[str, str]], parameters: ParameterSet, path: str,
                 fitting.add((literal.unit.text, slot))
             else:
                 require(parameters.dimension(path), slot)
-
-
-def _radiates_into(gas: str, radiating: list[str]) -> str:
-    """Return the error message that the paths `radiating` radiate into the node `gas`, with what to do."""
-    radiates, sees = ("radiate", "they see") if len(radiating) > 1 else ("radiates", "it sees")
-    return CodedText(
-        f"{quoted(radiating)} {radiates} to '{gas}', which is gas, and gas does not absorb radiation here. Name the wall that {sees}, "
-        "sees = ...; define an enclosure; bind the need of a part separately, "
-        f'bind = {{ need = {{ to = "{gas}", sees = "..." }} }}; or, where \'{gas}\' is one node for the air and the walls around it, '
-        'stands_for = "air and walls" (a solid: stands_for = "walls").',
-        "model.radiates-into-gas",
-    )
 
 
 def _lead(path: str) -> str:

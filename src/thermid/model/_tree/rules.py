@@ -13,7 +13,7 @@ from typing import Any, Final, Literal
 import numpy as np
 
 from thermid.base.errors import CodedText, ThermidError, code_of, quoted
-from thermid.base.units import AMBIENT_DEFAULT, value_of
+from thermid.base.units import AMBIENT_DEFAULT, HOUR, value_of
 from thermid.model._parts.controls import named_control
 from thermid.model._parts.elements import CARRIED_BY, exposed_area
 from thermid.model._tree.flat import Flat, FlatConductor, FlatLoad, FlatNode
@@ -246,7 +246,7 @@ def _paths(view: _View) -> Iterator[Finding]:
             continue
         paths = [n.path for n in group]
         loads = [x for x in view.flat.loads if x.node in paths]
-        rate = 3600.0 * sum(view.power(x) for x in loads) / capacitance
+        rate = HOUR * sum(view.power(x) for x in loads) / capacitance
         constant = all(x.curve is None and x.cycle is None and set(x.fields) == {"power"} for x in loads)
         word, about = ("warms" if rate > 0 else "cools", "" if constant else "about ")
         still = ", so heat is never removed. Connect a boundary if that is not intended."

@@ -412,27 +412,23 @@ class Names:
         """Return the canonical node that a name inside a model stands for; offered ports only, where it lies in a submodel."""
         path = model.canonical(raw)
         head, _, rest = path.partition(".")
-        if rest and head in model.submodels and rest not in self._offers(prefix + head, model.submodels[head].model):
-            offers = model.submodels[head].model.offers
-            exists = prefix + path in self.nodes
-            say = (
-                f"'{head}' does not offer '{rest}'. It offers {', '.join(offers) or 'nothing'}."
-                if exists
-                else f"no node '{raw}'.{self._nearest(prefix, path)}"
-            )
-            raise NameNotFoundError(say, model.where(key))
+        if rest and head in model.submodels:
+            part, instance = model.submodels[head].model, prefix + head
+            if instance not in self._offered:
+                self._offered[instance] = frozenset(part.canonical(o) for o in part.offers)
+            if rest not in self._offered[instance]:
+                say = (
+                    f"'{head}' does not offer '{rest}'. It offers {', '.join(part.offers) or 'nothing'}."
+                    if prefix + path in self.nodes
+                    else f"no node '{raw}'.{self._nearest(prefix, path)}"
+                )
+                raise NameNotFoundError(say, model.where(key))
         full = prefix + path
         full = self._alias.get(full, full)
         if full not in self.nodes and full not in self.boundaries:
             hint = self._nearest(prefix, path) or f' Define it under nodes; if it is supplied from outside, add it to needs = ["{raw}"].'
             raise NameNotFoundError(f"no node '{raw}'.{hint}", model.where(key))
         return full
-
-    def _offers(self, instance: str, part: Tree) -> frozenset[str]:
-        """Return what an instance of a part offers, by canonical paths."""
-        if instance not in self._offered:
-            self._offered[instance] = frozenset(part.canonical(o) for o in part.offers)
-        return self._offered[instance]
 
     def node_seen(self, model: Tree, prefix: str, raw: str, key: str) -> str:
         """Return the canonical node that a surface sees under a name: of a need that is bound apart, the one it sees."""

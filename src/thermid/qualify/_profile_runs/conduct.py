@@ -352,7 +352,9 @@ def wait_until_stable(leg: Leg, state: Array, wanted: WaitRequest) -> WaitResult
     while True:
         reach = min(reach, wanted.longest)
         axis = np.asarray(np.arange(1, math.ceil(reach / step) + 1) * step, dtype=np.float64)
-        axis = axis if wanted.average else _thinned(axis, step)
+        if axis.size > MAX_OUTPUTS and not wanted.average:  # of a long wait pairs of neighbours, one step apart
+            coarse = np.round(np.linspace(axis[0], axis[-1], MAX_OUTPUTS // 2) / step) * step
+            axis = np.unique(np.concatenate([coarse, coarse - step]))[1:]
         run, _ = leg.run(state, axis)
         times, traces = np.append(0.0, axis), np.vstack((state, run))
         excess, movers = _rule_excess(leg, wanted, times, traces)
@@ -367,14 +369,6 @@ def wait_until_stable(leg: Leg, state: Array, wanted: WaitRequest) -> WaitResult
         if reach >= wanted.longest:
             raise SolverError(_not_stable_message(leg, wanted, times, traces, int(movers[-1])), wanted.where, code="run.not-stable")
         reach *= 2.0
-
-
-def _thinned(axis: NDArray[np.floating[Any]], step: float) -> Array:
-    """Return at most about `MAX_OUTPUTS` of evenly spaced times [s]: of a long wait pairs of neighbours, one `step` [s] apart."""
-    if axis.size <= MAX_OUTPUTS:
-        return np.asarray(axis, dtype=np.float64)
-    coarse = np.linspace(axis[0], axis[-1], MAX_OUTPUTS // 2)
-    return np.unique(np.concatenate([np.round(coarse / step) * step, np.round(coarse / step) * step - step]))[1:]
 
 
 def _rule_excess(leg: Leg, wanted: WaitRequest, times: Array, traces: Array) -> tuple[Array, NDArray[np.int64]]:
@@ -513,15 +507,6 @@ def chamber_setup(
     return bench, ChamberConditions(ambient, bool(first), ATMOSPHERE if thin else None, humid)
 
 
-def nodes_to_watch(bench: ChamberSetup, watch: Sequence[str]) -> tuple[str, ...]:
-    """Return the nodes that must be stable: those named in `watch`, or all that store heat."""
-    network = network_for(bench.model, bench.base)
-    if watch:
-        return tuple(network.find(n) for n in watch)
-    capacities = network.numbers().capacitances
-    return tuple(n for n in network.nodes if capacities.get(n) is not None)
-
-
 def run_profile(
     model: Model,
     profile: ThermalProfile,
@@ -573,7 +558,9 @@ def run_profile(
     if limit <= 0.0:
         raise ScenarioError("the chamber's rate of change must be above zero.", "chamber_ramp", code="value.outside-range")
     bench, start = chamber_setup(model, profile, chamber, equipment, scenario or Scenario(profile.title), options or Options())
-    course = _Course(bench, profile, start, nodes_to_watch(bench, watch), base and network_for(bench.model, bench.base).find(base), limit)
+    network = network_for(bench.model, bench.base)
+    massive = [n for n in network.nodes if network.numbers().capacitances.get(n) is not None]
+    course = _Course(bench, profile, start, tuple(map(network.find, watch or massive)), base and network.find(base), limit)
     for k, step in enumerate(profile.steps, 1):
         course.do(step)
         if progress is not None:

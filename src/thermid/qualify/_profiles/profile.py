@@ -15,8 +15,8 @@ from typing import Any, Final
 
 from thermid.base.errors import ScenarioError, ThermidError, cap, errors_at, look_up, nearest, raising, refuse_unknown
 from thermid.base.files import FileKinds, Places, by_grammar, grammar_of, read_toml, refuse_another_kind, toml_value
-from thermid.base.results import Result, check_mark, weakest
-from thermid.base.units import ATMOSPHERE, ICE_POINT, TEMPERATURE, Kelvin, Quantity, amount, si_value
+from thermid.base.results import Figure, Result
+from thermid.base.units import ATMOSPHERE, HOUR, ICE_POINT, TEMPERATURE, Kelvin, Quantity, amount, si_value
 from thermid.measure.records import StabilityRule
 from thermid.model.tree import literal
 from thermid.qualify._profiles.numbers import SLOTS, USUAL, WORDS
@@ -52,7 +52,7 @@ class Number:
         if self.slot == "K/s":
             return f"{round(60.0 * v, 9):.6g} [K/min]"
         if self.slot == "s":
-            return f"{v / 3600.0:.6g} [h]" if v >= 7200.0 or (v >= 3600.0 and v % 3600.0 == 0) else f"{v / 60.0:.6g} [min]"
+            return f"{v / 3600.0:.6g} [h]" if v >= 7200.0 or (v >= HOUR and v % HOUR == 0) else f"{v / 60.0:.6g} [min]"
         return f"{v:.6g}" if self.slot == "1" else f"{v:.6g} [{self.slot}]"
 
     def to_dict(self) -> dict[str, str]:
@@ -86,7 +86,7 @@ def number(name: str, spec: Any, mark: str, clause: str, where: str) -> Number:
             raise ScenarioError("give a number as a value, or as a table of value, mark, clause and note.", place, code="value.wrong-kind")
         mark, clause, note = spec.get("mark", mark), spec.get("clause", clause), spec.get("note", "")
         spec = spec["value"]
-    check_mark(mark, place)
+    Figure.check_mark(mark, place)
     if name in WORDS:
         if not isinstance(spec, str) or (WORDS[name] and spec not in WORDS[name]):
             raise ScenarioError(
@@ -226,7 +226,7 @@ def _step_from_row(profile: ThermalProfile, row: Mapping[str, Any], where: str) 
 
     power = row.get("power")
     mark = row.get("mark", profile.step_mark)
-    check_mark(mark, where)
+    Figure.check_mark(mark, where)
     target, over = value("to", TEMPERATURE), value("over", "s")
     ramp = value("ramp", "K/s")
     if target is not None and over is None and ramp is None:
@@ -341,7 +341,8 @@ class ThermalProfile(Result):
             return self._level(name)
         if name == "middle":
             ends = [self["cold"], self["hot"]]
-            return Number(sum(float(n.value) for n in ends) / 2.0, TEMPERATURE, weakest(n.mark for n in ends), "", "mean of hot and cold")
+            mark = Figure.weakest(n.mark for n in ends)
+            return Number(sum(float(n.value) for n in ends) / 2.0, TEMPERATURE, mark, "", "mean of hot and cold")
         if name in SLOTS or name in WORDS:
             raise ScenarioError(f"it has no {name}. Give it: {name} = ...", self.title, code="value.incomplete")
         raise ScenarioError(f"a profile has no '{name}'.{nearest(name, [*SLOTS, *WORDS])}", self.title, code="name.unknown")
@@ -367,7 +368,7 @@ class ThermalProfile(Result):
         ends += [] if least is None else [float(least.value)]
         note = f"predicted {'+' if sign > 0 else '-'} {margin.text}" if self.predicted is not None else "nothing predicted"
         note += f", at least to {least.text}" if least is not None else ""
-        return Number(pick(ends), TEMPERATURE, weakest(n.mark for n in used), margin.clause, note)
+        return Number(pick(ends), TEMPERATURE, Figure.weakest(n.mark for n in used), margin.clause, note)
 
     def has(self, name: str) -> bool:
         """Whether a number is given."""
@@ -439,7 +440,7 @@ class ThermalProfile(Result):
         """The weakest mark of its numbers, steps and rule of stability: read, project, secondary or memory."""
         marks = [n.mark for n in self.used.values()] + [row.get("mark", self.step_mark) for row in self.plan]
         rule = StabilityRule.named(self.word("stable", "")) if self.has("stable") else None
-        return weakest([*marks, *([] if rule is None or self.numbers["stable"].mark == "project" else [rule.mark])])
+        return Figure.weakest([*marks, *([] if rule is None or self.numbers["stable"].mark == "project" else [rule.mark])])
 
     @property
     def from_memory(self) -> tuple[str, ...]:

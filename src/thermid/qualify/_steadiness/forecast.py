@@ -18,8 +18,8 @@ import numpy as np
 
 from thermid.base.errors import CodedText, RecordError, ScenarioError
 from thermid.base.results import Result, Row
-from thermid.base.units import ICE_POINT, Bools, Memo, amount, duration_text, positive_seconds, short
-from thermid.measure.records import FloatArray, Record, StabilityRule, effective_samples
+from thermid.base.units import HOUR, ICE_POINT, Array, Bools, Memo, amount, duration_text, positive_seconds, short
+from thermid.measure.records import Record, StabilityRule, effective_samples
 from thermid.model.tree import Model
 from thermid.simulation.runs import Scenario, simulate
 
@@ -49,9 +49,9 @@ class Mixture:
     weights, means, spreads : array (parts,)   [-], [K], [K]
     """
 
-    weights: FloatArray
-    means: FloatArray
-    spreads: FloatArray
+    weights: Array
+    means: Array
+    spreads: Array
 
     @property
     def mean(self) -> float:
@@ -95,10 +95,10 @@ class Approach:
 
     start: float
     now: float
-    taus: FloatArray
-    weights: FloatArray
-    means: FloatArray
-    covariances: FloatArray
+    taus: Array
+    weights: Array
+    means: Array
+    covariances: Array
     noise: float
     scatter: float
     worth: float
@@ -113,7 +113,7 @@ class Approach:
         free = max(self.worth - 5.0, 3.0)
         return float(np.sqrt(free / (free - 2.0)))
 
-    def _factors(self, at: float) -> FloatArray:
+    def _factors(self, at: float) -> Array:
         """Return what multiplies each term (parts, terms) at t = `at` [s]: 1, exp(-(t - now) / tau_k) [-], and terms of the reference [K].
 
         At infinity only the constant is left. Terms of the reference are as in `Reference.later`.
@@ -139,7 +139,7 @@ class Approach:
         variances = variances + self.noise**2 + (self.scatter**2 if reading else 0.0)
         return Mixture(self.weights, means, np.sqrt(variances))
 
-    def rate(self, time: float) -> FloatArray:
+    def rate(self, time: float) -> Array:
         """Return dT/dt = -sum a_k exp(-(t - now) / tau_k) / tau_k of each curve at a time (parts,). [K/s]"""
         fall = np.exp(-(time - self.now) / self.taus) / self.taus
         return np.asarray(-np.einsum("pm,pm->p", fall, self.means[:, 1 : 1 + self.taus.shape[1]]))
@@ -162,16 +162,16 @@ class Reference:
     memo : Memo                         Lagged temperatures by time constant.
     """
 
-    times: FloatArray
-    values: FloatArray
+    times: Array
+    values: Array
     last: float
     memo: Memo = field(init=False, default_factory=Memo, compare=False, repr=False)
 
-    def filtered(self, tau: float) -> FloatArray:
+    def filtered(self, tau: float) -> Array:
         """Return it behind a first-order lag, tau dy/dt = u - y, u straight between samples and y(0) = u(0) (samples,). [K]"""
         return self.memo.value(tau, lambda: self._filter(tau))
 
-    def _filter(self, tau: float) -> FloatArray:
+    def _filter(self, tau: float) -> Array:
         """Return the values (samples,) [K] behind a lag of `tau` [s]: tau dy/dt = x - y, y = x at first, exact for straight x."""
         out = np.empty(self.values.size)
         out[0] = self.values[0]
@@ -182,18 +182,18 @@ class Reference:
             out[k] = self.values[k] - slope * tau + (out[k - 1] - self.values[k - 1] + slope * tau) * keep
         return out
 
-    def later(self, taus: FloatArray, fall: FloatArray) -> FloatArray:
+    def later(self, taus: Array, fall: Array) -> Array:
         """Return its terms at a later time (parts, modes): the last lagged values times `fall`, which is exp(-(t - now) / tau). [K]"""
         ends = np.vectorize(lambda tau: self.filtered(float(tau))[-1])(taus) * fall
         return _mean_and_differences(ends)
 
 
 def approach(
-    times: FloatArray,
-    kelvin: FloatArray,
+    times: Array,
+    kelvin: Array,
     slowest: float,
     time_constants: Sequence[float] = (),
-    room: tuple[FloatArray, FloatArray] | None = None,
+    room: tuple[Array, Array] | None = None,
     bent: float = CURVATURE_SHARE_OF_READINGS,
 ) -> Approach:
     """Fit sums of exponentials to readings under constant conditions, and weigh them by their evidence.
@@ -212,7 +212,13 @@ def approach(
     span = float(times[-1] - times[0])
     axis, medians, scatter = _medians(times, kelvin, times[0] + SKIPPED_SHARE * span)
     now = float(times[-1])
-    reference = None if room is None else _reference(*room, axis)
+    reference = None
+    if room is not None:  # on the times of the medians, less the mean of its last tenth
+        _, smooth, _ = _medians(*room, float(room[0][0]))
+        points, _, _ = _medians(room[0], room[0], float(room[0][0]))
+        last = float(smooth[-max(smooth.size // 10, 1) :].mean())
+        grid = np.union1d(points, axis)
+        reference = Reference(grid, np.interp(grid, points, smooth) - last, last)
     scale = max(float(np.ptp(_medians(times, kelvin, float(times[0]))[1])), 1e-3)
     middle = float(medians[-1])
     if time_constants:
@@ -222,7 +228,11 @@ def approach(
         taus = SCALES[:, None] * np.array(slow_constants)[None, :]
         prior = np.exp(-0.5 * np.linspace(-2.0, 2.0, SCALES.size) ** 2)
     else:
-        taus = _time_constant_pairs(span, slowest)
+        # pairs of a logarithmic grid up to `slowest`, the slower second, two steps apart at least (pairs, 2) [s]
+        fast = span * MIN_TIME_CONSTANT_SHARE_TRIED
+        top = max(slowest, 3.0 * fast)
+        grid = np.geomspace(fast, top, max(3, round(TIME_CONSTANTS_PER_DECADE * np.log10(top / fast)) + 1))
+        taus = np.array([(a, b) for i, a in enumerate(grid) for b in grid[i + 2 :]])
         prior = np.ones(taus.shape[0])
     designs = np.stack([_design(axis, now, row, reference) for row in taus])
     terms = designs.shape[2]
@@ -239,7 +249,7 @@ def approach(
     return Approach(float(times[0]), now, taus, weights / weights.sum(), means, covariances, noise, scatter, worth, reference)
 
 
-def _medians(times: FloatArray, kelvin: FloatArray, begin: float) -> tuple[FloatArray, FloatArray, float]:
+def _medians(times: Array, kelvin: Array, begin: float) -> tuple[Array, Array, float]:
     """Return times [s] and medians [K] of bins from `begin` on, and the standard deviation of readings about them. [K]
 
     It is the median absolute deviation over 0.6745. Up to `MEDIANS_OF_READINGS` readings are taken as they are, with that of successive
@@ -261,25 +271,7 @@ def _medians(times: FloatArray, kelvin: FloatArray, begin: float) -> tuple[Float
     return axis, medians, float(np.median(np.abs(off)) / 0.6745)
 
 
-def _reference(times: FloatArray, kelvin: FloatArray, axis: FloatArray) -> Reference:
-    """Return a reference of (times [s], kelvin) on the times of the medians, less the mean of its last tenth."""
-    _, smooth, _ = _medians(times, kelvin, float(times[0]))
-    points, _, _ = _medians(times, times, float(times[0]))
-    last = float(smooth[-max(smooth.size // 10, 1) :].mean())
-    grid = np.union1d(points, axis)
-    return Reference(grid, np.interp(grid, points, smooth) - last, last)
-
-
-def _time_constant_pairs(span: float, slowest: float) -> FloatArray:
-    """Return pairs of time constants (pairs, 2) of a logarithmic grid up to `slowest`, the slower second, two steps apart at least. [s]"""
-    fast = span * MIN_TIME_CONSTANT_SHARE_TRIED
-    top = max(slowest, 3.0 * fast)
-    count = max(3, round(TIME_CONSTANTS_PER_DECADE * np.log10(top / fast)) + 1)
-    grid = np.geomspace(fast, top, count)
-    return np.array([(a, b) for i, a in enumerate(grid) for b in grid[i + 2 :]])
-
-
-def _design(axis: FloatArray, now: float, taus: FloatArray, room: Reference | None) -> FloatArray:
+def _design(axis: Array, now: float, taus: Array, room: Reference | None) -> Array:
     """Return the terms (bins, terms) at times `axis` (bins,) [s]: 1 and exp(-(t - now) / tau) [-], the reference behind each tau [K]."""
     columns = [np.ones(axis.size), *(np.exp(-(axis - now) / tau) for tau in taus)]
     if room is not None:
@@ -288,15 +280,13 @@ def _design(axis: FloatArray, now: float, taus: FloatArray, room: Reference | No
     return np.column_stack(columns)
 
 
-def _mean_and_differences(behind: FloatArray) -> FloatArray:
+def _mean_and_differences(behind: Array) -> Array:
     """Return columns (rows, modes) as their mean and, but for the first column, their differences from it."""
     mean = behind.mean(axis=1)
     return np.column_stack([mean, *(behind[:, k] - mean for k in range(1, behind.shape[1]))])
 
 
-def _bayesian_regression(
-    x: FloatArray, y: FloatArray, scale: float, modes: int, size: float
-) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+def _bayesian_regression(x: Array, y: Array, scale: float, modes: int, size: float) -> tuple[Array, Array, Array, Array]:
     """Return posterior means (parts, terms), covariances, residuals (parts, bins) and log evidence (parts,) of linear models.
 
     With terms X of a part, prior mean m and standard deviations S = diag(s), noise `size` and A = 1 + S X'X S / size^2: covariance S A^-1
@@ -615,9 +605,7 @@ def forecast(
     )
 
 
-def _readings(
-    record: Record, channel: str, since: str | float, until: str | float, level: float
-) -> tuple[str, Bools, FloatArray, FloatArray]:
+def _readings(record: Record, channel: str, since: str | float, until: str | float, level: float) -> tuple[str, Bools, Array, Array]:
     """Return the name of a temperature, the only one by default, the samples of a stretch, times and valid readings there. [s], [K]
 
     Raises
@@ -660,7 +648,7 @@ def _model_time_constants(model: Model | None, scenario: Scenario | None) -> Seq
             model.title,
             code="value.incomplete",
         )
-    constants = simulate(model, scenario if scenario.seconds > 0 else scenario.with_(duration=3600.0)).time_constants
+    constants = simulate(model, scenario if scenario.seconds > 0 else scenario.with_(duration=HOUR)).time_constants
     return tuple(float(t) for t in constants if np.isfinite(t))
 
 

@@ -15,7 +15,7 @@ import numpy as np
 from thermid.base.errors import RecordError, quoted
 from thermid.base.results import Result
 from thermid.base.units import duration_text, positive_seconds, value_of
-from thermid.measure.records import DOUBT_IN_ERRORS, TAU_ERROR, ChannelStability, FloatArray, Record, StabilityRule, spans
+from thermid.measure.records import DOUBT_IN_ERRORS, TAU_ERROR, ChannelStability, Record, StabilityRule, spans
 from thermid.qualify._profile_runs.conduct import SIMULATED_WINDOW
 from thermid.qualify._profile_runs.profile_run import ProfileRun
 from thermid.qualify._steadiness.forecast import GUARD, MAX_UNSEEN_SLOWNESS, MIN_FORECAST_READINGS, approach
@@ -247,7 +247,12 @@ def _of_record(
         if tau is not None:
             remaining[name] = _rate_times_tau(c, tau)
         elif np.count_nonzero(valid) >= MIN_FORECAST_READINGS:
-            remaining[name] = _remaining_by_readings(cut.times[valid], cut.channel(name).values[valid], room)
+            moments = cut.times[valid]
+            longest = MAX_UNSEEN_SLOWNESS * float(moments[-1] - moments[0])
+            curve = approach(moments, cut.channel(name).values[valid], longest, room=room, bent=GUARD)
+            mean, last = curve.at(curve.now).mean, curve.at(float("inf"))
+            change, low, high = (last.quantile(p) - mean for p in (0.5, 0.025, 0.975))
+            remaining[name] = Remaining(change, low, high, "by the readings alone")
     return Stability(record.name, rule, end, states, remaining, stable_since, tau, stored)
 
 
@@ -256,13 +261,6 @@ def _rate_times_tau(c: ChannelStability, tau: float) -> Remaining:
     value = c.rate * tau
     error = 2.0 * float(np.hypot(c.error * tau, TAU_ERROR * value))
     return Remaining(value, value - error, value + error, f"rate times a time constant of {duration_text(tau)}")
-
-
-def _remaining_by_readings(times: FloatArray, kelvin: FloatArray, room: tuple[FloatArray, FloatArray] | None) -> Remaining:
-    """Return the remaining change [K] and its 95 % interval, by a forecast of readings (samples,); `room` is (times, temperatures)."""
-    curve = approach(times, kelvin, MAX_UNSEEN_SLOWNESS * float(times[-1] - times[0]), room=room, bent=GUARD)
-    now, end = curve.at(curve.now).mean, curve.at(float("inf"))
-    return Remaining(end.quantile(0.5) - now, end.quantile(0.025) - now, end.quantile(0.975) - now, "by the readings alone")
 
 
 def _of_solution(

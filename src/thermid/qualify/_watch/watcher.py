@@ -157,17 +157,13 @@ def _sensor_alarm(channel: Channel, times: Array, changed: Array) -> Alarm | Non
             return Alarm("sensor", name, float(t[k + 1]), words, float("inf"))
     if y.size > 3 * STUCK_READINGS and not steps[-STUCK_READINGS:].any():
         begin = int(np.flatnonzero(steps)[-1]) + 1 if steps.any() else 0
-        if _noise_exceeds_steps(steps[max(begin - 2 * STUCK_READINGS, 0) : begin]):
-            return Alarm("sensor", name, float(t[begin]), f"has not changed since {t[begin]:.0f} s", float("inf"))
+        earlier = steps[max(begin - 2 * STUCK_READINGS, 0) : begin]
+        if earlier.size >= STUCK_READINGS and earlier.any():
+            # noise moved readings by two of their smallest steps or more, so that as many equal ones in a row are no chance
+            smallest = float(np.abs(earlier[earlier != 0.0]).min())
+            if np.mean(np.abs(earlier - np.median(earlier)) > 1.5 * smallest) > MIN_MOVING_SHARE:
+                return Alarm("sensor", name, float(t[begin]), f"has not changed since {t[begin]:.0f} s", float("inf"))
     return None
-
-
-def _noise_exceeds_steps(steps: Array) -> bool:
-    """Whether noise moves readings by two of their smallest steps or more, so that 60 equal ones in a row are no chance."""
-    if steps.size < STUCK_READINGS or not steps.any():
-        return False
-    smallest = float(np.abs(steps[steps != 0.0]).min())
-    return bool(np.mean(np.abs(steps - np.median(steps)) > 1.5 * smallest) > MIN_MOVING_SHARE)
 
 
 MODEL_NOISE: Final = 1e-3

@@ -26,6 +26,7 @@ from typing import TYPE_CHECKING, Final
 from thermid.base.errors import MissingExtraError, ScenarioError, ThermidError, missing
 from thermid.base.files import FileKinds, scratch
 from thermid.base.results import MARKS
+from thermid.base.units import HOUR
 
 if TYPE_CHECKING:
     from jinja2 import Template
@@ -220,7 +221,7 @@ def duration(seconds: float) -> str:
     """
     if seconds <= 300:
         return f"{seconds:.4g} s"
-    return f"{seconds / 60:.4g} min" if seconds < 3 * 3600 else f"{seconds / 3600:.4g} h"
+    return f"{seconds / 60:.4g} min" if seconds < 3 * HOUR else f"{seconds / 3600:.4g} h"
 
 
 @dataclass(frozen=True)

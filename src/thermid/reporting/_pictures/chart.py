@@ -16,7 +16,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from thermid.base.units import Array
+from thermid.base.units import HOUR, MINUTE, Array
 
 SERIES = ("#0072b2", "#cd6100", "#4c9c69", "#964d6a", "#5c4700", "#7295ab", "#590084", "#1d2632")
 """From Okabe and Ito's colours (Color Universal Design, 2008), moved until every two differ for colour-blind eyes too (decision 208)."""
@@ -366,4 +366,4 @@ def time_unit(duration: float) -> tuple[float, str]:
     >>> time_unit(18000.0)
     (3600.0, 'h')
     """
-    return (1.0, "s") if duration <= 300 else (60.0, "min") if duration <= 3 * 3600 else (3600.0, "h")
+    return (1.0, "s") if duration <= 300 else (MINUTE, "min") if duration <= 3 * HOUR else (HOUR, "h")

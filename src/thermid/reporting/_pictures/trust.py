@@ -14,7 +14,7 @@ import numpy as np
 
 from thermid.base.errors import ThermidError
 from thermid.base.files import FileKinds
-from thermid.base.units import ICE_POINT, from_si, unit
+from thermid.base.units import HOUR, ICE_POINT, from_si, unit
 from thermid.inference.criticism import Criticism
 from thermid.inference.intervals import Profile
 from thermid.measure.looks import Look
@@ -225,7 +225,7 @@ def draw_run(figure: Figure, run: ProfileRun) -> None:
     handles, labels = axis.get_legend_handles_labels()
     handles, labels = handles + list(handle_of_label.values()), labels + list(handle_of_label)
     figure.legend(handles, labels, loc="outside lower center", ncols=4, fontsize="small")
-    long, waited = run.duration / 3600.0, run.waited / 3600.0
+    long, waited = run.duration / HOUR, run.waited / HOUR
     strip.set_title(
         f"{run.profile.title} on {run.solution.title}\n{long:.1f} h, {waited:.1f} h of it waiting for the unit; "
         f"weakest number: {run.profile.mark}",

@@ -9,7 +9,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from thermid.base.results import MARKS
-from thermid.base.units import HALF_WIDTH_95, ICE_POINT
+from thermid.base.units import HALF_WIDTH_95, HOUR, ICE_POINT
 from thermid.campaign.stages import Correlation, Overlay
 from thermid.qualify.plans import Qualification, Trial, sensors_of
 from thermid.reporting._blocks.content import (
@@ -188,7 +188,7 @@ def phases(t: Trial) -> Table:
     rows: list[Line] = []
     for p in t.course.phases if t.course is not None else ():
         name = f"{p.name}, wait" if p.kind == "wait" else p.name
-        rate = signed(3600 * p.rate, 2) if p.rule else DASH
+        rate = signed(HOUR * p.rate, 2) if p.rule else DASH
         remaining = signed(p.unfinished, 2) if p.unfinished is not None else DASH
         span = [hours(p.start), hours(p.duration), str(p.cycle) if p.cycle else DASH]
         rows.append(
@@ -470,7 +470,7 @@ def settled(t: Trial) -> Table:
                 [
                     head,
                     c.name,
-                    signed(3600 * c.rate, 2),
+                    signed(HOUR * c.rate, 2),
                     f"{2 * 3600 * c.error:.2f}",
                     s.rule.name,
                     mark(s.rule.mark),
