@@ -675,9 +675,10 @@ PROVES_INSTANT = 4.0
 def _between_samples(begun: FittedStructure, proposed: FittedStructure, budget: EvaluationBudget) -> Request | None:
     """Return the request in which powers changed between their samples, where the readings prove that they did; else None.
 
-    A power of 18 W that changes half a minute before its sample gives 540 J that the log does not have, 0.4 K of a box of 1300 J/K.
-    The instants are unknowns of a fit. A mass would answer a delay too, and a delay a mass, so instants have to fit better beside what a
-    search found with powers as logged, or better than that beside nothing.
+    A power of 18 W that changes half a minute before its sample gives 540 J that the log does not have, 0.4 K of a box of 1300 J/K. The
+    instants are unknowns of a fit. A mass would answer a delay too, and a delay a mass, so instants have to fit better beside what a
+    search found with powers as logged, or better than that beside nothing: its cost - theirs > `PROVES_INSTANT` n chi^2 / freedom, of n
+    instants, with costs of half a sum of squares and chi^2 per degree of freedom of their fit.
 
     Parameters
     ----------

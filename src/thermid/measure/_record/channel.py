@@ -880,7 +880,9 @@ def stray_readings(records: Sequence[Samples]) -> tuple[str, ...]:
 def single_pulses(times: FloatArray, values: FloatArray) -> float:
     """Return which share of the pulses of an on/off power has a single reading; NaN where an even log does not show such pulses. [-]
 
-    Those of the level that has more of them count.
+    Pulses are what lies between two crossings of the middle of its range; those of the level that has more single ones count. NaN with
+    fewer than `MIN_PULSES`; where intervals are not alike, since a log written by hand or at each change shows all; or where readings are
+    not near two levels, the lower below half of the upper, since means have levels between.
 
     Parameters
     ----------

@@ -513,7 +513,14 @@ class Record(Samples, Result):
         )
 
     def _joined(self, other: Record, offset: float, rate: float, slowest: float) -> Record:
-        """Return the channels of both, a time t of the other at ``offset + rate t`` [s]; `slowest` is the lowest rate of its range."""
+        """Return the channels of both on one axis of all their times, a time t of the other at ``offset + rate t`` [s]. [rate: s/s]
+
+        Origins are joined, and what was done is noted. `slowest`, the lowest rate of its range, is only looked at.
+
+        Raises
+        ------
+        RecordError   When `slowest` is not above zero, a channel is in both, the logs do not overlap, or they state a gas differently.
+        """
         if not slowest > 0:
             raise RecordError(
                 f"the rate of a clock must be above zero; its lowest value is {slowest:g}.", other.name, code="value.outside-range"

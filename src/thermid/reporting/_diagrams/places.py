@@ -108,6 +108,9 @@ class MapPlaces:
 def places(nodes: Sequence[str], pairs: Sequence[tuple[str, str]], widths: Mapping[str, float], foot: float) -> MapPlaces:
     """Return the places of a network; the same network has the same places.
 
+    Pairs of a hub weigh a fifth, and have no lines. A card is as wide as its widest row, 14 px more for each depth, and has margins of 16
+    px across and 12 px down. [px]
+
     Parameters
     ----------
     nodes : sequence    In the order of the model.

@@ -803,9 +803,10 @@ def _solve_balance(jacobian: Array, leaving: Array | None, heat: Array) -> Array
 
 
 def _damped_step(balance: _Balance, temperatures: Array, step: Array, imbalance: float, reach: float) -> Array:
-    """Return the temperatures after a step cut to `reach` [K], halved until the norm of the net heat falls below `imbalance` [W].
+    """Return temperatures (nodes,) [K] after a step (nodes,) [K] cut to `reach` [K], halved until |heat| falls below `imbalance` [W].
 
-    Without success after 20 halvings, those after the whole step: at a knee whole steps would cycle.
+    T + s / 2^k, s = step min(1, reach / max|step|), with the first k of 0 .. 19 for which |q(T + s / 2^k)| < imbalance; T + s where none
+    is: at a knee whole steps would cycle. 0.1 K at least, since temperatures are absolute.
     """
     whole = step * min(1.0, reach / max(float(np.abs(step).max()), 1e-300))
     for halving in range(20):
