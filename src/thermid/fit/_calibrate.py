@@ -372,7 +372,7 @@ def _known_combination(group: Group, request: Request, problem: Problem, fit: Ca
 
 
 def refuse_after(request: Request, problem: Problem, minimum: Fit, covariance: Array) -> None:
-    """Refuse a fit that does not determine one of its parameters.
+    """Refuse a fit that does not determine one of its parameters, by the covariance (unknowns, unknowns) at its end, fitted form.
 
     It does not where no reading depends on the parameter, or where twice its standard error exceeds the distance between its bounds, in
     the fitted form (at a bound in its own unit too); an infinite bound is not compared.

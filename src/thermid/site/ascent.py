@@ -226,7 +226,21 @@ def _streams(
     upper: str,
     title: str,
 ) -> dict[str, Irradiation]:
-    """Return surface -> heating by the stream of molecules after separation."""
+    """Return surface -> heating by the stream of molecules after separation at `gone` [s]; nothing falls on it before. [W/m^2]
+
+    Share times rho v^3 / 2 times the accommodation (`molecular_heating`), from `FAIRING_OPENING_TIME` before separation on, or half of the
+    way to it, rising linearly to it.
+
+    Parameters
+    ----------
+    flow : dict             Surface -> cosine between its normal and the flight. [-]
+    accommodation : float   Share of the energy that molecules leave. [-]
+    upper : str             Which atmosphere holds high up.
+
+    Raises
+    ------
+    ScenarioError   Without density, speed or separation; accommodation or cosine outside 0 to 1; air too dense for molecules one by one.
+    """
     if not flow:
         return {}
     if trajectory is None or trajectory.speed is None or gone is None:

@@ -298,7 +298,11 @@ class Proposal:
 
     @property
     def unexplained(self) -> str:
-        """That no structure explains the log, and what to log; empty where one does."""
+        """That no structure explains the log, and what to log; empty where one does.
+
+        One does where 1.4826 times the median absolute residual, the standard deviation of a normal law, of the worst sensor is at most
+        `MAX_UNEXPLAINED_SHARE` of the spread of all readings, or `MAX_UNEXPLAINED_NOISES` times the largest noise. [K]
+        """
         one = self.chosen
         readings = [o.measured for e in one.problem.experiments for o in e.observations]
         spread = float(np.sqrt(np.mean([np.var(values) for values in readings])))

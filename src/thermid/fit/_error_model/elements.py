@@ -87,7 +87,11 @@ class SurfaceLaw:
         return Law("power", (convected, self.exponent), "gas"), Law("radiation", (radiated / (4.0 * self.at.level**3),), "radiation")
 
     def heats(self, course: ElementCourse, c: FlatConductor) -> dict[str, Array]:
-        """Return the heat (times,) that one more of n and of s adds along a run. [W]"""
+        """Return exponent or share -> the heat (times,) that one more of it adds along a run. [W]
+
+        Of the exponent n convection times ln(|dT| / dT_fit), with |dT| at least `FLOWLESS` of dT_fit, the difference of the fit. Of the
+        share s of radiation, radiation / s - convection / max(g - s, 1 - `LARGEST_SHARE`), g the coefficient over the fitted one. [-]
+        """
         first, second = (course.kelvin[end] for end in c.ends)
         apart = np.maximum(np.abs(first - second), FLOWLESS * self.at.difference) / self.at.difference
         radiated = course.radiated.get(c.path, np.zeros(course.times.size))

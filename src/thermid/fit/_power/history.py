@@ -507,7 +507,21 @@ def _plain(model: Model, load: str) -> tuple[str, Model]:
 
 
 def _knots(record: Record, step: float, known_powers: Sequence[tuple[Any, Any, Any]], accuracy: Any, where: str) -> tuple[Array, Pins]:
-    """Return the times of the knots from the first sample [s], two close together where a stretch of known power begins or ends."""
+    """Return the times of the knots (knots,) from the first sample [s], and which of them stand at known powers.
+
+    They are `step` [s] apart or a little less or more, so that they fit between where stretches of known power begin and end. There are
+    two, a thousandth of `step` apart, since the power jumps. A standard deviation in per cent is of the power, of a thousandth of the
+    largest at least. [W]
+
+    Parameters
+    ----------
+    known_powers : sequence     (first, last, power) of each stretch, such as ("0 [s]", "600 [s]", "0 [W]").
+    accuracy                    Standard deviation of those powers, in watts or per cent.
+
+    Raises
+    ------
+    IdentificationError   When fewer than four intervals fit into the log, or a stretch does not lie in it.
+    """
     end = float(record.times[-1] - record.times[0])
     if not 0 < step <= end / 4:
         raise IdentificationError(

@@ -475,7 +475,11 @@ def refuse_not_finite(*numbers: Array | float) -> None:
 def as_triangle(
     blocks: Sequence[SensorTrace], full: Array, loss: str, loss_scale: float
 ) -> tuple[Array, Array, float, list[tuple[str, str, Sums]]]:
-    """Return rows, slopes, chi-square and sums of weighted residuals, whose derivatives (samples, unknowns) are made into a triangle.
+    """Return rows, slopes, chi-square [-] and sums of weighted residuals, by a triangle of the derivatives `full` (samples, unknowns).
+
+    With the weights w = rho' of the loss rho, sqrt(w) J = Q R: slopes are R with a row of zeros below, rows Q' sqrt(w) r with sqrt(sum rho
+    - |Q' sqrt(w) r|^2) below, so that |rows|^2 is the summed loss and slopes' rows its gradient. Chi-square is sum w r^2. `loss` at
+    `loss_scale` [-] as in `loss_of`; sums are of residuals in kelvin.
 
     Raises
     ------

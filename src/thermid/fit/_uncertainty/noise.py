@@ -596,10 +596,13 @@ class _Calm:
 
 
 def _parts(b: Binned, trace: _Calm, alike: dict[bytes, list[Array]]) -> tuple[float, float, float]:
-    """Return the variances of the white and the autocorrelated part of a trace, and the time of the latter; zeros where it is white.
+    """Return the variances of the white and the autocorrelated part of a trace, and the time of the latter [s]; zeros where it is white.
 
-    `alike` keeps the correlations that were tried on some stretches, for the next trace on the same ones. What noise of logged inputs
-    explains, and what rounding to steps does, is no wandering.
+    Variances in squares of the noise. Of `TRIED_TIMES` correlation times, from the spacing of stretches to half of the trace, that with
+    the largest restricted likelihood, near the one of the largest score (`_leaning`). `alike` keeps the correlations that were tried on
+    some stretches, for the next trace on the same ones. What noise of logged inputs explains, and what rounding to steps does, is no
+    wandering. A trace whose neighbours are tied within stretches, s^2 > within (1 + 3 sqrt(2 / spare + 2 / inner)), has a white part
+    alone.
     """
     if not trace.tells:
         return 0.0, 0.0, 0.0
@@ -658,9 +661,14 @@ def _likeliest(within: Array, y: Array, calm: float) -> tuple[float, float, floa
 
 
 def _leaning(likes: Sequence[Array], decided: Array, residuals: Array, variance: float) -> Array:
-    """Return by how many standard deviations of chance residuals lean towards each of some correlations (score test for no wandering).
+    """Return by how many standard deviations of chance residuals lean towards each of some correlations (score test for no wandering). [-]
 
-    `decided` (stretches, directions) is what the trace alone decides; correlations count beside it, and `residuals` have none of it.
+    Parameters
+    ----------
+    likes : sequence of array (stretches, stretches)    Correlations L, whitened.
+    decided : array (stretches, directions)             What the trace alone decides, D; correlations count beside it.
+    residuals : array (stretches,)                      Whitened, with no part in D.
+    variance : float                                    Of residuals in the directions left, s^2.
     """
     out = np.zeros(len(likes))
     spare = decided.shape[0] - decided.shape[1]

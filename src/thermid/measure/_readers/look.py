@@ -657,7 +657,7 @@ MAX_OFFSET_ERRORS = 3.0
 
 
 def _drawn(column: Column, width: int) -> str:
-    """Return readings as a line of blocks, lowest to highest; a stretch without any is blank."""
+    """Return readings as a line of at most `width` blocks, means of equal parts from lowest to highest; a part without any is blank."""
     if column.guess not in _SHOWN or not column.good.any():
         return ""
     values = np.where(column.good, column.values, np.nan)

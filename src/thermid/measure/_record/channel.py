@@ -768,9 +768,10 @@ def _last_digit(value: float, text: str) -> float:
 
 
 def unrounded(times: FloatArray, values: FloatArray) -> FloatArray:
-    """Return a slow signal behind readings in steps: straight lines between the middles of its changes (samples,).
+    """Return a slow signal (samples,) behind readings `values` (samples,) in steps at `times` (samples,) [s]: lines between their changes.
 
-    A reading changes where the signal passes the middle between two steps.
+    A reading changes where the signal passes the middle between two steps; before the first and after the last change it is held. [as
+    values]
     """
     change = np.flatnonzero(np.diff(values))
     if not change.size:

@@ -858,9 +858,9 @@ def _spread(channel: Channel, places: np.ndarray, samples: int) -> Channel:
 
 
 def _interleaved(one: Samples, other: Samples, there: FloatArray) -> tuple[FloatArray, dict[str, Channel]]:
-    """Return the times of two logs as one axis [s], and the channels of both on it; `there` are the second one's times.
+    """Return the times (times,) of two logs as one axis [s], and name -> channel of both on it, NaN where it has no sample.
 
-    Times that differ by rounding only are one time.
+    `there` (samples,) are the second one's times on the clock of the first. [s] Times that differ by rounding only are one time.
     """
     after = np.clip(np.searchsorted(one.times, there), 1, one.times.size - 1)
     near = np.where(there - one.times[after - 1] < one.times[after] - there, one.times[after - 1], one.times[after])

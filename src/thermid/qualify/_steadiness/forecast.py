@@ -275,7 +275,10 @@ def _reference(times: FloatArray, kelvin: FloatArray, axis: FloatArray) -> Refer
 
 
 def _time_constant_pairs(span: float, slowest: float) -> FloatArray:
-    """Return pairs of time constants (pairs, 2) of a logarithmic grid up to `slowest`, the slower second, two steps apart at least. [s]"""
+    """Return pairs of time constants (pairs, 2) of a logarithmic grid up to `slowest`, the slower second, two steps apart at least. [s]
+
+    From `MIN_TIME_CONSTANT_SHARE_TRIED` of the `span` [s] of readings on; three times that at least, so that there is a pair.
+    """
     fast = span * MIN_TIME_CONSTANT_SHARE_TRIED
     top = max(slowest, 3.0 * fast)
     count = max(3, round(TIME_CONSTANTS_PER_DECADE * np.log10(top / fast)) + 1)
