@@ -453,7 +453,7 @@ def slopes_of_clock(problem: Problem, i: int, fitted: Array, times: Array | None
 def compressed_in_full(
     problem: Problem, i: int, fitted: Array, loss: str, loss_scale: float
 ) -> tuple[Array, Array, float, list[tuple[str, str, Sums]]]:
-    """Return what `Problem.compressed` takes of experiment `i`, from all of its residuals at `fitted` (unknowns,): `as_triangle` of them."""
+    """Return what `Problem.compressed` takes of experiment `i`, from all its residuals at `fitted` (unknowns,): as `as_triangle`."""
     experiment = problem.experiments[i]
     blocks, slopes = problem.blocks_and_slopes(i, fitted)
     full = np.concatenate([slopes[o.index, k, :] for k, o in enumerate(experiment.observations)])
