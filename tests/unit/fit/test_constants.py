@@ -257,9 +257,8 @@ def test_the_error_of_a_combination_is_the_root_of_its_variance(form: str, value
 
 def test_a_bend_of_a_joint_adds_heat_as_half_a_square_in_its_logarithm() -> None:
     """By a difference in the size b of ``ln f + b x^2 / 2``, and no further than x = 1."""
-    course: Any = SimpleNamespace(
-        kelvin={"a": np.array([310.0, 390.0]), "b": np.array([300.0, 300.0])}, flows={"joint": np.array([2.0, 9.0])}
-    )
+    kelvin, flow = {"a": np.array([310.0, 390.0]), "b": np.array([300.0, 300.0])}, np.array([2.0, 9.0])
+    course: Any = SimpleNamespace(kelvin=kelvin, flows={"joint": flow})
     law = JointLaw(OperatingPoint(10.0, 295.0), 0.03, None)
     x = np.array([0.3, 1.0])
     conductor: Any = SimpleNamespace(path="joint", ends=("a", "b"))
