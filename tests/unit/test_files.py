@@ -71,6 +71,13 @@ def test_a_file_that_is_interrupted_leaves_what_was_there(tmp_path: Path) -> Non
     assert names(tmp_path) == ["run.csv"]
 
 
+def test_a_new_file_has_the_rights_of_any_new_file(tmp_path: Path) -> None:
+    (tmp_path / "any").write_text("")
+    with FileKinds.RESULTS_FILE.replacing(tmp_path / "run.csv") as half:
+        half.write_text("new")
+    assert (tmp_path / "run.csv").stat().st_mode == (tmp_path / "any").stat().st_mode
+
+
 def test_an_error_names_the_file_that_was_requested(tmp_path: Path) -> None:
     for path in (tmp_path / "no folder" / "run.csv", tmp_path):
         with pytest.raises(OSError, match=path.name) as caught, FileKinds.RESULTS_FILE.replacing(path):

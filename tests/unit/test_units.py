@@ -13,7 +13,7 @@ from hypothesis import given, strategies as st
 from by_code import raises_code
 from thermid.base._units_table import TABLE
 from thermid.base.errors import UnitError
-from thermid.base.units import NAMES, TEMPERATURE, Expression, describe, format_value, quantity, require, to_si, unit
+from thermid.base.units import NAMES, TEMPERATURE, Expression, describe, format_value, quantity, require, si_unit, to_si, unit
 
 SCRIPT = Path(__file__).parents[2] / "scripts/generate_units.py"
 
@@ -213,6 +213,11 @@ def test_wrong_dimension(given_unit: str, slot: str, code: str, message: str) ->
 def test_right_dimension(text: str, slot: str) -> None:
     of = unit(text)
     require(of.dimension, slot, text, of.absolute)
+
+
+@pytest.mark.parametrize(("text", "si"), [("kJ", "J"), ("mW", "W"), ("ft", "m"), ("W/(mm^2 K)", "W/(m^2 K)"), ("m^4", "m^4"), ("%", "1")])
+def test_a_dimension_has_its_usual_name_in_si_or_base_units(text: str, si: str) -> None:
+    assert unit(si_unit(unit(text).dimension)) == unit(si)
 
 
 def test_names_of_dimensions() -> None:

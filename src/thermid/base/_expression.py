@@ -736,7 +736,7 @@ def seconds(times: Any) -> Array:
 
 
 def clocked(times: Any) -> tuple[Array, Stamp | None]:
-    """Return times as `seconds` does, and the instant of their zero where they are stamps.
+    """Return times (times,) [s] as `seconds` does, and the instant of their zero where they are stamps.
 
     Raises
     ------

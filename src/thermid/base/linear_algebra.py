@@ -55,7 +55,10 @@ def pseudo_inverse(rows: Array, tolerance: float = RANK_TOLERANCE) -> Array:
 
 
 def _inverse(rows: Array, tolerance: float) -> tuple[Array, Array]:
-    """Return the pseudo-inverse of J'J, and the part of each unknown in directions of which the rows state nothing."""
+    """Return the pseudo-inverse (unknowns, unknowns) of J'J, and the part (unknowns,) of each in directions that J leaves open. [-]
+
+    V S^-2 V' of J = U S V' with columns of unit length, scaled back; singular values below `tolerance` of the largest count as none.
+    """
     if rows.shape[1] == 0:
         return np.zeros((0, 0)), np.zeros(0)
     s, v, weak, length = _decomposed(rows, tolerance)
@@ -65,7 +68,11 @@ def _inverse(rows: Array, tolerance: float) -> tuple[Array, Array]:
 
 
 def covariance(rows: Array, tolerance: float = RANK_TOLERANCE) -> Array:
-    """Return (J'J)^-1; an unknown with a part in a direction without information has an infinite variance and goes with no other."""
+    """Return (J'J)^-1 (unknowns, unknowns) of rows J (rows, unknowns); infinite for an unknown without information.
+
+    That is one with a part above `MAX_PART_WITHOUT_INFORMATION` in directions without; it goes with no other. `tolerance` as in
+    `_inverse`.
+    """
     out, unknown = _inverse(rows, tolerance)
     lost = unknown > MAX_PART_WITHOUT_INFORMATION
     out[lost, :] = out[:, lost] = 0.0
@@ -107,7 +114,10 @@ def inverse_square_root(matrix: Array, floor: float = RANK_TOLERANCE**2) -> Arra
 
 
 def symmetric_inverse(matrix: Array) -> Array:
-    """Return the pseudo-inverse of a covariance, or of an information given in full."""
+    """Return the pseudo-inverse (unknowns, unknowns) of a covariance `matrix` (unknowns, unknowns), or of an information given in full.
+
+    By eigenvalues of the matrix scaled to a unit diagonal; those up to `RANK_TOLERANCE`^2 of the largest count as none.
+    """
     sizes, vectors, scale = _eigen(matrix)
     weak = sizes <= RANK_TOLERANCE**2 * sizes.max(initial=0.0)
     inverted = np.where(weak, 0.0, 1.0 / np.where(weak, 1.0, sizes))
@@ -115,7 +125,10 @@ def symmetric_inverse(matrix: Array) -> Array:
 
 
 def variance(information: Array, gradient: Array) -> float:
-    """Return the variance of a combination of unknowns by an information given in full; infinite where nothing is known of it."""
+    """Return the variance g' I^-1 g of a combination g (unknowns,) of unknowns by an information I in full; infinite where none is of it.
+
+    That is where more than `MAX_PART_WITHOUT_INFORMATION` of its length lies in directions without. [square of what g combines]
+    """
     sizes, vectors, scale = _eigen(information)
     part = vectors.T @ (gradient / scale)
     weak = sizes <= RANK_TOLERANCE**2 * sizes.max(initial=0.0)

@@ -282,7 +282,7 @@ def new_axes() -> Axes:
 
 
 def _scalars(value: object) -> dict[str, object]:
-    """Return the numbers and short texts of a thing, by the names of its fields."""
+    """Return the numbers, and texts of up to 80 characters, of a dataclass by its public fields; of a plain value itself as ``value``."""
     if isinstance(value, bool | int | float | str):
         return {"value": value}
     if not is_dataclass(value) or isinstance(value, type):

@@ -353,11 +353,11 @@ def _runs_of_board(heard: Sequence[HeardLine], starts: Mapping[int, float]) -> t
 
 
 def _clock_rate(run: _Run) -> float | None:
-    """Return host seconds per second of the board, from the session of a run with most lines; None where it is too short to say.
+    """Return seconds of the host per second of the board [s/s], by the session of a run with most lines; None where it is too short to say.
 
     Where first and last line differ from 1 by more than `_MAX_CLOCK_DRIFT`, it is that ratio: a simulated board. Otherwise it is the slope
-    of
-    a least-squares line, without lines more than four median absolute deviations off: a busy host stamps late.
+    of a least-squares line, made three times without lines more than four median absolute deviations (1 ms at least) off: a busy host
+    stamps late.
     """
     best = max(set(run.sessions.tolist()), key=lambda s: int(np.count_nonzero(run.sessions == s)))
     mine = run.sessions == best

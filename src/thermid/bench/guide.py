@@ -146,6 +146,8 @@ def certificate_of(values: np.ndarray, resolution: float, when: str) -> SensorCe
 def ice_point(log: Logger, path: Path, say: Callable[[str], object], confirm: Callable[[str], bool]) -> list[MappedSensor]:
     """Read all sensors in ice water and write their certificates to the map; return the sensors that got one.
 
+    Of each the last `_READINGS`, in sixteenths of a kelvin as sensors send them; up to 50 lines are read for each.
+
     Parameters
     ----------
     log : Logger              A running log.

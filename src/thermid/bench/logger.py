@@ -268,7 +268,10 @@ class History:
             self._width = 0.0
 
     def add(self, seconds: float, value: float) -> None:
-        """Add a reading at a time. [s], [degC]"""
+        """Add a reading at a time, seconds [s] and value [degC].
+
+        The last readings are kept one by one; older ones move to bins, whose width is doubled where there are more than `_MAX_BINS`.
+        """
         with self._lock:
             self._late.append((seconds, value))
             if len(self._late) < 2 * _RAW_READINGS:

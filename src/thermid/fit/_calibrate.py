@@ -372,7 +372,7 @@ def _known_combination(group: Group, request: Request, problem: Problem, fit: Ca
 
 
 def refuse_after(request: Request, problem: Problem, minimum: Fit, covariance: Array) -> None:
-    """Refuse a fit that does not determine one of its parameters.
+    """Refuse a fit that does not determine one of its parameters, by the covariance (unknowns, unknowns) at its end, fitted form.
 
     It does not where no reading depends on the parameter, or where twice its standard error exceeds the distance between its bounds, in
     the fitted form (at a bound in its own unit too); an infinite bound is not compared.
@@ -407,7 +407,11 @@ def refuse_after(request: Request, problem: Problem, minimum: Fit, covariance: A
 
 
 def _by_instruments(problem: Problem, total: Array, k: int) -> str:
-    """Return which instruments' errors set most of the variance of an unknown; empty where none do."""
+    """Return the remark that constant errors of instruments set most of the variance of unknown `k`; empty where they do not.
+
+    Most is a half: c' S^-1 c >= C_kk / 2, with C = `total` (unknowns, unknowns), fitted form, S its part for instruments and c their
+    covariances with k. Named are those j with C_jk^2 / (C_jj C_kk) above a tenth.
+    """
     at = [j for j, u in enumerate(problem.unknowns) if u.kind in ("sensor", INPUT, "instrument")]
     if not at or not np.isfinite(total[np.ix_([k, *at], [k, *at])]).all():
         return ""
@@ -603,7 +607,10 @@ def _slow(spread: Autocorrelation) -> list[TraceNoise]:
 
 
 def _wandering(spread: Autocorrelation) -> list[str]:
-    """Return one remark on traces whose residuals wander."""
+    """Return one remark on traces whose residuals wander; none where no more of n traces do than white noise makes by chance.
+
+    That is up to n c + 3 sqrt(n c (1 - c)), c = `CHANCE`: mean and three standard deviations of a binomial law.
+    """
     slow = _slow(spread)
     # one white trace in a hundred looks as if it wandered
     if len(slow) <= CHANCE * len(spread.traces) + 3.0 * np.sqrt(CHANCE * (1.0 - CHANCE) * len(spread.traces)):

@@ -513,9 +513,11 @@ class Calibration(Named[FittedValue]):
 
     @property
     def sensor_shares(self) -> tuple[SensorShare, ...]:
-        """Return what the constant error of every sensor that has an accuracy means for a fit.
+        """Return what the constant error of every sensor that has an accuracy does: to which parameter most, and its share of that one.
 
-        The share is the squared correlation of parameter and constant error in their joint covariance.
+        The parameter is that whose error it sets most. The share is C_pb^2 / (C_pp C_bb) [-] of parameter p and constant error b in their
+        joint covariance C, fitted form; below `WORTH` there is no parameter. With it the accuracy and the largest range of readings of a
+        record. [K]
         """
         swings: dict[str, float] = {}
         accuracy: dict[str, float] = {}

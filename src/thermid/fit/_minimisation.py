@@ -248,7 +248,17 @@ def _promised(rows: Array, slopes: Array, step: Array) -> float:
 def _step(rows: Array, slopes: Array, x: Array, bounds: tuple[Array, Array], scale: Array, reach: float) -> Array:
     """Return the step (unknowns,) within a region of trust that promises most, as far as the first bound, and on from there along it.
 
-    Every part of the way promises something: unknowns that were all set on the bounds beyond which they are best together need not.
+    In units of `scale` the s that makes |r + J s| least with |s| <= reach (`_within`); what a bound stops stays there while the others go
+    on from r + J s. What stands on a bound and would leave it by the gradient J'r is not moved.
+
+    Parameters
+    ----------
+    rows : array (rows,)                Weighted residuals r and priors. [-]
+    slopes : array (rows, unknowns)     J, their derivatives, fitted form.
+    x : array (unknowns,)               Where the step begins, fitted form.
+    bounds : pair of array (unknowns,)  Lowest and highest x.
+    scale : array (unknowns,)           Unit in which a step is measured.
+    reach : float                       Its greatest length in those. [-]
 
     Raises
     ------

@@ -459,7 +459,10 @@ def _end_of(search: Search, start: Array, rounds: int) -> Fit | None:
 
 
 def _apart(ranked: Iterator[Array], taken: list[Array]) -> Iterator[Array]:
-    """Yield points of the unit cube that lie apart from all that were taken, and take them."""
+    """Yield points (parameters,) of the unit cube that lie `MIN_START_DISTANCE` apart from all that were taken, and take them.
+
+    Apart in one parameter at least. `ranked` are the points (parameters,), the best first.
+    """
     for share in ranked:
         if min(np.abs(share - t).max() for t in taken) >= MIN_START_DISTANCE:
             taken.append(share)

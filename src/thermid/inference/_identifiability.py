@@ -374,7 +374,15 @@ def identifiability(
 
 
 def _after(fit: Calibration) -> Identifiability:
-    """Return what the records of a fit told, at its end."""
+    """Return what the records of a fit showed of its parameters, at its end.
+
+    Errors are those by Fisher information, times sqrt(chi^2 per degree of freedom) where that is above 1; then every one, the relative one
+    and that without the main cause times (error of the fit / error), since the fit counts residuals that wander.
+
+    Raises
+    ------
+    IdentificationError   When the calibration was read from a file: its problem is needed.
+    """
     if fit.problem is None:
         raise IdentificationError(
             "this calibration was not made by a fit in this session; repeat the fit.", fit.stage, code="fit.needs-session"

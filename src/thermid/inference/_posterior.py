@@ -153,7 +153,16 @@ def posterior(
 def _long_enough(
     sampler: Any, start: Array, steps: int, names: Sequence[str], stage: str, progress: Callable[[int, int], None]
 ) -> tuple[Array, float]:
-    """Return draws (draws, parameters) of chains that are long enough, and their longest autocorrelation time in steps.
+    """Return draws (draws, parameters) of chains that are long enough, fitted form, and their longest autocorrelation time in steps.
+
+    Long enough are chains of more than `MIN_LENGTH` of those times after their first fifth, which begins where the fit stands; they are
+    continued until they are.
+
+    Parameters
+    ----------
+    start                       Where the walkers begin.
+    steps : int                 How many are made at first.
+    progress : callable         Gets how many are made, and how many are needed.
 
     Raises
     ------

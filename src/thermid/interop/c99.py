@@ -471,7 +471,10 @@ def _comment(text: str) -> str:
 
 
 def step_grid(breaks: list[float], end: float, step: float) -> Array:
-    """Return the times (steps + 1,) at which fixed steps end, cut where an input jumps or bends. [s]"""
+    """Return the times (steps + 1,) at which fixed steps end, cut at `breaks` [s], where an input jumps or bends, and at `end` [s]. [s]
+
+    From each cut on steps of `step` [s]; the last is what is left. One that would leave less than 1e-6 of a step goes up to the cut.
+    """
     times = [0.0]
     for until in (*breaks, end):
         while times[-1] < until - 1e-9 * step:

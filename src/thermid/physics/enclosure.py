@@ -109,7 +109,11 @@ def exchange_areas_of(factors: Array, areas: Sequence[Number], emissivities: Seq
 
 
 def _derivative_by_area(factors: Array, areas: Array, grey: Array, k: int) -> Array:
-    """Return d S_ij / d A_k (faces, faces) of the exchange areas before averaging, view factors kept; `grey` are the emissivities. [-]"""
+    """Return dS_ij / dA_k (faces, faces) of the exchange areas before averaging, view factors kept; `grey` are the emissivities e. [-]
+
+    S = e (A F) J with J as `_sent` solves it: (diag(A) - (1 - e) A F) dJ = dR, where row k of dR is (1 - e_k) F_k J - J_k, plus e_k at (k,
+    k).
+    """
     area_factors = areas[:, None] * factors
     sent = _sent(area_factors, areas, grey)
     more = np.zeros_like(area_factors)
@@ -122,7 +126,10 @@ def _derivative_by_area(factors: Array, areas: Array, grey: Array, k: int) -> Ar
 
 
 def _derivative_by_emissivity(factors: Array, areas: Array, grey: Array, k: int) -> Array:
-    """Return d S_ij / d e_k (faces, faces) of the exchange areas before averaging; `grey` are the emissivities. [m^2]"""
+    """Return dS_ij / de_k (faces, faces) of the exchange areas before averaging; `grey` are the emissivities e. [m^2]
+
+    S = e (A F) J with J as `_sent` solves it: (diag(A) - (1 - e) A F) dJ = dR, where row k of dR is -(A F J)_k, plus A_k at (k, k).
+    """
     area_factors = areas[:, None] * factors
     sent = _sent(area_factors, areas, grey)
     right = np.zeros_like(area_factors)

@@ -155,7 +155,10 @@ def _discs(d: Mapping[str, float]) -> tuple[Array, Array]:
 
 
 def _box(d: Mapping[str, float]) -> tuple[Array, Array]:
-    """Return areas and view factors of the six inner faces of a box: floor, lid, left, right, front, back."""
+    """Return areas (6,) [m^2] and view factors (6, 6) [-] of the inner faces of a box: floor, lid, left, right, front, back.
+
+    Left and right stand at the ends of the length. `d` has length, width and height. [m] Pairs by `facing_plates` and `edge_plates`.
+    """
     x, y, z = d["length"], d["width"], d["height"]
     sides = [(x, y), (x, y), (y, z), (y, z), (x, z), (x, z)]
     normal = (z, z, x, x, y, y)
@@ -171,9 +174,10 @@ def _box(d: Mapping[str, float]) -> tuple[Array, Array]:
 
 
 def _cylinder_in_cylinder(d: Mapping[str, float]) -> tuple[Array, Array]:
-    """Return areas and view factors of the space between two cylinders on one axis: inner and outer side, bottom and top ring.
+    """Return areas (4,) [m^2] and view factors (4, 4) [-] between two cylinders on one axis: inner and outer side, bottom and top ring.
 
-    The sides see each other by `_cylinders`; what is left of their view is shared equally by bottom and top.
+    The sides see each other by `_cylinders`; what is left of their view is shared equally by bottom and top. Other directions by
+    reciprocity A_i F_ij = A_j F_ji, and bottom to top by rows that sum to one. `d` has inner_radius, outer_radius and length. [m]
     """
     inner, outer, length = d["inner_radius"], d["outer_radius"], d["length"]
     to_inner, to_itself = _cylinders(inner, outer, length)

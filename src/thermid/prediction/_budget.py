@@ -931,7 +931,12 @@ def assumed_values(model: Model, scenario: Scenario, taken: Collection[str]) -> 
 
 
 def assumed_left_out(budget: Budget, nodes: Sequence[str] | None = None) -> tuple[tuple[LeftOut, Mapping[str, float]], ...]:
-    """Return the assumed values of decks that nothing spreads, with what they may move each node by once it settled (node -> K)."""
+    """Return the assumed values of decks that nothing spreads, as one entry with all of them, or nothing where there are none.
+
+    The entry has the sentence on them with the largest of its effects, and node -> root of the sum over values of (dT/dp sd)^2, dT/dp of
+    the settled state with the fit solved again, sd that of its default spread, cut to what is said of it. [K] Without effects where
+    nothing settles.
+    """
     spread = budget.spread
     spread |= {f"{n.removeprefix('scale.')}.power" for n in spread if n.startswith("scale.")}
     spread |= {f"{budget.model.canonical(load)}.power" for load in budget.scenario.loads}

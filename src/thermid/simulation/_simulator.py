@@ -35,11 +35,16 @@ def network_for(model: Model, scenario: Scenario) -> Network:
 
 
 def output_times(scenario: Scenario, every: str | float | None, times: Any) -> Array:
-    """Return the times at which a solution is stored. [s]
+    """Return the times (times,) at which a solution is stored. [s]
+
+    Parameters
+    ----------
+    every : str or float    Interval [s] from 0 on; the end is stored too. `DEFAULT_SAMPLES` equally spaced where None.
+    times : array (times,)  The times themselves, in whose place nothing else counts. [s]
 
     Raises
     ------
-    ScenarioError   When the scenario has no duration, or times lie outside it or do not increase.
+    ScenarioError   When the scenario has no duration, times lie outside it or do not increase, or there would be too many.
     """
     if scenario.seconds <= 0:
         raise ScenarioError(

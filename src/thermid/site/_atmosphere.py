@@ -49,7 +49,10 @@ class Air(NamedTuple):
 
 
 def _layers() -> tuple[Array, Array]:
-    """Return temperature and pressure at the base of every layer."""
+    """Return temperature [K] and pressure [Pa] at the base of every layer (layers,), upwards from 288.15 K and one atmosphere at sea level.
+
+    T rises by lapse times height, p as `_ratio`: US Standard Atmosphere, 1976.
+    """
     temperature, pressure = [288.15], [ATMOSPHERE]
     for base, top, lapse in zip(BASES[:-1], BASES[1:], LAPSES[:-1], strict=True):
         t, p = temperature[-1], pressure[-1]

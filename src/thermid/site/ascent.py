@@ -226,7 +226,21 @@ def _streams(
     upper: str,
     title: str,
 ) -> dict[str, Irradiation]:
-    """Return surface -> heating by the stream of molecules after separation."""
+    """Return surface -> heating by the stream of molecules after separation at `gone` [s]; nothing falls on it before. [W/m^2]
+
+    Share times rho v^3 / 2 times the accommodation (`molecular_heating`), from `FAIRING_OPENING_TIME` before separation on, or half of the
+    way to it, rising linearly to it.
+
+    Parameters
+    ----------
+    flow : dict             Surface -> cosine between its normal and the flight. [-]
+    accommodation : float   Share of the energy that molecules leave. [-]
+    upper : str             Which atmosphere holds high up.
+
+    Raises
+    ------
+    ScenarioError   Without density, speed or separation; accommodation or cosine outside 0 to 1; air too dense for molecules one by one.
+    """
     if not flow:
         return {}
     if trajectory is None or trajectory.speed is None or gone is None:
@@ -349,7 +363,16 @@ def ascent_checks(
 
 
 def _decay(pressure: Signal, seconds: float, over: float, air: str, limits: Mapping[str, Figure]) -> list[AscentCheck]:
-    """Return the fastest decay, and how long it is beyond what holds but for brief periods."""
+    """Return the checks of the fastest decay of pressure; none without a limit on it.
+
+    The decay is (p(t) - p(t + over)) / over [Pa/s], at four times in each `over` [s] from 0 to `seconds` [s]. Above the limit that holds
+    at any time, where there are limits for brief periods: it beside the brief one, and the time for which it is above the former. [s]
+
+    Parameters
+    ----------
+    air : str       The gas of the pressure, named in the checks.
+    limits : dict   Name -> figure, as `ASCENT_LIMITS`.
+    """
     times = np.linspace(0.0, max(seconds - over, 0.0), max(int(seconds / over * 4), 1) + 1)
     rate: Array = (pressure.at(times) - pressure.at(times + over)) / over
     k = int(np.argmax(rate))

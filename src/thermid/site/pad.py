@@ -213,7 +213,16 @@ def _radiation(weather: Weather, site: Site, begin: Any, times: Array, zenith: A
 
 
 def _check_night(weather: Weather, site: Site, begin: Any, duration: float) -> None:
-    """Refuse weather with more sun than there is, at night above all: its clock, or the site, is another."""
+    """Refuse weather with more sun than there is, at night above all: its clock, or the site, is another.
+
+    Above the horizon 1.3 cos(zenith) `BRIGHTEST` at most (of direct sun without the cosine), since clouds at the sun's rim may throw a
+    third more on a place, and five times `TWILIGHT_RADIATION`; once below `NIGHT_ZENITH` that. [W/m^2] Samples between 0 and `duration`
+    [s] count.
+
+    Raises
+    ------
+    ScenarioError   Names the first hour with more, and how high the sun stands then.
+    """
     for name in ("direct_normal", "diffuse", "global"):
         if name in weather:
             inside = (weather[name].times > 0.0) & (weather[name].times < duration)

@@ -440,7 +440,9 @@ def read_weather(
 
 
 def _finite_samples(columns: Columns, name: str, values: Array, longest: float, file: str, filled: list[str]) -> WeatherSeries:
-    """Return the finite samples of a column; each gap up to `longest` [s] adds a remark to `filled`.
+    """Return the finite samples of a column `values` (samples,); each gap up to `longest` [s] adds a remark to `filled`.
+
+    A gap is where samples are more than one and a half steps of the file apart.
 
     Raises
     ------
@@ -575,7 +577,10 @@ def _read_typical_year(path: Path, year: int, epw: bool) -> Columns:
 
 
 def _converted(data: pandas.DataFrame, table: Mapping[str, tuple[str, str, float]]) -> dict[str, Array]:
-    """Return quantities in SI, missing ones as NaN."""
+    """Return name -> values (samples,) in SI, NaN where they are missing; of columns that the data have.
+
+    `table`: column -> (name, unit of the file, code): what is at the code, or beyond it, is missing.
+    """
     out = {}
     for column, (name, text, absent) in table.items():
         if column in data:

@@ -361,7 +361,12 @@ class _System:
         )
 
     def solve(self, held: Array) -> tuple[Array, Array, Array, Array]:
-        """Return films, their means, what settled and dried, and what was exchanged; write the vapour of the volumes into `held`."""
+        """Return films (surfaces, times) [kg/m^2], means in each interval, what settled and dried (2, surfaces), what came and went [kg].
+
+        Writes the vapour of the volumes [kg/m^3] into `held`. Means are by Simpson's rule over each step (begin, middle, end). What
+        settled and dried are the rises and the falls of a film over half steps. An interval begins with twice the longest step of the one
+        before.
+        """
         first = len(held) - self.size.size
         state = _Water(held[first:, 0].copy(), np.zeros(self.area.size), np.zeros(2))
         film, mean = np.zeros((self.area.size, self.times.size)), np.zeros((self.area.size, self.times.size - 1))
@@ -419,9 +424,10 @@ class _Interval:
         return _Water(stages[:, 2], film, state.through + through)
 
     def steps(self, state: _Water, width: float) -> Iterator[tuple[_Water, _Water, float, _Water]]:
-        """Yield the steps of the interval: the state before and after, the share that it takes, and the state in its middle.
+        """Yield the steps of the interval: the state before and after, the share that it takes [-], and the state in its middle.
 
-        The first step tries a share `width`.
+        The first step tries a share `width`. A step whose error is above 1 is made anew, nine tenths as long as error^(-1/6), its order,
+        allows, a fifth at least; the next one grows by at most five. One in which a film appears or is gone ends there.
         """
         share = 0.0
         wet = (state.film > 0.0) | (self.gain(state, 0.0) > 0.0)
@@ -524,7 +530,17 @@ def _balance(
     exchanged: Array,
     area: Array,
 ) -> WaterBalance:
-    """Return where the water went. [kg]"""
+    """Return where the water went: mass of vapour sum V c, of films sum A f, at the end less at the start; and what came and went. [kg]
+
+    Parameters
+    ----------
+    held : array (gases, times)         Vapour c of each gas, the volumes last. [kg/m^3]
+    film : array (surfaces, times)      f. [kg/m^2]
+    moved : array (2, surfaces)         What settled and what dried. [kg/m^2]
+    outdoors : array (surfaces,)        Which are in gas of given humidity.
+    exchanged : array (2,)              Brought and lost by exchange of volumes. [kg]
+    area : array (surfaces,)            A. [m^2]
+    """
     size = np.array([float(v.volume) for v in volumes.values()])
     inside = held[len(order) - len(volumes) :]
     start, end = (float(size @ inside[:, k]) for k in (0, -1))
@@ -545,7 +561,18 @@ def _left_out(
     volumes: Mapping[str, Volume],
     gas: Mapping[str, Array],
 ) -> Iterator[str]:
-    """Yield what the balance of vapour leaves out in this run."""
+    """Yield what the balance of vapour leaves out in this run: boiling, vapour that is not dilute, fog, breath.
+
+    Vapour is p_v = c R_v T [Pa] at the film and in the gas; it is named as a share of the gas above `DILUTE`, relative humidity above
+    `FOG`, and a change (max - min) / max of the density p / T above `BREATH`. [-]
+
+    Parameters
+    ----------
+    order : sequence                    Gases in the order of `held`.
+    held : array (gases, times)         Vapour c. [kg/m^3]
+    film : array (surfaces, times)      [kg/m^2]
+    gas : dict                          Gas -> temperature (times,). [K]
+    """
     for g in order:
         whole, mine = _whole(solution, g), [k for k, c in enumerate(parts) if c.gas == g]
         empty = whole <= VACUUM_LIMIT

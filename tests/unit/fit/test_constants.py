@@ -15,10 +15,12 @@ from scipy import stats
 import thermid as td
 from thermid.fit._calibrate import _by_instruments, fit as fitted_by, strange_powers
 from thermid.fit._calibration import contradicted, far_from_sheet
+from thermid.fit._error_model.courses import OperatingPoint
+from thermid.fit._error_model.elements import BEND_OF, JointLaw
 from thermid.fit._problem.gather import build_problem
 from thermid.fit._problem.request import Request
 from thermid.fit._problem.residuals import SensorStatistics, loss_of
-from thermid.fit._uncertainty.groups import Group, _few_terms, percent
+from thermid.fit._uncertainty.groups import Group, _combination, _few_terms, percent
 from thermid.fit._uncertainty.information import Information
 from thermid.fit._uncertainty.moved import Move, Test as Asked, normal_shifts, shifts
 from thermid.fit._uncertainty.noise import _likeliest
@@ -243,6 +245,24 @@ def test_elsewhere_lies_inside_the_bounds_by_half_of_the_room() -> None:
     assert there is not None
     (k,) = info.parameters
     assert there.at[k] - info.at[k] == pytest.approx(0.5 * math.log(6.3 / 6.0))
+
+
+@pytest.mark.parametrize(("form", "value", "error"), [("power law", 2.0 * 8.0**2, 128.0 * 0.3), ("series", 0.75, 0.3), ("sum", 18.0, 0.3)])
+def test_the_error_of_a_combination_is_the_root_of_its_variance(form: str, value: float, error: float) -> None:
+    """Of a power law that of its logarithm, relative to its value."""
+    info: Any = SimpleNamespace(names=["a", "b"], values=np.array([2.0, 8.0]), unknowns=[SimpleNamespace(unit="W")] * 2)
+    found = _combination(info, [0, 1], np.array([1.0, 2.0]), form, 0.09)
+    assert (found.value, found.error) == pytest.approx((value, error))
+
+
+def test_a_bend_of_a_joint_adds_heat_as_half_a_square_in_its_logarithm() -> None:
+    """By a difference in the size b of ``ln f + b x^2 / 2``, and no further than x = 1."""
+    kelvin, flow = {"a": np.array([310.0, 390.0]), "b": np.array([300.0, 300.0])}, np.array([2.0, 9.0])
+    course: Any = SimpleNamespace(kelvin=kelvin, flows={"joint": flow})
+    law = JointLaw(OperatingPoint(10.0, 295.0), 0.03, None)
+    x = np.array([0.3, 1.0])
+    conductor: Any = SimpleNamespace(path="joint", ends=("a", "b"))
+    assert law.heats(course, conductor)[BEND_OF] == pytest.approx(flow * (np.exp(1e-6 * x**2 / 2.0) - 1.0) / 1e-6, rel=1e-5)
 
 
 class TestWhoGoesTogether:

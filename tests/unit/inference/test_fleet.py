@@ -126,6 +126,15 @@ def test_intervals_end_where_the_restricted_likelihood_has_fallen() -> None:
     assert together.low < found.omega[0, 1] / found.sizes.prod() < together.high
 
 
+def test_a_spread_of_one_value_ends_where_twice_the_logarithm_of_its_likelihood_has_fallen_by_that_of_95_per_cent() -> None:
+    """Twice a logarithm of a likelihood ratio is distributed as chi-square with one degree of freedom: 3.841 by 95 %."""
+    said, _ = summaries(40, 1, 7)
+    found = PopulationFit.fitted(said, np.ones((1, 1), dtype=bool))
+    most = found.at.log
+    for end in interval_of_spread(found, 0)[:2]:
+        assert 2.0 * (most - RestrictedLikelihood.at(said, np.array([[end]])).log) == pytest.approx(3.841, abs=0.05)
+
+
 def test_a_spread_that_is_not_there_is_zero() -> None:
     said, _ = summaries(40, 2, 12, np.diag([1.0, 0.0]), noise=1.0)
     found = PopulationFit.fitted(said, np.ones((2, 2), dtype=bool))

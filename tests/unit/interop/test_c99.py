@@ -14,7 +14,7 @@ import thermid as td
 from by_code import raises_code
 from thermid.base.errors import SolverError
 from thermid.interop import c99 as writing
-from thermid.interop.c99 import COUPLED, DRIFT, GAMMA, STAGES, TIMES, nice_steps, step_grid, to_c
+from thermid.interop.c99 import COUPLED, DRIFT, GAMMA, STAGES, TIMES, _Stepper, nice_steps, step_grid, to_c
 from unit.interop.networks import SIGNALS, hot_box
 from unit.interop.programs import FAST, STRICT, c99
 
@@ -328,3 +328,29 @@ def test_steps_within_which_a_thermostat_switches_too_often_have_no_stated_error
     step, error = writing.chosen_step(w, 100.0)
     assert step < next(nice_steps(30.0))
     assert error <= 100.0
+
+
+class _Curved(_Stepper):
+    """A state that is the time, whose one thermostat switches where exp(5 t) has become 10; `steps` counts the steps that were tried."""
+
+    def __init__(self) -> None:
+        self.controls, self.grid, self.steps, self.switched_at = [0], np.array([0.0, 1.0]), 0, np.nan
+
+    def _step(self, state: Any, begin: float, end: float, last: float) -> Any:
+        self.steps += 1
+        return np.array([end])
+
+    def _due(self, state: Any, time: float) -> float:
+        return -1.0 if self.switched_at <= state[0] else float(np.exp(5.0 * state[0])) - 10.0
+
+    def _switched(self, state: Any, time: float, tolerance: float) -> Any:
+        self.switched_at = state[0] if tolerance else np.nan
+        return state
+
+
+def test_the_time_of_a_switching_is_found_faster_than_by_regula_falsi() -> None:
+    """In its Illinois form 12 tries are enough here; where the end that stays keeps its value, 200 do not come as near."""
+    stepper = _Curved()
+    stepper._advance(np.zeros(1), 0.0, 1.0)
+    assert stepper.switched_at == pytest.approx(np.log(10.0) / 5.0, abs=1e-12)
+    assert stepper.steps < 16

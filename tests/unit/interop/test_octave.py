@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -10,6 +12,7 @@ import pytest
 import thermid as td
 from by_code import raises_code
 from thermid.interop._wired import identifiers
+from thermid.interop.octave import _groups
 from unit.interop.networks import HOT, SIGNALS, TIGHT, hot_box
 from unit.interop.programs import octave
 
@@ -155,3 +158,10 @@ def test_a_file_that_is_no_function_is_refused(name: str, tmp_path: Path) -> Non
     with raises_code("name.not-valid"):
         td.interop.to_octave(hot_box(), SIGNALS, tmp_path / f"{name}.m")
     assert list(tmp_path.iterdir()) == []
+
+
+def test_massless_nodes_are_eliminated_together_with_all_that_are_joined_to_them() -> None:
+    """`b` joins `a` and `c`, which come before it and stand apart until then; `d` stands alone, `case` has a mass."""
+    ends = [("a", "case"), ("a", "b"), ("d", "case"), ("b", "c")]
+    wired: Any = SimpleNamespace(massless=("a", "c", "d", "b"), conductors=[("", SimpleNamespace(ends=e)) for e in ends])
+    assert sorted(_groups(wired)) == [["a", "c", "b"], ["d"]]

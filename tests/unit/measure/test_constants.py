@@ -6,13 +6,15 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from scipy.special import ndtr
 
 from by_code import raises_code
 from thermid.base.errors import RecordError
 from thermid.measure._readers.binary import _matlab_size, _tdms_times
-from thermid.measure._readers.common_step import Explanation, LogCourse, _rows
+from thermid.measure._readers.common_step import Explanation, LogCourse, _error, _rows
 from thermid.measure._readers.guess import _by_name
 from thermid.measure._record.channel import Channel, codes_of
+from thermid.measure._record.rounding import _terms
 from thermid.measure.readers import read_record
 
 
@@ -72,3 +74,22 @@ def test_readings_show_their_noise_from_eight_differences_on(samples: int, told:
     values = 300.0 + np.random.default_rng(5).normal(0.0, 0.1, samples)
     channel = Channel.from_array("T", values, unit="K", role="node", target="n")
     assert (channel.white_noise > 0.0) is told
+
+
+@pytest.mark.parametrize("blur", [0.0, 0.1, 0.25])
+def test_the_terms_of_rounding_sum_to_the_mean_square_of_what_a_mean_of_rounded_readings_is_off_by(blur: float) -> None:
+    """Readings of a signal x with Gaussian noise before rounding: their mean less x, squared, averaged over a step."""
+    step, n = 0.5, 4000
+    x = step * (np.arange(n) + 0.5) / n
+    k = np.arange(-12, 15)
+    below = ndtr((step * (k[:, None] + 0.5) - x) / blur) if blur else (step * (k[:, None] + 0.5) > x).astype(float)
+    mean = np.sum(step * k[1:, None] * np.diff(below, axis=0), axis=0)
+    assert _terms(step, blur).sum() == pytest.approx(np.mean((mean - x) ** 2), rel=0.025)  # without noise the series ends at a fiftieth
+
+
+def test_an_offset_of_clocks_is_known_to_a_step_of_the_other_log_over_the_root_of_twelve_at_best() -> None:
+    """The standard deviation of an error that lies anywhere in a step."""
+    times = np.arange(0.0, 3600.0, 10.0)
+    course = np.sin(times / 40.0) + np.random.default_rng(3).normal(0.0, 0.01, times.size)
+    made = Explanation(times, course[:, None], np.zeros(0), np.zeros(0))
+    assert _error(LogCourse("T", False, times, course), made, 0.0, 60.0) == pytest.approx(60.0 / np.sqrt(12.0), rel=1e-3)

@@ -12,7 +12,7 @@ from by_code import raises_code
 from thermid.base.errors import DeckError, code_of
 from thermid.model._deck.modelfile import model_from_dict
 from thermid.model._laws.stores import curve
-from thermid.model._parts.elements import KINDS
+from thermid.model._parts.elements import KINDS, Facing
 from thermid.model._tree.areas import ledger
 from thermid.model._tree.model import Model
 from thermid.simulation._network import rows
@@ -282,3 +282,13 @@ def test_a_conductor_takes_area_from_surfaces() -> None:
     deck["conductors"]["c"] |= {"kind": "conduction", "conductance": "1 [W/K]"}
     with raises_code("value.incomplete", DeckError, match=r"c\.takes"):
         model_from_dict(deck)
+
+
+@pytest.mark.parametrize(("tilt", "azimuth"), [(0.0, 360.0), (180.0, -180.0)])
+def test_a_surface_looks_up_to_down_and_all_around(tilt: float, azimuth: float) -> None:
+    assert Facing(tilt, azimuth) == Facing(tilt, azimuth)
+    beyond = 1.0 if tilt else -1.0
+    with raises_code("value.outside-range", DeckError):
+        Facing(tilt + beyond, azimuth)
+    with raises_code("value.outside-range", DeckError):
+        Facing(tilt, azimuth - beyond)

@@ -33,6 +33,11 @@ def test_thinning_keeps_the_ends_and_every_spike() -> None:
     assert thinned(values[:200], 300).size == 200
 
 
+def test_thinning_keeps_two_samples_of_each_stretch_and_both_ends() -> None:
+    values = np.sin(np.arange(1000.0))  # 50 stretches of 20, none with its extremes at an end of the trace
+    assert [thinned(values, most).size for most in (102, 4)] == [102, 4]
+
+
 def test_a_long_trace_is_thinned_in_the_drawing_alone() -> None:
     long = block(size=40_000)
     drawn = trace(long, "k", "label")

@@ -16,7 +16,8 @@ import thermid as td
 from thermid.base.errors import ScenarioError
 from thermid.campaign.stages import Campaign, CampaignPrediction
 from thermid.reporting._blocks.content import LONG, SHOWN, Cell, Figures, Head, Section, Sheets, Table, csv_of, folded, numbered, oversized
-from thermid.reporting._diagrams.map import fitting_map
+from thermid.reporting._diagrams.map import MIN_LETTER_SIZE, fitting_map
+from thermid.reporting._pages import campaign as campaign_pages
 from thermid.reporting._pages.campaign import NETWORK_SIZE, _decides, _named, _network, course_of, decisive, front, hottest_moment, report
 from thermid.reporting._pages.tables import glance
 from thermid.reporting._pictures import figures
@@ -260,6 +261,15 @@ def test_the_coloured_network_says_temperatures_and_heat(count: int) -> None:
     assert "26.9 °C" in picture
     assert "+2 W" in picture.replace("\u2009", " ")
     assert "→ air 2 W" in picture.replace("\u2009", " ")
+
+
+def test_the_smallest_letters_of_the_network_have_six_and_a_half_points_on_paper() -> None:
+    """As wide as figures at the top of a sheet are: the smallest letters that a referee reads without a lens."""
+    style = Path(campaign_pages.__file__).parents[1] / "_blocks" / "page.css.jinja"
+    width = re.search(r"\.lead figure\{width:(\d+)mm", style.read_text(encoding="utf-8"))
+    assert width is not None
+    points = float(width[1]) / 25.4 * 72.0
+    assert MIN_LETTER_SIZE * points / NETWORK_SIZE[0] == pytest.approx(6.5, abs=0.05)
 
 
 def test_parts_are_folded_until_the_network_fits() -> None:

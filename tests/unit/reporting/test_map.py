@@ -19,7 +19,7 @@ from thermid.app.cli.app import main
 from thermid.model.tree import Flat
 from thermid.reporting._diagrams import map as drawn
 from thermid.reporting._diagrams.map import network_map
-from thermid.reporting._diagrams.places import CARD_ROWS, DEEP, PLACE_STEP, MapPlaces, docked, places
+from thermid.reporting._diagrams.places import CARD_ROWS, DEEP, PLACE_STEP, MapPlaces, _exchanged, docked, places
 
 BOX = Path(__file__).parents[3] / "examples" / "box" / "box.toml"
 
@@ -261,3 +261,21 @@ def test_the_command_draws_it(tmp_path: Path) -> None:
     with mock.patch.object(sys, "argv", ["thermid", "diagram", str(BOX), "--to", str(to), "--force"]), pytest.raises(SystemExit):
         main()
     assert to.read_text(encoding="utf-8").startswith(network_map(td.load_model(BOX)) + "\n")
+
+
+def test_no_exchange_of_two_cards_would_shorten_the_lines_any_more() -> None:
+    rng = np.random.default_rng(2)
+    where = 100.0 * np.array([(x, y) for y in range(3) for x in range(4)])
+    metre = np.linalg.norm(where[:, None] - where, axis=2)
+    for _ in range(5):
+        weight = np.triu(rng.random((11, 11)) * (rng.random((11, 11)) < 0.4), 1)
+        weight = weight + weight.T
+
+        def length(place: np.ndarray, weight: np.ndarray = weight) -> float:
+            return float(np.sum(weight * metre[np.ix_(place[:11], place[:11])]))
+
+        place = _exchanged(weight, rng.permutation(12), where)
+        for a, b in itertools.combinations(range(12), 2):
+            other = place.copy()
+            other[[a, b]] = other[[b, a]]
+            assert length(other) >= length(place) - 1e-3

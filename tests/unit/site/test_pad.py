@@ -123,6 +123,15 @@ def test_a_sun_at_night_says_that_the_clock_is_wrong(weather: td.site.Weather, t
         td.site.pad_scenario(td.site.Site(-2.373, -44.396, timezone=0.0), td.site.read_weather(path))
 
 
+def test_the_height_of_a_sun_that_is_too_weak_for_the_weather_is_what_is_left_to_the_zenith_of_90_degrees(tmp_path: Path) -> None:
+    site = td.site.Site(-2.373, -44.396, timezone=0.0)
+    path = tmp_path / "early.csv"
+    path.write_text("time,dry_bulb,humidity,global\n2026-03-21 06:00,25,80,0\n2026-03-21 09:00,28,70,400\n2026-03-21 12:00,30,65,900\n")
+    height = abs(90.0 - float(site.sun("2026-03-21 06:00", np.array([3.0 * 3600.0])).zenith[0]))
+    with raises_code("value.contradicts", ScenarioError, match=rf"\b{height:.0f} degrees"):
+        td.site.pad_scenario(site, td.site.read_weather(path))
+
+
 def test_a_zone_is_never_guessed(weather: td.site.Weather) -> None:
     nowhere = td.site.Site(-2.373, -44.396)
     with raises_code("value.incomplete", ScenarioError, match="2026-03-21.*06:00-03:00"):

@@ -254,7 +254,12 @@ def _parsed(table: Any, where: str) -> Any:
 
 
 def _kelvin(limits: Mapping[str, str | float], where: str) -> dict[str, float]:
-    """Limits in kelvin by known metrics; an empty text is none."""
+    """Return metric -> limit in kelvin, of known metrics and ``each``; an empty text is none.
+
+    Raises
+    ------
+    ScenarioError   When they are no table, a metric is unknown, or a limit is not above zero.
+    """
     if not isinstance(limits, Mapping):
         raise ScenarioError("give the criteria of a sensor as a table such as { rmse = '1 [K]' }.", where, code="value.wrong-kind")
     out: dict[str, float] = {}

@@ -531,10 +531,15 @@ def _not_passive(network: Network) -> str:
 
 
 def searched_worst(spare: Callable[[Array], float], size: int, runs: int, seed: int) -> Array:
-    """Return the point (size,) of a box of unit edges at which a function is least, of as many evaluations at most.
+    """Return the point (size,) of a box of unit edges at which a function is least, by about `runs` evaluations at most.
 
-    `DRAWS` uniform draws and the corners come first; then descents of the simplex of Nelder and Mead (1965) from the worst of them that lie
-    apart.
+    `DRAWS` uniform draws and the corners come first; then descents of the simplex of Nelder and Mead (1965) from the worst of them that
+    lie `MIN_CORNER_DISTANCE` apart, which share what is left.
+
+    Parameters
+    ----------
+    spare : callable    Point (size,) -> what is to spare. [K]
+    seed : int          Of the draws.
     """
     from scipy.optimize import minimize
 

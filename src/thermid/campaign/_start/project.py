@@ -505,7 +505,10 @@ def _hidden_starts(request: Request, records: Sequence[Record], seats: Mapping[s
 
 
 def _limit(proposal: Proposal, records: Sequence[Record], column: str) -> float:
-    """Return the limit of a sensor for the verdict, rounded up to 0.01 K: by noise and range. [K]"""
+    """Return the limit of a sensor for the verdict, rounded up to 0.01 K: by noise and range. [K]
+
+    max(`VERDICT_NOISES` noise, `VERDICT_SHARE_OF_RANGE` range), with a noise of 0.1 K where none is known.
+    """
     values = [r[column].values[r[column].valid] for r in records if column in r.channels]
     spread = max((float(np.ptp(v)) for v in values), default=1.0)
     size = max(VERDICT_NOISES * proposal.noise.get(column, 0.1), VERDICT_SHARE_OF_RANGE * spread)

@@ -298,7 +298,11 @@ class Proposal:
 
     @property
     def unexplained(self) -> str:
-        """That no structure explains the log, and what to log; empty where one does."""
+        """That no structure explains the log, and what to log; empty where one does.
+
+        One does where 1.4826 times the median absolute residual, the standard deviation of a normal law, of the worst sensor is at most
+        `MAX_UNEXPLAINED_SHARE` of the spread of all readings, or `MAX_UNEXPLAINED_NOISES` times the largest noise. [K]
+        """
         one = self.chosen
         readings = [o.measured for e in one.problem.experiments for o in e.observations]
         spread = float(np.sqrt(np.mean([np.var(values) for values in readings])))
@@ -468,7 +472,8 @@ class Rest:
 def beginning_rest(record: Record, roles: Roles, noise: Mapping[str, float], accuracy: float = ACCURACY) -> Rest:
     """Return how a record begins without power, and whether that shows offsets.
 
-    Changes are those of the mean from the first half to the second. A part that follows drifting surroundings changes between not at all
+    Without power are samples of 1 % of the largest at most. Changes are those of the mean from the first half to the second; noise
+    explains one up to 3 noise / sqrt(readings of a half) + 0.02 K. A part that follows drifting surroundings changes between not at all
     and as they do; one that cools changes otherwise. How far it is behind them at the beginning depends on how they drifted before, which
     no reading shows: as much again, twice the change, is one standard deviation. In simulated rooms, of parts with time constants of 10
     min to 5 h, 4 % were farther than two of them.
@@ -675,9 +680,10 @@ PROVES_INSTANT = 4.0
 def _between_samples(begun: FittedStructure, proposed: FittedStructure, budget: EvaluationBudget) -> Request | None:
     """Return the request in which powers changed between their samples, where the readings prove that they did; else None.
 
-    A power of 18 W that changes half a minute before its sample gives 540 J that the log does not have, 0.4 K of a box of 1300 J/K.
-    The instants are unknowns of a fit. A mass would answer a delay too, and a delay a mass, so instants have to fit better beside what a
-    search found with powers as logged, or better than that beside nothing.
+    A power of 18 W that changes half a minute before its sample gives 540 J that the log does not have, 0.4 K of a box of 1300 J/K. The
+    instants are unknowns of a fit. A mass would answer a delay too, and a delay a mass, so instants have to fit better beside what a
+    search found with powers as logged, or better than that beside nothing: its cost - theirs > `PROVES_INSTANT` n chi^2 / freedom, of n
+    instants, with costs of half a sum of squares and chi^2 per degree of freedom of their fit.
 
     Parameters
     ----------

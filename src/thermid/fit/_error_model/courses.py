@@ -74,7 +74,10 @@ class ElementCourse:
 
 
 def course_of(wiring: Wiring, engine: Engine, x: Array | None, options: Options, rest: Mapping[str, float] | None = None) -> ElementCourse:
-    """Return the course of a run at some values of its free names.
+    """Return the course of a run at some values `x` (free,) of its free names, SI; at the deck's where None.
+
+    At `DEPARTURE_SAMPLES` equally spaced times: temperatures and heat flows, what a flow changes by per kelvin of a boundary [W/K] by a
+    difference of 1 mK, and d(C T - energy brought)/dt of every node that stores heat, which holds where powers jump. [W]
 
     Parameters
     ----------

@@ -87,7 +87,11 @@ class SurfaceLaw:
         return Law("power", (convected, self.exponent), "gas"), Law("radiation", (radiated / (4.0 * self.at.level**3),), "radiation")
 
     def heats(self, course: ElementCourse, c: FlatConductor) -> dict[str, Array]:
-        """Return the heat (times,) that one more of n and of s adds along a run. [W]"""
+        """Return exponent or share -> the heat (times,) that one more of it adds along a run. [W]
+
+        Of the exponent n convection times ln(|dT| / dT_fit), with |dT| at least `FLOWLESS` of dT_fit, the difference of the fit. Of the
+        share s of radiation, radiation / s - convection / max(g - s, 1 - `LARGEST_SHARE`), g the coefficient over the fitted one. [-]
+        """
         first, second = (course.kelvin[end] for end in c.ends)
         apart = np.maximum(np.abs(first - second), FLOWLESS * self.at.difference) / self.at.difference
         radiated = course.radiated.get(c.path, np.zeros(course.times.size))
@@ -401,7 +405,10 @@ def places(course: ElementCourse, c: FlatConductor, at: OperatingPoint) -> Array
 
 
 def lagged(x: Array, t: Array, time: float) -> Array:
-    """Return a course (times,) that follows another with a time constant. [s]"""
+    """Return a course y (times,) that follows another, `x`, with a time constant [s]: y' = (x - y) / time, y = x at first. [as x]
+
+    Between two of the instants `t` (times,) [s] x counts with the mean of both.
+    """
     out, steps = np.empty_like(x), np.exp(-np.diff(t) / time)
     out[0] = x[0]
     for k, decay in enumerate(steps.tolist()):
@@ -442,7 +449,9 @@ def gradient(name: str, network: Network, course: ElementCourse, node: str) -> D
 def room_heats(network: Network, course: ElementCourse, boundary: str, time: float, begun: bool = False) -> list[DepartureHeat]:
     """Return what a room puts into nodes that departs as an Ornstein-Uhlenbeck process, per independent normal number. [1 K]
 
-    With `begun` the first of them lacks what the room is off by at the beginning, for as long as the run lasts.
+    Its correlation is exp(-|dt| / time), with `time` [s], at two knots each time constant, `ROOM_KNOTS` at most, straight between; numbers
+    are those of the rows of its Cholesky root. A node gets that course [K] times the heat per kelvin of the boundary through its
+    conductors. [W/K] With `begun` the first of them lacks what the room is off by at the beginning, for as long as the run lasts.
     """
     # instants of hats that hold a process with a time constant: two a time constant, at most `ROOM_KNOTS` a run. [s]
     end = float(course.times[-1])

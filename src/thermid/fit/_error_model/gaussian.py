@@ -123,7 +123,10 @@ class NormalMixture:
         return np.asarray(self.weights @ (self.variances + (self.means - self.mean) ** 2))
 
     def interval(self, level: float = 0.95) -> tuple[Array, Array]:
-        """Return the ends (times,) of the central interval of a probability, by halving. [K]"""
+        """Return the ends (times,) of the central interval of probability `level`, by halving. [K]
+
+        Where sum_k w_k Phi((x - m_k) / s_k) = (1 -+ level) / 2, of weights w, means m and standard deviations s.
+        """
         from scipy.special import ndtr, ndtri
 
         spread = np.sqrt(self.variances)
@@ -245,7 +248,10 @@ def squared_exponential(first: Array, second: Array, lengths: Array) -> Array:
 
 
 def pivots(points: Array, lengths: Array, tolerance: float, most: int) -> Array:
-    """Return the points (r, d) that a pivoted Cholesky factor of k takes until so much of the largest variance is left.
+    """Return the points (r, d) that a pivoted Cholesky factor of k takes until `tolerance` [-] of the largest variance is left.
+
+    `most` of them at most. k is `squared_exponential` with `lengths` (d,) between points (points, d). Each step takes the point of largest
+    variance v and subtracts c c', c = k(., point) less what the columns before say of it, over sqrt(v).
 
     Source: Harbrecht, Peters and Schneider, Appl. Numer. Math. 62 (2012) 428.
     """

@@ -211,7 +211,9 @@ class KeptWay:
     def of_fitted(cls, way: FittedWay, shares: Array) -> KeptWay:
         """Return a way by its members and their probabilities `shares` (members,): their common mean and covariance, fitted form.
 
-        Sizes are roots of mean squares; members below `COUNTED` of the mean share are left out.
+        With p the shares over their sum, mean sum p m_i and covariance sum p (C_i + m_i m_i') - mean mean'. Sizes are roots of mean
+        squares. Members below `COUNTED` of the mean share are left out of mean and covariance; so are pairs of size and time constant of
+        what no element explains whose p, summed over members, is below it.
         """
         weight = float(shares.sum())
         every = shares / weight

@@ -66,7 +66,12 @@ class OwnValue:
     def expected_from(self, first: Mapping[str, float]) -> tuple[float, float]:
         """Return mean and standard deviation of a further run's value about its start, by that run's first readings. [K]
 
-        A sensor that the further run does not have stands where it stood beside the other on the fitted runs.
+        mean + sum_b slope_b x_b, x_b the first reading of sensor b less that at the start, less its mean over the runs; variance sd^2 (1 +
+        1 / runs) + sum_b (error_b x_b)^2. x_b = 0 for a sensor that the further run does not have, or without one at the start.
+
+        Parameters
+        ----------
+        first : dict   Sensor -> first reading of the further run. [K]
         """
         mean, variance = self.mean, self.sd**2 * (1.0 + 1.0 / self.runs)
         if self.start not in first:

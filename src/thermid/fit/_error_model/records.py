@@ -220,9 +220,10 @@ class RecordRun:
         return np.asarray(moved - np.concatenate([t.rows[:, first:] for t in self.means]) @ (self._gain @ moved))
 
     def _at(self, mean: Array) -> Array:
-        """Return where every unknown stands, with those of the way at `mean`.
+        """Return where every unknown stands (unknowns,), fitted form, with those of the way at `mean`.
 
-        Those of the run stand at the means of their priors; what was fitted to it stands where least squares with these put it.
+        Those of the run stand at the means of their priors; what was fitted to it stands where least squares with these put it: G (r - R
+        x), with the residuals r, rows R and gain G of the run's means.
         """
         at = self.far + np.concatenate([mean, np.zeros(self.far.size - mean.size)])
         off = np.concatenate([t.residuals - t.rows @ at for t in self.means])

@@ -286,7 +286,11 @@ class Dynamics:
         return coefficients
 
     def course(self, at: At, about: Array, times: Array) -> Array:
-        """Return the rates (times, states) of a linear network at a state (states,), at many times [s] at once."""
+        """Return the rates (times, states) [K/s] of a linear network at a state `about` (states,) [K], at many times [s] at once.
+
+        Those at time 0, plus the change of heat by boundaries and loads over C; massless nodes are eliminated: q - J_01 J_11^-1 q_1, of
+        the Jacobian J [W/K], 1 the massless ones.
+        """
         a, here = at.assembled, self.local(at, about, 0.0)
         by_one_kelvin = _units(self.wiring.structure.offset, a.coefficients.size)
         by_boundary = self.problem.rhs(a.coefficients, here.temperatures, 0.0, by_one_kelvin)[2]  # heat (nodes, boundaries) [W/K]
@@ -344,7 +348,10 @@ class Dynamics:
         return (heat + outer if self._heated else heat), jacobian, slopes
 
     def readings(self, at: At, local: RatesAt, state: Array, time: float, sensors: Sequence[int]) -> tuple[Array, Array]:
-        """Return what sensors read (sensors,) [K] at a state, and the rows of that (sensors, states)."""
+        """Return what sensors read (sensors,) [K] at a state (states,) and `time` [s], and the rows of that (sensors, states).
+
+        T + scale (T - about) + bias, with the scale error of the sensor, about where it has none, and its constant error. [K]
+        """
         a = at.assembled
         traces = Traces(self.wiring, a, np.array([time]), self.nodes, local.temperatures[None, :], local.slopes[None, :, :])
         read, rows = np.zeros(len(sensors)), np.zeros((len(sensors), self.size))

@@ -98,7 +98,11 @@ def outlooks(likelihood: Likelihood, i: int, fitted: Array, covariance: Array, o
 
 
 def _rows_after(passing: Passing, filtered: Pass, root: Array, origin: float, horizon: float) -> list[tuple[int, float, float, float]]:
-    """Return sensor, time [s], foreseen less measured [K] and its standard deviation [K] of every reading after an origin."""
+    """Return sensor, time [s], foreseen less measured [K] and its standard deviation [K] of every reading up to a horizon.
+
+    From `origin` [s] on for `horizon` [s]. Variance P of the state by the reading's row, that of the parameters by members moved by one
+    column of `root` (parameters, parameters) either way, and the noise of the reading.
+    """
     place = int(np.searchsorted(filtered.times, origin * (1 + 1e-12), side="right")) - 1
     belief, count = filtered.beliefs[place], root.shape[0]
     rows: list[tuple[int, float, float, float]] = []

@@ -93,7 +93,11 @@ def exponential(matrices: Array) -> Array:
 
 
 def responses(rates: Array, seconds: float) -> tuple[Array, Array, Array]:
-    """Return F, P1 and P2 of matrices A (members, n, n) over a step. [-], [s], [s]"""
+    """Return F = exp(A h), P1 and P2 (members, n, n) of matrices A = `rates` (members, n, n) [1/s] over a step h = `seconds`. [-], [s], [s]
+
+    P1 = int exp(A u) du and P2 = int exp(A u) (1 - u / h) du from 0 to h: what a rate that is constant, or rises from 0 to 1 over the
+    step, adds. By one exponential of the block matrix [A h, 1, 0; 0, 0, 1; 0, 0, 0] (Van Loan, IEEE Trans. Autom. Control 23 (1978) 395).
+    """
     members, n, _ = rates.shape
     block = np.zeros((members, 3 * n, 3 * n))
     block[:, :n, :n] = rates * seconds
@@ -103,7 +107,11 @@ def responses(rates: Array, seconds: float) -> tuple[Array, Array, Array]:
 
 
 def noise_root(rates: Array, noise: Array, seconds: float) -> Array:
-    """Return a lower triangular root of Q of matrices A (members, n, n) [1/s] and G (members, n, sources) over a step."""
+    """Return a lower triangular root (members, n, n) of Q of matrices A (members, n, n) and G (members, n, sources) over a step.
+
+    A = `rates` [1/s], G = `noise`. Q = int exp(A u) G G' exp(A' u) du from 0 to h = `seconds`, by Gauss points, whose roots stand side by
+    side; a step with |A| h above `MAX_GAUSS_NORM` is halved, and Q(2 h) = F Q F' + Q doubles it again. [K]
+    """
     members, n, _ = rates.shape
     if not noise.any():
         return np.zeros((members, n, n))

@@ -74,7 +74,9 @@ class PowerHistory(Result):
         return np.asarray(np.sqrt(np.maximum(np.diag(self.covariance), 0.0)))
 
     def weights(self, window: str) -> tuple[Array, Array]:
-        """Return the middle of every whole window [s], and the weights (windows, knots) of the knots in its mean power.
+        """Return the middle of every whole window [s], and the weights (windows, knots) of the knots in its mean power. [-]
+
+        The power is straight between knots: weights are the integral of a knot's hat over the window, over its width.
 
         Raises
         ------
@@ -507,7 +509,21 @@ def _plain(model: Model, load: str) -> tuple[str, Model]:
 
 
 def _knots(record: Record, step: float, known_powers: Sequence[tuple[Any, Any, Any]], accuracy: Any, where: str) -> tuple[Array, Pins]:
-    """Return the times of the knots from the first sample [s], two close together where a stretch of known power begins or ends."""
+    """Return the times of the knots (knots,) from the first sample [s], and which of them stand at known powers.
+
+    They are `step` [s] apart or a little less or more, so that they fit between where stretches of known power begin and end. There are
+    two, a thousandth of `step` apart, since the power jumps. A standard deviation in per cent is of the power, of a thousandth of the
+    largest at least. [W]
+
+    Parameters
+    ----------
+    known_powers : sequence     (first, last, power) of each stretch, such as ("0 [s]", "600 [s]", "0 [W]").
+    accuracy                    Standard deviation of those powers, in watts or per cent.
+
+    Raises
+    ------
+    IdentificationError   When fewer than four intervals fit into the log, or a stretch does not lie in it.
+    """
     end = float(record.times[-1] - record.times[0])
     if not 0 < step <= end / 4:
         raise IdentificationError(
@@ -619,7 +635,10 @@ def _shown(unknown: Unknown, fitted: float) -> float:
 
 
 def _half_width(row: Array, at: int) -> float:
-    """Return the full width at half maximum [knots] of a smoothing kernel (knots,) about its knot `at`, straight between knots."""
+    """Return the full width at half maximum [knots] of a smoothing kernel, `row` (knots,), about its knot `at`, straight between knots.
+
+    Of a side that does not fall to half the knots up to its end count.
+    """
     half, out = 0.5 * row[at], 0.0
     for side in (row[at:], row[at::-1]):
         below = np.flatnonzero(side < half)
@@ -712,9 +731,10 @@ def solved(problem: Problem, knots: Array, pins: Pins, base: float, priors: Sequ
 
 
 def _with_heat(problem: Problem, knots: Array, pins: Pins, base: float, prior: str) -> Array:
-    """Return the start of the unknowns: their own values, beside parameters with the history that fits these.
+    """Return the start of the unknowns (unknowns,), fitted form: their own values, beside parameters with the history that fits these.
 
-    Without heat a conductance between two equal temperatures and a mass that stays at one change nothing.
+    Without heat a conductance between two equal temperatures and a mass that stays at one change nothing. `knots`, `base` and `prior` as
+    in `_likeliest`.
     """
     x = np.array([u.to_fitted(u.start) for u in problem.unknowns])
     if not any(u.kind == "parameter" for u in problem.unknowns):
@@ -745,11 +765,14 @@ def _colour(
 ) -> tuple[Colour | None, tuple[str, ...]]:
     """Return the likeliest coloured noise about a history, and remarks on it; None where white noise is as likely.
 
-    Its time [s] is one of `COLOURS` from twice the spacing of the bins to a quarter of the longest trace, its size [K] one of `SIZES`.
+    Its time [s] is one of `COLOURS` from twice the spacing of the bins to a quarter of the longest trace, its variance in parts of the
+    white noise one of `SIZES`, then one of five factors of it; each is judged at its best smoothness within six decades of that found with
+    white noise. It counts where 2 ln of the likelihood gains more than `MIN_LIKELIHOOD_GAIN`.
 
     Parameters
     ----------
     knots : array (knots,)      Instants of the history. [s]
+    base : float                Standard deviation of a knot before. [W]
     pieces : dict               (record, sensor) -> its binned residuals. [K]
     inputs : dict               (record, sensor) -> answers of its bins to the noise of inputs. [K]
     """
@@ -790,9 +813,10 @@ def _colour(
 
 
 def _weighted_equations(problem: Problem, x: Array, pins: Pins, slopes: Array, rows: Array) -> list[tuple[Array, Array]]:
-    """Return A and g of the linearised sums of squares ``|A z - g|^2`` over new unknowns z: data, priors, stretches of known power.
+    """Return A and g of the linearised sums of squares ``|A z - g|^2`` over new unknowns z: data, priors, stretches of known power. [-]
 
-    With derivatives J and residuals r at x, ``A = J`` and ``g = J x - r``; known powers P give ``(z_k - P) / sd``.
+    With derivatives J, `slopes` (rows, unknowns), and residuals r, `rows` (rows,), at x (unknowns,), fitted form, ``A = J`` and ``g = J x
+    - r``; known powers P give ``(z_k - P) / sd``.
     """
     prior_residuals, prior = problem.prior_rows(x)
     pinned = np.zeros((pins.at.size, x.size))
@@ -857,11 +881,20 @@ def _refuse_undetermined(problem: Problem, sides: Sequence[tuple[Array, Array]],
 def _margin(
     problem: Problem, x: Array, slopes: Array, covariance: Array, theta: Sequence[int], level: float, colour: Colour | None
 ) -> Array:
-    """Return what the logarithm of the margin over the history adds to the derivatives (unknowns,) of the parameters.
+    """Return what the logarithm of the margin over the history adds to the derivatives (unknowns,) of the parameters. [1 / fitted form]
 
     The mode of history and parameters together is not that of the parameters alone: a smaller capacitance makes a smoother history, which
     its prior likes, though the readings then say more of it. The margin holds the one against the other: ``-1/2 d log|H| / d parameter``,
-    H the information on all else: the inverse of their covariance where the parameters are known.
+    H the information on all else: the inverse of their covariance where the parameters are known. By a difference of 1/1000 of its scale.
+
+    Parameters
+    ----------
+    x : array (unknowns,)                   Fitted form.
+    slopes : array (rows, unknowns)         Derivatives of weighted residuals there.
+    covariance : array (unknowns, unknowns)
+    theta : sequence                        Places of the parameters.
+    level : float                           Variance of weighted residuals. [-]
+    colour : Colour or None                 Noise that weighs them.
     """
     out = np.zeros(x.size)
     places = np.array(theta, dtype=np.int64)

@@ -453,7 +453,7 @@ def slopes_of_clock(problem: Problem, i: int, fitted: Array, times: Array | None
 def compressed_in_full(
     problem: Problem, i: int, fitted: Array, loss: str, loss_scale: float
 ) -> tuple[Array, Array, float, list[tuple[str, str, Sums]]]:
-    """Return what `Problem.compressed` takes of one experiment, from all of its residuals: rows, slopes, chi-square, sums."""
+    """Return what `Problem.compressed` takes of experiment `i`, from all its residuals at `fitted` (unknowns,): as `as_triangle`."""
     experiment = problem.experiments[i]
     blocks, slopes = problem.blocks_and_slopes(i, fitted)
     full = np.concatenate([slopes[o.index, k, :] for k, o in enumerate(experiment.observations)])
@@ -475,7 +475,11 @@ def refuse_not_finite(*numbers: Array | float) -> None:
 def as_triangle(
     blocks: Sequence[SensorTrace], full: Array, loss: str, loss_scale: float
 ) -> tuple[Array, Array, float, list[tuple[str, str, Sums]]]:
-    """Return rows, slopes, chi-square and sums of weighted residuals, whose derivatives (samples, unknowns) are made into a triangle.
+    """Return rows, slopes, chi-square [-] and sums of weighted residuals, by a triangle of the derivatives `full` (samples, unknowns).
+
+    With the weights w = rho' of the loss rho, sqrt(w) J = Q R: slopes are R with a row of zeros below, rows Q' sqrt(w) r with sqrt(sum rho
+    - |Q' sqrt(w) r|^2) below, so that |rows|^2 is the summed loss and slopes' rows its gradient. Chi-square is sum w r^2. `loss` at
+    `loss_scale` [-] as in `loss_of`; sums are of residuals in kelvin.
 
     Raises
     ------

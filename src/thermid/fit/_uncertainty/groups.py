@@ -242,6 +242,14 @@ def _few_terms(complement: Array, variance: Callable[[Array], float], inner: Seq
     """Return a basis (combinations, unknowns) of a space: the one with the fewest terms, and among these the best known.
 
     Each combination has one unknown that no other has; rather none of `inner`, so that powers and capacitances stand over conductances.
+    Coefficients at a multiple of a half to `SAME_EXPONENT` are put there: they are exponents of products; fewest odd ones come before best
+    known.
+
+    Parameters
+    ----------
+    complement : array (unknowns, combinations)     Any basis of the space.
+    variance : callable         Coefficients (unknowns,) -> variance of the combination; the sum over all is least.
+    inner : sequence            Places of conductances between nodes.
     """
     d, r = complement.shape
     choices = [*combinations(range(d), r)] if comb(d, r) <= MOST_PIVOTS else [tuple(_independent(complement, r))]

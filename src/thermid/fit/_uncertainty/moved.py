@@ -551,11 +551,11 @@ def moves_above(request: Request, problem: Problem, minimum: Fit, level: float =
 
 
 def _test_moves(request: Request, opened: Opened, inherited: _Inherited, at: Array, level: float) -> tuple[Moves, Array]:
-    """Return the moves of inherited values, and the unknowns after one Gauss-Newton step that frees those that moved.
+    """Return the moves of inherited values, and the unknowns (unknowns,) after one Gauss-Newton step (`estimate`) that frees the moved.
 
-    Residuals are measured less what the model says, in units of the noise; derivatives are those at `at` (unknowns,). The step starts from
-    the fitted values, for those that are inherited from where the stages below expect them, and is kept within the bounds, logarithms
-    within `MAX_LOG_CHANGE`. `level` is that of `moves_above`.
+    Residuals are measured less what the model says, in units of the noise, at the start r(at) + J (start - at) with the derivatives J at
+    `at` (unknowns,), fitted form. The step starts from the fitted values, for those that are inherited from where the stages below expect
+    them, and is kept within the bounds, logarithms within `MAX_LOG_CHANGE`. `level` is that of `moves_above`.
     """
     unknowns = opened.problem.unknowns
     start = opened.fitted.copy()

@@ -248,9 +248,11 @@ def own_switches(problem: Problem, minimum: Fit) -> Iterator[OwnSwitches]:
 def shifts_by_lags(problem: Problem, minimum: Fit, sd: float) -> tuple[list[str], float, Array]:
     """Return the sensors without a stated lag, the lag that all may have, and by how much it would shift the unknowns (unknowns,).
 
-    To first order a sensor that lags by L reads its node less L times its rate of change, so that weighted residuals r become r + c L. The
-    readings say L = -c'r / I, with the information I = c'c - c'J C J'c that is not in the unknowns, J their derivatives and C their
-    covariance; `sd` is what is known of it before. The root of its mean square is returned. [s]
+    To first order a sensor that lags by L reads its node less L times its rate of change, so that weighted residuals r (measured less
+    model) become r + c L, c the rate of change over the noise. The readings say L = -c'r / I, with the information I = c'c - c'J C J'c
+    that is not in the unknowns, J their derivatives and C their covariance; `sd` [s] is what is known of it before. With v = 1 / (1 / sd^2
+    + I / level), level chi^2 per degree of freedom, 1 at least, the lag is the root of its mean square, sqrt((v c'r / level)^2 + v) [s];
+    the unknowns shift by C J'c times it, fitted form.
     """
     names, gradient, score, square = dict[str, None](), np.zeros(len(problem.unknowns)), 0.0, 0.0
     for i, e in enumerate(problem.experiments):
@@ -453,13 +455,14 @@ def autocorrelation(problem: Problem, minimum: Fit, loss: str = "linear", loss_s
 def _trace_noise(key: tuple[str, str], b: Binned, white: float, correlated: float, time: float) -> TraceNoise:
     """Return the noise of a trace with its effective number of readings.
 
-    n_eff = n (within + s) / (white + s c'Rc / n): R the correlation exp(-|dt| / time) of the bins, c their counts, s `correlated`. A
-    rounding shared by readings lowers it further.
+    n_eff = n (white + s) / (white + s c'Rc / n), n at most: R the correlation exp(-|dt| / time) of the bins, c their counts, s
+    `correlated`; n within / white without an s, `within` the variance inside the bins. A rounding shared by readings lowers it to n / (1 +
+    x), x the variance of the sum of rounding errors over n less that of each by itself.
 
     Parameters
     ----------
     key : tuple                     (record, sensor).
-    white, correlated : float       Variances of single readings, and of what wanders. [K^2]
+    white, correlated : float       Variances of single readings, and of what wanders, in squares of the noise; 0 for no such part. [-]
     time : float                    Of the correlation. [s]
     """
     total = float(b.count.sum())
@@ -567,6 +570,8 @@ class _Calm:
     def of_trace(cls, b: Binned, unknown_root: Array, inputs: Array | None = None) -> _Calm:
         """Return a trace whitened by white noise and the noise of its inputs.
 
+        Weights are (I + M M')^-1/2 N, with N = diag(sqrt(counts)) and M = N inputs; N without inputs.
+
         Parameters
         ----------
         b : Binned                                  Means of its residuals (bins,) [K], their slopes (bins, unknowns), counts (bins,).
@@ -591,10 +596,13 @@ class _Calm:
 
 
 def _parts(b: Binned, trace: _Calm, alike: dict[bytes, list[Array]]) -> tuple[float, float, float]:
-    """Return the variances of the white and the autocorrelated part of a trace, and the time of the latter; zeros where it is white.
+    """Return the variances of the white and the autocorrelated part of a trace, and the time of the latter [s]; zeros where it is white.
 
-    `alike` keeps the correlations that were tried on some stretches, for the next trace on the same ones. What noise of logged inputs
-    explains, and what rounding to steps does, is no wandering.
+    Variances in squares of the noise. Of `TRIED_TIMES` correlation times, from the spacing of stretches to half of the trace, that with
+    the largest restricted likelihood, near the one of the largest score (`_leaning`). `alike` keeps the correlations that were tried on
+    some stretches, for the next trace on the same ones. What noise of logged inputs explains, and what rounding to steps does, is no
+    wandering. A trace whose neighbours are tied within stretches, s^2 > within (1 + 3 sqrt(2 / spare + 2 / inner)), has a white part
+    alone.
     """
     if not trace.tells:
         return 0.0, 0.0, 0.0
@@ -653,9 +661,14 @@ def _likeliest(within: Array, y: Array, calm: float) -> tuple[float, float, floa
 
 
 def _leaning(likes: Sequence[Array], decided: Array, residuals: Array, variance: float) -> Array:
-    """Return by how many standard deviations of chance residuals lean towards each of some correlations (score test for no wandering).
+    """Return by how many standard deviations of chance residuals lean towards each of some correlations (score test for no wandering). [-]
 
-    `decided` (stretches, directions) is what the trace alone decides; correlations count beside it, and `residuals` have none of it.
+    Parameters
+    ----------
+    likes : sequence of array (stretches, stretches)    Correlations L, whitened.
+    decided : array (stretches, directions)             What the trace alone decides, D; correlations count beside it.
+    residuals : array (stretches,)                      Whitened, with no part in D.
+    variance : float                                    Of residuals in the directions left, s^2.
     """
     out = np.zeros(len(likes))
     spare = decided.shape[0] - decided.shape[1]

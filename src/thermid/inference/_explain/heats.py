@@ -169,9 +169,16 @@ def with_heats(request: Request, experiment: int, places: Mapping[str, str], tab
 
 
 def air_flows(fit: RoughFit, end: RoughEnd, experiment: int, boundary: str) -> dict[str, tuple[Array, Array]]:
-    """Return node -> the heat that leaves the boundary for it through moving air (times [s], [W]), by the law of the deck.
+    """Return node -> the heat that leaves the boundary for it through moving air: (times (times,) [s], heat (times,) [W]).
 
-    The temperature of a node is the measured one where it is observed, for that knows of the mistake; else that of the fit.
+    By the deck's law. It is that of a run at the deck's values, times (T - T_air) / (T_run - T_air), from 0 to 5; none where the run has
+    less than `TELLING_DIFFERENCE` between node and air. T is the measured temperature of the node where it is observed, as that knows of
+    the mistake, else that of the fit at `end`.
+
+    Parameters
+    ----------
+    experiment : int    Which record of the fit.
+    boundary : str      The air, whose temperature may be wrong.
     """
     e, times = fit.problem.experiments[experiment], fit.meshes[experiment][0]
     as_built, as_fitted = (_run_of(fit, x, experiment) for x in (fit.start(), end.x))
@@ -390,7 +397,12 @@ def unlogged_powers(base: FittedStructure) -> Iterator[MissingElement]:
 def _start_up(base: FittedStructure, begins: Mapping[str, float]) -> Iterator[MissingElement]:
     """Yield the best start-up transient at one of some nodes, from when its power comes on [s]; none where it would take power off.
 
-    Shapes, nodes and lengths are compared by linearised fits; about the best length of each shape the fit is linearised again, closer by.
+    Shapes, nodes and lengths, from 1.5 to 40 % of what follows in the shortest record, are compared by linearised fits; about the best
+    length of each shape the fit is linearised again, at factors whose logarithms shrink to 0.4 until `START_UP_PRECISION`.
+
+    Parameters
+    ----------
+    begins : dict   Node -> when its power comes on in the first record. [s]
     """
     least = min(float(np.ptp(r.times)) for r in base.request.records)
     parts = np.geomspace(0.015, 0.4, START_UP_TIMES)

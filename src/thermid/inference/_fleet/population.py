@@ -299,9 +299,11 @@ def _begun(summaries: Summaries, together: Bools) -> Array:
 
 
 def maximise(summaries: Summaries, form: RootForm, omega: Array) -> tuple[Array, RestrictedLikelihood]:
-    """Return the Omega of largest restricted likelihood among those that `form` allows, and the likelihood there.
+    """Return the Omega (values, values) of largest restricted likelihood among those that `form` allows, and that likelihood.
 
-    Fisher scoring over the free entries of L, damped as by Levenberg and Marquardt.
+    Fitted form. Fisher scoring over the free entries t of L, Omega = L L', from `omega` (values, values), damped as by Levenberg and
+    Marquardt: (I + d diag(I)) s = g, with the gradient g and I_mn = sum of tr(W dOmega_m W dOmega_n) / 2 over units. d grows eightfold
+    until a step gains, and falls as much after it; a step that gains less than `GAIN_LEFT` is the last.
     """
     t = form.start(omega)
     root = form.root(t)
@@ -372,7 +374,11 @@ def interval_of_mean(population: PopulationFit, c: Array, shared: float = 0.0) -
 
 
 def interval_of_spread(population: PopulationFit, k: int) -> Interval:
-    """Return the interval of a spread by its profile; from zero where zero is not rejected."""
+    """Return the 95 % interval of the spread of value `k` by its profile, fitted form; from zero where zero is not rejected.
+
+    Its ends are where -2 ln of the restricted likelihood, fitted anew for the others, has grown by `HALF_WIDTH_95`^2. They are looked for
+    in the variance where it is next to nothing, else in the logarithm of the spread. [fitted form]
+    """
     size, goal = float(population.sizes[k]), HALF_WIDTH_95**2
     to_zero = population.rise((k,), 0.0)[0]
     freedom = population.freedom_of_spread(k)

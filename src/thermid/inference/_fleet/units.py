@@ -539,9 +539,10 @@ def _value(
 
 
 def _worth(population: PopulationFit, units: Sequence[FleetUnit]) -> tuple[Array, Array, Array]:
-    """Return how the standard errors of means change with one more unit, and with one more hour of one log; and of which unit.
+    """Return by which factors [-] the standard errors of means (values,) change with one more unit, and an hour more of one log; and which.
 
-    The unit is like the median one. Information grows with the length of a log.
+    The new unit is like the one whose tr(W Omega) is the median. Of unit n the information grows by 1 + 3600 s / length of its log; the
+    third array has the place of the unit whose log helps each mean most.
     """
     summaries, at, size = population.summaries, population.at, len(population.omega)
     now = np.diag(at.spread)[:size]
@@ -561,9 +562,10 @@ def _worth(population: PopulationFit, units: Sequence[FleetUnit]) -> tuple[Array
 def _own_values(
     units: Sequence[FleetUnit], unknowns: Sequence[Unknown], reference: Array, population: PopulationFit
 ) -> dict[str, dict[str, tuple[float, float]]]:
-    """Return the values of every unit with the population as prior, and their standard errors. [SI]
+    """Return unit -> parameter -> (value, standard error) with the population as prior. [SI]
 
-    The best linear prediction with its mean squared error (Henderson, Biometrics 31 (1975) 423); that Omega was estimated is not counted.
+    The best linear prediction X b + Omega X_push, with its mean squared error Omega - Omega W Omega + (X - Omega C) S (X - Omega C)'
+    (Henderson, Biometrics 31 (1975) 423); that Omega was estimated is not counted. `reference` (values,) is where fitted forms count from.
     """
     at, omega = population.at, population.omega
     fitted = np.einsum("nij,j->ni", population.summaries.design, at.beta)

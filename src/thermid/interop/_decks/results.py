@@ -160,7 +160,7 @@ def _half_digit(word: str) -> float:
 
 @dataclass(frozen=True, eq=False)
 class Balance:
-    """What is left of each node's balance at printed temperatures: heat in less heat out. [W]
+    """What is left of each node's balance at printed temperatures: heat out less heat in. [W]
 
     Parameters
     ----------
@@ -282,6 +282,9 @@ def _within(output: Printed, network: NetworkFile, end: float) -> float:
 
 def balance(network: NetworkFile, printed: Printed) -> Balance:
     """Return what is left of each node's balance at the temperatures of a print, by the rows of the network itself; loads at their means.
+
+    Left is -q, the net heat q into a node. [W] Its rounding is |J| h [W], J = dq/dT [W/K] with the boundaries and h half the last printed
+    digit of a node, of boundaries the largest. [K]
 
     Raises
     ------

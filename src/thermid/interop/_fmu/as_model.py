@@ -260,7 +260,18 @@ class FmuFile(FmuDescribed):
         return run
 
     def _difference(self, setting: FmuSetting, times: Array, wanted: Sequence[int], way: FmuSetting, base: Array) -> Array:
-        """Return derivatives (times, wanted) in a direction by central differences; one-sided where a side cannot be run."""
+        """Return derivatives (times, wanted) in a direction `way` by central differences; one-sided from `base` where a side cannot be run.
+
+        Parameters
+        ----------
+        times : array (times,)          [s]
+        wanted : sequence               Numbers of outputs.
+        base : array (times, wanted)    Outputs at the values as they are.
+
+        Raises
+        ------
+        SolverError   When neither side can be run.
+        """
         by = stride(setting, way, float(times[-1]))
         ends, parts = [], []
         for side in (-by, by):
@@ -678,7 +689,10 @@ def _quantity(v: Any, units: Mapping[str, _Measure], used: dict[str, str], file:
 
 
 def _course(signal: Drawn, factor: float, offset: float) -> InputCourse:
-    """Return a signal as a course of an input: its value times a factor, and a constant."""
+    """Return a signal as a course of an input: factor times its value, plus `offset`.
+
+    A held table jumps where its levels change; one that is straight between samples has their median distance as step. [s]
+    """
     if isinstance(signal, Constant):
         return InputCourse.constant(factor * signal.value + offset)
     if isinstance(signal, TableSignal):

@@ -174,7 +174,14 @@ class _Exchange(_FmuRun):
     """Model exchange by CVode, sensitivities beside the states."""
 
     def _go(self) -> tuple[Array, Array]:
-        """Integrate from output to output and jump to jump; events of the FMU and jumps of inputs end a step of the solver."""
+        """Return the outputs (times, outputs) and their derivatives (times, outputs, ways), from output to output and jump to jump.
+
+        Events of the FMU and jumps of inputs end a step of the solver.
+
+        Raises
+        ------
+        EventsFound   With derivatives, at an event.
+        """
         self.n, self.since, self.events = len(self.file.states), 0.0, 0
         self.moves = np.array([[way.values.get(r, 0.0) for way in self.ways] for r in self.file.states]).reshape(self.n, len(self.ways))
         self.seeds = [_Seed.of_direction(self.file.states, way) for way in self.ways]
@@ -335,7 +342,14 @@ class _Steps(_FmuRun):
     """Co-simulation, stepped from instant to instant; inputs stand at their value in the middle of a step."""
 
     def _go(self) -> tuple[Array, Array]:
-        """Return the outputs on the grid of a co-simulation (times, outputs), and no derivatives."""
+        """Return the outputs on the grid of a co-simulation, straight between its points (times, outputs), and empty derivatives.
+
+        Inputs are those in the middle of a step.
+
+        Raises
+        ------
+        EventsFound, SolverError   When derivatives are asked for; when the FMU ends the simulation.
+        """
         if self.ways:
             raise EventsFound
         grid = self._grid()
@@ -351,7 +365,10 @@ class _Steps(_FmuRun):
         return np.column_stack([np.interp(self.times, grid, c) for c in table.T]), np.zeros((self.times.size, len(self.wanted), 0))
 
     def _grid(self) -> Array:
-        """Return the instants from one of which to the next it steps."""
+        """Return the instants (instants,) from one of which to the next it steps. [s]
+
+        Outputs and jumps; of an FMU with a fixed step, or that steps equally, multiples of it nearest to their median distance.
+        """
         every: Array = np.unique(np.concatenate([[0.0, self.end], self.times, self.jumps]))
         every = every[np.concatenate([[True], np.diff(every) > SAME_INSTANT * self.end])]
         form = self.file.described.coSimulation

@@ -466,7 +466,10 @@ def _network(wiring: Wiring, values: Mapping[str, float]) -> Assembled | None:
 
 
 def _moved(wiring: Wiring, name: str, value: float, by: float) -> float:
-    """Return another value of a symbol, within the bounds that its author gives."""
+    """Return another value of a symbol, within the bounds that its author gives: value times `by`, or 0.1 `by` of a value of zero. [SI]
+
+    Of a boundary value + 20 K (by - 1), as a temperature has no zero to be multiplied from.
+    """
     if name.startswith("boundary "):
         return value + 20.0 * (by - 1.0)
     parameter = wiring.network.flat.parameters.table[_plain(name)].parameter

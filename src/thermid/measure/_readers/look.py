@@ -221,7 +221,11 @@ class Look(Result):
         return "\n".join(out) + "\n"
 
     def _channel(self, c: Column) -> list[str]:
-        """Return the lines of a campaign that bind a column."""
+        """Return the line of a campaign that binds a column to what its name and unit look like; of a duty as a comment.
+
+        With what the readings themselves show: their unit where the log has none, the noise of a temperature [K], and ``prompt = false``
+        where few pulses of a power have a single reading.
+        """
         name = self.again.get(c.name, c.name)
         key = name if _BARE.match(name) else json.dumps(name, ensure_ascii=False)
         column = f"column = {json.dumps(c.name, ensure_ascii=False)}, " if name != c.name else ""
@@ -653,7 +657,7 @@ MAX_OFFSET_ERRORS = 3.0
 
 
 def _drawn(column: Column, width: int) -> str:
-    """Return readings as a line of blocks, lowest to highest; a stretch without any is blank."""
+    """Return readings as a line of at most `width` blocks, means of equal parts from lowest to highest; a part without any is blank."""
     if column.guess not in _SHOWN or not column.good.any():
         return ""
     values = np.where(column.good, column.values, np.nan)

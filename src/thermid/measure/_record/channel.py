@@ -768,9 +768,10 @@ def _last_digit(value: float, text: str) -> float:
 
 
 def unrounded(times: FloatArray, values: FloatArray) -> FloatArray:
-    """Return a slow signal behind readings in steps: straight lines between the middles of its changes (samples,).
+    """Return a slow signal (samples,) behind readings `values` (samples,) in steps at `times` (samples,) [s]: lines between their changes.
 
-    A reading changes where the signal passes the middle between two steps.
+    A reading changes where the signal passes the middle between two steps; before the first and after the last change it is held. [as
+    values]
     """
     change = np.flatnonzero(np.diff(values))
     if not change.size:
@@ -880,7 +881,9 @@ def stray_readings(records: Sequence[Samples]) -> tuple[str, ...]:
 def single_pulses(times: FloatArray, values: FloatArray) -> float:
     """Return which share of the pulses of an on/off power has a single reading; NaN where an even log does not show such pulses. [-]
 
-    Those of the level that has more of them count.
+    Pulses are what lies between two crossings of the middle of its range; those of the level that has more single ones count. NaN with
+    fewer than `MIN_PULSES`; where intervals are not alike, since a log written by hand or at each change shows all; or where readings are
+    not near two levels, the lower below half of the upper, since means have levels between.
 
     Parameters
     ----------

@@ -513,7 +513,14 @@ class Record(Samples, Result):
         )
 
     def _joined(self, other: Record, offset: float, rate: float, slowest: float) -> Record:
-        """Return the channels of both, a time t of the other at ``offset + rate t`` [s]; `slowest` is the lowest rate of its range."""
+        """Return the channels of both on one axis of all their times, a time t of the other at ``offset + rate t`` [s]. [rate: s/s]
+
+        Origins are joined, and what was done is noted. `slowest`, the lowest rate of its range, is only looked at.
+
+        Raises
+        ------
+        RecordError   When `slowest` is not above zero, a channel is in both, the logs do not overlap, or they state a gas differently.
+        """
         if not slowest > 0:
             raise RecordError(
                 f"the rate of a clock must be above zero; its lowest value is {slowest:g}.", other.name, code="value.outside-range"
@@ -851,9 +858,9 @@ def _spread(channel: Channel, places: np.ndarray, samples: int) -> Channel:
 
 
 def _interleaved(one: Samples, other: Samples, there: FloatArray) -> tuple[FloatArray, dict[str, Channel]]:
-    """Return the times of two logs as one axis [s], and the channels of both on it; `there` are the second one's times.
+    """Return the times (times,) of two logs as one axis [s], and name -> channel of both on it, NaN where it has no sample.
 
-    Times that differ by rounding only are one time.
+    `there` (samples,) are the second one's times on the clock of the first. [s] Times that differ by rounding only are one time.
     """
     after = np.clip(np.searchsorted(one.times, there), 1, one.times.size - 1)
     near = np.where(there - one.times[after - 1] < one.times[after] - there, one.times[after - 1], one.times[after])

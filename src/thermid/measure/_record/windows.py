@@ -13,9 +13,9 @@ _CELLS = 1_000_000
 
 
 def _gathered(times: FloatArray, values: FloatArray, valid: BoolArray, window: float) -> Iterator[tuple[slice, FloatArray]]:
-    """Yield blocks of times, and for each the samples within half a window of it (times, width), NaN where there is none.
+    """Yield blocks of times, and for each the samples within half a window [s] of it (times, width), NaN where there is none.
 
-    Blocks bound the memory.
+    Blocks bound the memory. `values` and `valid` are (times,).
     """
     half = 0.5 * window * (1 + 1e-9) + 1e-12 * float(np.abs(times).max())
     first, last = np.searchsorted(times, times - half, "left"), np.searchsorted(times, times + half, "right")
@@ -30,7 +30,7 @@ def _gathered(times: FloatArray, values: FloatArray, valid: BoolArray, window: f
 
 
 def _middle(rows: FloatArray) -> FloatArray:
-    """Return the median of each row without its NaN; NaN for a row without samples."""
+    """Return the median (rows,) of each row (rows, width) without its NaN; NaN for a row without samples. [as rows]"""
     ordered = np.sort(rows, axis=1)  # NaN goes last
     count = np.count_nonzero(~np.isnan(ordered), axis=1)
     low = np.take_along_axis(ordered, np.maximum(count - 1, 0)[:, None] // 2, axis=1)[:, 0]
@@ -99,7 +99,10 @@ def low_pass(values: FloatArray, valid: BoolArray, step: float, window: float) -
 
 
 def _around(times: FloatArray, valid: BoolArray, grid: FloatArray) -> tuple[FloatArray, np.ndarray, np.ndarray]:
-    """Return the times of the valid samples and, for each grid time, the index among them of the last before and the first after it."""
+    """Return the times of valid samples (valid,) [s] and, for each of `grid` (grid,) [s], which of them comes last before and first after.
+
+    A sample at a grid time, to 1e-9 of the log, is both; -1 before the first, the number of samples after the last.
+    """
     valid_times = times[valid]
     near = 1e-9 * max(float(valid_times[-1] - valid_times[0]), usual_step(grid))
     before = np.searchsorted(valid_times, grid + near, "right") - 1

@@ -258,7 +258,15 @@ def _at(content: Mapping[str, Any], keys: Sequence[str | int]) -> Any:
 
 
 def _with(content: Any, edit: Edit, name: str) -> Any:
-    """Return a copy of parsed tables or lists with an edit made; `name` is the place for messages."""
+    """Return a copy of parsed tables or lists with an edit made; `name` is the place for messages.
+
+    Copied are the tables on the way, the rest is shared. Tables that are lacking on the way to a new value are made; the first place past
+    the end of a list adds to it.
+
+    Raises
+    ------
+    DeckError   When it meets a place that a list lacks, a text or number on the way, nothing to take away, or a new name that is taken.
+    """
     head, *rest = edit.keys
     out: Any = list(content) if isinstance(content, list) else dict(content)
     if isinstance(out, list):

@@ -766,7 +766,7 @@ def common_cycle(cycles: Sequence[float | None]) -> float | None:
 
 
 def _straightened(law: Callable[[Array], Array], times: Array, bend: float) -> tuple[Array, Array]:
-    """Return times and law(times), with middles added until straight lines miss the law by at most `bend` of its range there.
+    """Return times (times,) [s] and law(times), with middles added until straight lines miss the law by at most `bend` [-] of its range.
 
     Intervals of a jump, two `JUMP_TIME` or less, are not halved, and none more than `MOST_HALVINGS` times.
     """

@@ -336,7 +336,11 @@ class HeatStore:
         return np.where(melt, self.level(at, True), solid[0]), np.where(melt, self.share(at, True), solid[1])
 
     def _at(self, kelvin: Array, liquid: bool) -> tuple[Array, Array]:
-        """Return level [K] and its slope [-] at temperatures, clipped to those of `MIN_PROPERTY_TEMPERATURE` to the maximum."""
+        """Return level [K] and its slope [-] (times,) at temperatures `kelvin` (times,), clipped to where properties are known.
+
+        On the curve of melting, or with `liquid` of the melt: cubic through points, or straight between them, where of two points at one
+        temperature the slope is that below.
+        """
         rise = self.melt.rise if liquid and self.melt is not None else self.rise
         inside = np.clip(kelvin, MIN_PROPERTY_TEMPERATURE, MAX_PROPERTY_TEMPERATURE)
         if not rise.straight:
@@ -410,7 +414,10 @@ def melting(heat: float, liquid: float, latent: float, begins: float, ends: floa
 
 
 def _extended(x: Array, y: Array, d: Array, curve: Curve) -> tuple[Array, Array, Array]:
-    """Return points x, integral y and integrand d, carried on to the coldest and hottest temperature: d on its line, or held."""
+    """Return points x [K], integral y and integrand d = dy/dx (points,), carried on to the coldest and hottest temperature of properties.
+
+    Linear outside: d on its line to the curve's limits, y by the trapezoid of d. Beyond those, and outside others, d is held.
+    """
     if curve.outside == "linear":
         low, high = curve.limits or (MIN_PROPERTY_TEMPERATURE, MAX_PROPERTY_TEMPERATURE)
         for k, far, slope in zip(
@@ -430,9 +437,10 @@ def _extended(x: Array, y: Array, d: Array, curve: Curve) -> tuple[Array, Array,
 
 
 def _integral(curve: Curve) -> tuple[Array, Array, Array]:
-    """Return points x, the integral of the curve from the first point to x, and the curve at x (points,).
+    """Return points x [K], the integral of the curve from the first point to x [unit K], and the curve at x (points,).
 
-    The integral of a straight line is a parabola, which is the cubic through its ends with the integrand as slopes.
+    The integral of a straight line is a parabola, which is the cubic through its ends with the integrand as slopes. Of a cubic over a
+    width h it is h (y0 + y1) / 2 + h^2 (d0 - d1) / 12, by values y and slopes d.
     """
     if curve.straight:
         area = 0.5 * np.diff(curve.x) * (curve.y[1:] + curve.y[:-1])
@@ -545,7 +553,10 @@ def _melt(curve: Curve, x: Array, y: Array, supercooling: Supercooling) -> Melt:
 
 
 def _divided(x: Array, y: Array, d: Array) -> tuple[Array, Array, Array]:
-    """Return points, values and slopes of a rising cubic, its pieces divided until their inverse is the cubic through the same points."""
+    """Return points x, values y and slopes d = dy/dx (points,) of a rising cubic, its pieces halved until their inverse is the cubic too.
+
+    That is where the cubic through (y, x, 1/d) leads from y(x) in the middle of a piece back to x, to `MAX_INVERSE_ERROR`. [K]
+    """
     rise = (x, y, d)
     while True:
         middle = 0.5 * (x[1:] + x[:-1])

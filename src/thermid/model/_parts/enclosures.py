@@ -159,7 +159,17 @@ class FaceExchange:
         return exchange_areas_of(factors, areas, grey)
 
     def _of_shape(self, size: Array, names: list[str]) -> tuple[Array, Array]:
-        """Return the view factors of the faces that are there, and their areas, checked against those of the surfaces. [-], [m^2]"""
+        """Return the view factors (faces, faces) [-] of the faces that are there, and their areas (faces,) [m^2] by its dimensions.
+
+        Parameters
+        ----------
+        size : array (faces,)   Areas of the surfaces. [m^2]
+        names : list            Faces of the shape that they are.
+
+        Raises
+        ------
+        DeckError   When the area of a surface differs from that of its face by more than `SAME_AREA`.
+        """
         shape = SHAPES[self.enclosure.shape]
         geometric, factors = shape.factors(self.enclosure.dimensions)
         at = [shape.faces.index(n) for n in names]

@@ -228,7 +228,10 @@ class UncertainRuns(Result):
         return self.draws if self.whole == len(self) else self._drawn(self.whole)
 
     def _drawn(self, members: int) -> dict[str, Array]:
-        """Return `draws` of the first members."""
+        """Return name -> value (members,) [SI] of the first members, each by the way that its draw chose, and which.
+
+        Which only where there are several.
+        """
         job = self.job
         sources = job.budget.drawn(job.budget.numbers(job.seed, 0, members))
         chosen = job.budget.chosen(sources)

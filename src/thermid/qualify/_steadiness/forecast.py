@@ -250,10 +250,14 @@ def approach(
 
 
 def _medians(times: Array, kelvin: Array, begin: float) -> tuple[Array, Array, float]:
-    """Return times [s] and medians [K] of bins from `begin` on, and the standard deviation of readings about them. [K]
+    """Return times [s] and middles [K] of at most `MEDIANS_OF_READINGS` bins of equal length from `begin` [s] on, and the noise. [K]
 
-    It is the median absolute deviation over 0.6745. Up to `MEDIANS_OF_READINGS` readings are taken as they are, with that of successive
-    differences over sqrt(2).
+    The middle of a bin is the mean of the middle half of its readings. The noise is median |reading - middle| / 0.6745, that of a normal
+    law. Fewer readings are taken as they are, with median |successive difference| / (0.6745 sqrt(2)).
+
+    Parameters
+    ----------
+    times, kelvin : array (readings,)   [s], [K]
     """
     late = times >= begin
     t, y = times[late], kelvin[late]

@@ -435,7 +435,11 @@ class GrowingLog:
         return self._kept
 
     def _more(self, size: int) -> bool:
-        """Read the next piece up to the size [bytes]; return whether there was one."""
+        """Read the next piece up to the size [bytes], as far as its last whole line; return whether there was one.
+
+        The first rows are kept as a beginning that later pieces are read behind, so that they are read alike. A file that this does not
+        hold for, packed, in another code, or with another first time, is marked to be read as a whole.
+        """
         with self.path.open("rb") as file:
             file.seek(self._at)
             piece = file.read(min(CHUNK_BYTES, size - self._at))

@@ -98,7 +98,7 @@ def _profile(figure: Figure, profile: Profile) -> None:
     best, low, high = (float(from_si(v, profile.unit)) for v in (profile.best, profile.low, profile.high))
     error = profile.error / float(unit(profile.unit).factor)
     axis.axvspan(low, high, color=SIMULATED, alpha=SHADE, linewidth=0)
-    parabola = np.linspace(min(x.min(), best - 2 * error), max(x.max(), best + 2 * error), 200)
+    parabola = np.linspace(min(x.min(), best - 2 * error), max(x.max(), best + 2 * error))
     axis.plot(parabola, ((parabola - best) / error) ** 2, color=SOFT, linestyle="--", label="by the standard error alone")
     axis.plot(x, profile.rise, color=SIMULATED, marker="o", label="all others refitted")
     axis.axhline(profile.threshold, color=RESIDUAL)

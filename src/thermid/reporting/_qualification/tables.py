@@ -530,7 +530,7 @@ def margin_table(q: Qualification) -> Table:
 
 
 def counted(q: Qualification) -> Table:
-    """Return what the uncertainty of every margin counts and does not count."""
+    """Return a row for each margin: half width by the model [K], shares of its variance from half a per cent on, and what it leaves out."""
     rows: list[Line] = []
     for m in q.margins:
         shares = "; ".join(f"{c} {100 * s:.0f} %" for c, s in m.shares.items() if s >= 0.005)

@@ -585,7 +585,15 @@ class Media:
         return *rarefied_rows(c, law, fields["area"], at), *radiation
 
     def _fin(self, c: FlatConductor, law: Law, state: str) -> tuple[ConductorRow, ...]:
-        """Return the rows of a lead's conductance: the one in air times the share of gas, and the one without gas times the rest."""
+        """Return the rows of a lead's conductance [W/K]: in air G_air share, and G_rest (1 - share), what remains without gas.
+
+        The share of gas is 1 in ``air`` and 0 in ``vacuum`` as `state`, one row each; where pressure jumps either by a signal, else a
+        number or a signal. G_rest is radiation, or as printed the bare lead, which is also all that a lead without surroundings has.
+
+        Raises
+        ------
+        ScenarioError   When its coefficient includes radiation of unknown size, or applies to air and the gas is another one.
+        """
         air, bare, *radiating = law.coefficients
 
         def row(conductance: Number, signal: str = "") -> ConductorRow:

@@ -67,9 +67,10 @@ EDGE: Final = 1e-9
 
 
 def curve_arrays(curve: Curve, refuse: bool = False) -> tuple[Array, Array, Array]:
-    """Return knots, values and slopes of a table for the kernel, no slopes for straight lines.
+    """Return knots [K], values and slopes (knots,) of a table for the kernel, no slopes for straight lines.
 
-    With `refuse` a table has no values outside its limits, so that a run that leaves them ends; else it is held there.
+    With `refuse` a table has no values, NaN, outside its limits, so that a run that leaves them ends; they begin `EDGE` beyond, up to
+    where it is carried on at its last slope. Else it is held there.
     """
     x, y, d = curve.table
     if refuse and curve.limits is not None:

@@ -223,7 +223,11 @@ class Modal:
         return "" if work.modal <= work.integrator else slower
 
     def work(self, times: Array, end: float) -> Effort:
-        """Return the amounts of work of a run to `end` [s] with outputs at times (times,) [s]."""
+        """Return the amounts of work of a run to `end` [s] with outputs at times (times,) [s].
+
+        Of modal steps: their intervals and how many different lengths there are, since a repeated one costs no new matrix. Of stepwise
+        ones: max(20 ln(1 + r end), k end), r the fastest rate [1/s] and k the rate at which inputs bend. [1/s]
+        """
         signals = [self.wiring.signals[name] for name in self.wiring.used]
         tables = [s for s in signals if isinstance(s, TableSignal)]
         key = (times.size, float(times[:1].sum()), float(times[-1:].sum()), end)
@@ -655,7 +659,12 @@ def _next_mode(problem: KernelProblem, a: Assembled, temperatures: Array, time: 
 def _settle_in_modes(problem: KernelProblem, a: Assembled, time: float, gradients: bool, on: NDArray[np.int32]) -> tuple[Array, Array]:
     """Return the steady temperatures (nodes,) [K] and their derivatives (nodes, free), every control kept in its mode `on` (controls,).
 
-    Newton's method with steps of at most 100 K, shortened where they would leave more heat over.
+    Newton's method J s = -q on the net heat q(T) with the inputs at `time` [s], its steps by `_damped_step` within a reach that begins at
+    `LARGEST_MOVE`; after `DIRECT` steps that did not arrive, steps of a pseudo time. Derivatives are -J^-1 dq/dp.
+
+    Raises
+    ------
+    SolverError   When nothing holds a temperature, one would pass `MAX_TEMPERATURE`, or no state is steady and stable.
     """
     steady = None if gradients else settle_model(problem, a, time)
     if steady is not None:
@@ -803,9 +812,10 @@ def _solve_balance(jacobian: Array, leaving: Array | None, heat: Array) -> Array
 
 
 def _damped_step(balance: _Balance, temperatures: Array, step: Array, imbalance: float, reach: float) -> Array:
-    """Return the temperatures after a step cut to `reach` [K], halved until the norm of the net heat falls below `imbalance` [W].
+    """Return temperatures (nodes,) [K] after a step (nodes,) [K] cut to `reach` [K], halved until |heat| falls below `imbalance` [W].
 
-    Without success after 20 halvings, those after the whole step: at a knee whole steps would cycle.
+    T + s / 2^k, s = step min(1, reach / max|step|), with the first k of 0 .. 19 for which |q(T + s / 2^k)| < imbalance; T + s where none
+    is: at a knee whole steps would cycle. 0.1 K at least, since temperatures are absolute.
     """
     whole = step * min(1.0, reach / max(float(np.abs(step).max()), 1e-300))
     for halving in range(20):

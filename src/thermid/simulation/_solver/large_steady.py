@@ -26,7 +26,11 @@ WITHOUT_MULTIGRID = 200_000
 
 
 def settle_large(network: SparseNetwork, time: float, where: str) -> tuple[Array, dict[str, Any]]:
-    """Return the steady temperatures (nodes,) [K] with the inputs of one time held, and how they were found.
+    """Return the steady temperatures (nodes,) [K] with the inputs of one time [s] held, and method -> how they were found.
+
+    Newton's method J s = -q on the net heat q, from the mean of the boundaries on, each step `LARGEST_MOVE` at most and halved by
+    `_moved`; solved directly up to `MOST_DIRECT` nodes, else by conjugate gradients behind a multigrid step, to `LOOSE`. The last changes
+    nothing by `LAST_STEP`. [K]
 
     Raises
     ------

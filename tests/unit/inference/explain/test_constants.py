@@ -11,12 +11,13 @@ import pytest
 
 import thermid as td
 from thermid.base.errors import code_of
-from thermid.base.units import value_of
+from thermid.base.units import STEFAN_BOLTZMANN, value_of
 from thermid.fit.calibration import Calibration, Request, SensorStatistics
-from thermid.inference._explain.candidates import faults_of, missing_elements
+from thermid.inference._explain.candidates import _Place, _radiation, faults_of, missing_elements
 from thermid.inference._explain.criticism import Candidate, Criticism, TraceCriticism
 from thermid.inference._explain.diagnosis import Diagnosis, Suspect
 from thermid.inference._explain.plausibility import RangeCheck
+from thermid.inference._explain.thresholds import SIZES
 from thermid.model.tree import TableSignal
 from thermid.physics.materials import Material
 from thermid.simulation.runs import compile_network
@@ -312,3 +313,11 @@ def test_a_round_of_a_search_for_structures_refits_four_changes() -> None:
     found = search_structure(request, changes=lambda seen: list(seen.changes()) if next(rounds, False) else [], rounds=1)
     assert found.scored > 4
     assert [len(s.changes) for s in found.structures] == [0, 1, 1, 1, 1]
+
+
+def test_a_part_of_unknown_area_is_taken_to_radiate_as_a_black_one_at_room_temperature() -> None:
+    """4 sigma T^3 at 24 degC, of a square metre; one that loses as much has an exchange factor of one, by the prior of any law."""
+    black = 4.0 * STEFAN_BOLTZMANN * 297.0**3
+    place = _Place("case", (), False, 100.0, black, "ROOM", False, 0.0, 10.0, 1.0, "", 0.0)
+    (size,) = _radiation(Request(box(), (log(box(), {}, {"T": "case"}),), ()), place).sizes.values()
+    assert size.spread == pytest.approx(SIZES["law"].spread, rel=0.05)
