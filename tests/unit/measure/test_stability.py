@@ -91,6 +91,13 @@ def test_a_window_does_not_reach_back_into_an_approach_that_is_over():
     assert settled.count("stable") >= 19
 
 
+def test_a_plateau_that_is_left_early_is_not_stable():
+    """20 min at rest, then 28 K down in 10 min: no line fits, and that is no noise of a rate."""
+    log = record(0.0, every=30.0, span=0.5)
+    left = log.with_channels(replace(log["T"], values=log["T"].values - 28.0 * np.clip(log.times / 600.0 - 2.0, 0.0, None)))
+    assert StabilityRule.named("3 C/h").of_channel(left, "T").verdict == "not stable"
+
+
 def test_a_coarse_sensor_that_stands_still_is_not_called_stable():
     coarse = record(1.0, noise=0.0, step=0.5, span=0.2)
     found = StabilityRule.named("0.5 K/h").of_channel(coarse, "T")
