@@ -864,7 +864,11 @@ def calibrate(
         weights=weights,
         name=name,
     )
-    return fit(request, stoppable=True, executor=executor)
+    fitted = fit(request, stoppable=True, executor=executor)
+    if fitted.own.fair:
+        return fitted
+    advice = "a mistake in a log or deck may be the cause: td.inference.mistakes_of(fit) names those that would explain it"
+    return replace(fitted, warnings=(*fitted.warnings, advice))
 
 
 def requested(
