@@ -89,6 +89,8 @@ _NAMESPACES = {
         "PowerLaw": "fit.power",
         "energy_balance": "inference.criticism",
         "EnergyBalance": "inference.criticism",
+        "mistakes_of": "inference.criticism",
+        "Mistakes": "inference.criticism",
         "criticise": "inference.criticism",
         "Criticism": "inference.criticism",
         "plausibility": "inference.criticism",

@@ -14,7 +14,7 @@ from thermid.base.results import Named
 from thermid.base.units import counted, from_si, short, si_unit, unit
 from thermid.campaign._stages import Campaign
 from thermid.fit.calibration import Calibration
-from thermid.model.tree import ParameterSet
+from thermid.model.tree import CREDIBLE, ParameterSet, Standing
 
 
 @dataclass(frozen=True)
@@ -64,6 +64,7 @@ class CredibilityRecord(Named[ValueRecord], Mapping[str, ValueRecord]):
     synthetic : bool    Whether any record was made and not measured.
     values_ : dict      Path -> ValueRecord.
     verdicts : tuple    What was judged: model, record, passed, unseen.
+    standing : Standing     Of the uppermost stage, and of what it rests on.
     """
 
     title: str
@@ -72,6 +73,7 @@ class CredibilityRecord(Named[ValueRecord], Mapping[str, ValueRecord]):
     synthetic: bool
     values_: Mapping[str, ValueRecord]
     verdicts: tuple[Mapping[str, Any], ...] = ()
+    standing: Standing = CREDIBLE
 
     _refusal = "no value '{}'."
 
@@ -99,7 +101,7 @@ class CredibilityRecord(Named[ValueRecord], Mapping[str, ValueRecord]):
         return FileKinds.CREDIBILITY.save_text(Path(path), json.dumps(self.to_dict(), indent=1))
 
     def __str__(self) -> str:
-        """Return it as text, a line a value."""
+        """Return it as text, a line a value, below the standing of the values."""
         counts = ", ".join(f"{n} {state}" for state, n in self.states.items())
         lines = [f"{self.title}: {counted(len(self), 'value')}, {counts}{' (synthetic data)' if self.synthetic else ''}"]
         width = max(map(len, self), default=0)
@@ -107,7 +109,7 @@ class CredibilityRecord(Named[ValueRecord], Mapping[str, ValueRecord]):
             error = f" +- {short(v.error)}" if v.error else ""
             at = f" at {v.level} ({', '.join(v.tests)}; {v.date})" if v.level else ""
             lines.append(f"  {p:<{width}}  {v.value:.6g}{error} {v.unit}  {v.state}{at}")
-        return "\n".join(lines)
+        return self.standing.over("\n".join(lines))
 
 
 def credibility(campaign: Campaign) -> CredibilityRecord:
@@ -127,7 +129,8 @@ def credibility(campaign: Campaign) -> CredibilityRecord:
     rows = {path: _row(values, path, float(numbers[path]), last, fits) for path in paths}
     verdicts = tuple({"model": v.model, "record": v.record, "passed": v.passed, "unseen": v.unseen} for v in campaign.verdicts)
     synthetic = any(c.synthetic for c in fits.values())
-    return CredibilityRecord(campaign.title, model.identity(), str(last.values.provenance.get("version", "")), synthetic, rows, verdicts)
+    version = str(last.values.provenance.get("version", ""))
+    return CredibilityRecord(campaign.title, model.identity(), version, synthetic, rows, verdicts, last.standing)
 
 
 def _row(values: ParameterSet, path: str, number: float, last: Calibration, fits: Mapping[str, Calibration]) -> ValueRecord:
@@ -147,8 +150,8 @@ def _row(values: ParameterSet, path: str, number: float, last: Calibration, fits
     if stage:
         fit = fits[stage]
         date = str(fit.values.provenance.get("date", ""))
-        held = [v for p, v in fit.values.assignments.items() if path == p or path.endswith(f".{p}")]
-        error = held[0].error / float(of.factor) if held else 0.0
+        held = [v for p, v in fit.estimates.assignments.items() if path == p or path.endswith(f".{p}")]
+        number, error = (held[0].value, held[0].error / float(of.factor)) if held else (number, 0.0)
         tests = tuple(fit.records)
     state = "computed" if not parameter.is_literal else parameter.source or "not stated"
     if stage:

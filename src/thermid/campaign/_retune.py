@@ -17,7 +17,7 @@ from thermid.base.units import ICE_POINT, counted, value_of
 from thermid.campaign._file import CampaignSource
 from thermid.campaign._joint import Level, places_of
 from thermid.campaign._stages import Campaign, Notice, progress_of, request_of
-from thermid.fit.calibration import MOVED, Calibration, Request, as_found, fit, moved_instruments
+from thermid.fit.calibration import MOVED, Calibration, Experiment, Request, as_found, fit, moved_instruments
 from thermid.fit.error_model import ERRORS_KEY, errors_after, errors_without
 from thermid.model.tree import (
     Constant,
@@ -293,9 +293,10 @@ def plan_retune(
         plan, touches = _staged(campaign, level, places[level.name], part, model)
         plans += [replace(p, bind=_bound(campaign.requests[p.of], p, seats)) for p in plan]
         touched += touches
-    rest = _at_rest(campaign[top], part)
-    before = _observed(_steady(above, rest), campaign[top])
-    after = _observed(_steady(swapped, rest), campaign[top], {f"{part}.{a}": f"{part}.{b}" for a, b in seats.items()})
+    last = campaign[top].experiments[-1]
+    rest = _at_rest(last, part)
+    before = _observed(_steady(above, rest), last)
+    after = _observed(_steady(swapped, rest), last, {f"{part}.{a}": f"{part}.{b}" for a, b in seats.items()})
     return RetunePlan(
         part,
         old.title,
@@ -416,8 +417,9 @@ def _staged(campaign: Campaign, level: Level, places: tuple[str, ...], part: str
 def _touched_values(done: Calibration, level: Level, inner: str, new: Model) -> tuple[list[Touch], tuple[PlaceStart, ...]]:
     """Return a `Touch` of every value of a stage that acts at the part's interfaces, and the values of the place that start anew.
 
-    A touch has the largest change of a sensor's steady temperature [K] as the value changes by its spread, `CHANGE_WITHOUT_SPREAD` without
-    one, and says why it is held: it is shared with values that the swap does not affect, or moves no sensor by `MIN_EFFECT`.
+    A touch has the largest change of a sensor's steady temperature of any record [K] as the value changes by its spread,
+    `CHANGE_WITHOUT_SPREAD` without one, and says why it is held: it is shared with values that the swap does not affect, or moves no sensor
+    by `MIN_EFFECT`.
     """
     model = done.model
     values, touched = ParameterSet(model), touching(model, inner)
@@ -430,8 +432,8 @@ def _touched_values(done: Calibration, level: Level, inner: str, new: Model) -> 
     starts = tuple(s for s in what.starts if behind.get(s.path))
     start_of = {p: s for s in starts for p in behind[s.path]}
     spreads = {s.path: s.log_sd for s in starts}
-    rest = _at_rest(done, inner)
-    still = _observed(_steady(after, rest), done)
+    rests = [(e, _at_rest(e, inner)) for e in done.experiments]
+    still = [_observed(_steady(after, rest), e) for e, rest in rests]
     out = []
     for path in dict.fromkeys((*spreads, *fitted)):
         through, elsewhere = touched.why(values, path)
@@ -445,7 +447,8 @@ def _touched_values(done: Calibration, level: Level, inner: str, new: Model) -> 
         number = float(numbers[path]) * (1.0 + change if (1.0 + change) * float(numbers[path]) <= high else 1.0 / (1.0 + change))
         words = f"a change of {100 * change:.0f} %"
         changed = after.with_values({path: Parameter.exact(number, parameter.unit)}, words) if parameter.is_literal else after
-        kelvin = max(abs(t - still[o]) for o, t in _observed(_steady(changed, rest), done).items())
+        moved = [_observed(_steady(changed, rest), e) for e, rest in rests]
+        kelvin = max(abs(t - before[o]) for now, before in zip(moved, still, strict=True) for o, t in now.items())
         held = ""
         if stays:
             held = f"stays with {', '.join(elsewhere)}; {start_of[path].path} now has a separate value"
@@ -459,9 +462,9 @@ def _touched_values(done: Calibration, level: Level, inner: str, new: Model) -> 
     return out, starts
 
 
-def _at_rest(done: Calibration, without: str) -> Scenario:
-    """Return the last record of a fit with every input at its mean; loads of a part are left to its deck."""
-    bare = done.experiments[-1].bare
+def _at_rest(experiment: Experiment, without: str) -> Scenario:
+    """Return the record of an experiment with every input at its mean; loads of a part are left to its deck."""
+    bare = experiment.bare
 
     def constant(signals: Mapping[str, Any], unit: str) -> dict[str, Any]:
         """Return signals with their means over the run as texts with a unit, those of the part left out."""
@@ -496,9 +499,9 @@ def _steady(model: Model, scenario: Scenario) -> Mapping[str, float]:
         ) from None
 
 
-def _observed(rest: Mapping[str, float], done: Calibration, seats: Mapping[str, str] | None = None) -> dict[str, float]:
+def _observed(rest: Mapping[str, float], experiment: Experiment, seats: Mapping[str, str] | None = None) -> dict[str, float]:
     """Return sensor -> temperature at rest, of the nodes that a model still has; `seats` says where sensors sit by now. [K]"""
-    now = {o.sensor: (seats or {}).get(o.seat, o.seat) for o in done.experiments[-1].observations}
+    now = {o.sensor: (seats or {}).get(o.seat, o.seat) for o in experiment.observations}
     return {sensor: rest[seat] for sensor, seat in now.items() if seat in rest}
 
 

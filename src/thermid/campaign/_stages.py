@@ -37,7 +37,6 @@ from thermid.fit.calibration import (
     LocalSpec,
     Reading,
     Request,
-    clock_suffix,
     counted_twice,
     digest,
     fit,
@@ -47,7 +46,7 @@ from thermid.fit.calibration import (
 )
 from thermid.fit.error_model import Keeping
 from thermid.fit.power import SHAPES, PowerCourse
-from thermid.inference.criticism import Mistakes, find_mistakes
+from thermid.inference.criticism import Mistakes, find_mistakes, mistakes_of
 from thermid.measure.records import Record, stray_readings
 from thermid.model.tree import Model, ParameterSet, Standing, definition_of, literal, outside
 from thermid.simulation.runs import STEADY, KeptTasks, Scenario, Workers, in_tasks
@@ -55,38 +54,6 @@ from thermid.values.store import Store, graft, hand_values
 
 if TYPE_CHECKING:
     from thermid.campaign._schema import InheritTable, StageTable, VerdictTable
-
-
-def mistakes_of(fit: Calibration) -> Mistakes:
-    """Return the mistakes that would explain what a fit misses; none where nothing was fitted to logs, or nothing is missed."""
-    if fit.given_model.runner is not None:  # the heat inside somebody's FMU is not known
-        return Mistakes(fit.stage)
-    if fit.request is None or not fit.request.records or not fit.values.parameters:
-        return Mistakes(fit.stage)
-    if stray_readings(fit.request.records):  # said first: what looks like another mistake may be their doing
-        return Mistakes(fit.stage)
-    try:
-        return find_mistakes(_with_found_clocks(fit.request, fit), fit.stage)
-    except RecordError:  # temperatures on a clock that is not known
-        return Mistakes(fit.stage)
-
-
-def _with_found_clocks(request: Request, fit: Calibration) -> Request:
-    """Return a request in which joined logs stand where a fit found their clocks.
-
-    Raises
-    ------
-    RecordError   When one of them has temperatures that are compared.
-    """
-    offsets = {(v.record, v.name): v.value for v in fit.local}
-    records = []
-    for record in request.records:
-        fixed = replace(record, clocks=())
-        for clock in record.clocks:
-            offset = offsets.get((record.name, f"{clock.offset_is}{clock_suffix(record, clock)}"), clock.at[0])
-            fixed = fixed.delayed(offset - clock.at[0], clock.channels)
-        records.append(fixed)
-    return replace(request, records=tuple(records))
 
 
 def next_command(campaign: str, fit: Calibration, mistakes: Mistakes) -> str:

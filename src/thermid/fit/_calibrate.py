@@ -86,7 +86,7 @@ def own_standing(
         return Standing("not credible", "; ".join([*wrong, *at_bound, *moved.contradictions()]), stage, request.accepted)
     short_of = [
         f"'{name}' lies {far:.1f} standard deviations from its prior (limit {STRAINED:g})"
-        for name, far in [*_far_from_prior(problem, at).items()][:1]
+        for name, far in [*_far_from_prior(problem, at, inherited=True).items()][:1]
         if far > STRAINED
     ]
     times, words = _beyond_accuracy(problem, at)
@@ -804,10 +804,17 @@ def _noise_apart(problem: Problem) -> list[str]:
     ]
 
 
-def _far_from_prior(problem: Problem, at: Sequence[float]) -> dict[str, float]:
-    """Return value -> how many standard deviations it lies from its prior, of those that lie far, the farthest first."""
+def _far_from_prior(problem: Problem, at: Sequence[float], inherited: bool = False) -> dict[str, float]:
+    """Return value -> how many standard deviations it lies from its prior, of those that lie far, the farthest first.
+
+    Of values that stages below found together it is the distance of each by itself, where they are asked for.
+    """
     pairs = zip(problem.unknowns, at, strict=True)
     apart = {u.name: abs(x - u.prior.mean) / u.prior.sd for u, x in pairs if u.prior is not None}
+    for positions, mean, root in problem.coupled if inherited else ():
+        sizes = np.sqrt(np.diag(np.linalg.pinv(root.T @ root)))
+        found = zip((problem.unknowns[int(k)] for k in positions), np.asarray(at)[positions] - mean, sizes, strict=True)
+        apart |= {u.name: abs(shift) / size for u, shift, size in found if u.kind == "parameter"}
     return {name: size for name, size in sorted(apart.items(), key=lambda item: -item[1]) if size > ASIDE}
 
 
@@ -864,7 +871,11 @@ def calibrate(
         weights=weights,
         name=name,
     )
-    return fit(request, stoppable=True, executor=executor)
+    fitted = fit(request, stoppable=True, executor=executor)
+    if fitted.own.fair:
+        return fitted
+    advice = "a mistake in a log or deck may be the cause: td.inference.mistakes_of(fit) names those that would explain it"
+    return replace(fitted, warnings=(*fitted.warnings, advice))
 
 
 def requested(

@@ -14,10 +14,12 @@ from thermid.inference.criticism import (
     Criticism as Criticism,
     Diagnosis as Diagnosis,
     EnergyBalance as EnergyBalance,
+    Mistakes as Mistakes,
     Plausibility as Plausibility,
     criticise as criticise,
     diagnose as diagnose,
     energy_balance as energy_balance,
+    mistakes_of as mistakes_of,
     plausibility as plausibility,
 )
 from thermid.inference.fleets import Fleet as Fleet, fleet as fleet

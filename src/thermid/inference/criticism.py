@@ -8,7 +8,7 @@ from thermid.inference._explain.criticism import (
 )
 from thermid.inference._explain.defects import ExplainedFit as ExplainedFit, asks as asks, explained as explained, summary as summary
 from thermid.inference._explain.diagnosis import Diagnosis as Diagnosis, diagnose as diagnose
-from thermid.inference._explain.mistakes import Mistakes as Mistakes, find_mistakes as find_mistakes
+from thermid.inference._explain.mistakes import Mistakes as Mistakes, find_mistakes as find_mistakes, mistakes_of as mistakes_of
 from thermid.inference._explain.plausibility import (
     Plausibility as Plausibility,
     RangeCheck as RangeCheck,

@@ -39,7 +39,7 @@ from thermid.qualify._profile_runs.conduct import run_profile
 from thermid.qualify._profile_runs.profile_run import ProfileRun, verdict_remarks
 from thermid.qualify._profiles.profile import ThermalProfile, profile_from
 from thermid.qualify._steadiness.stabilisation import Stability, stability
-from thermid.simulation.runs import Scenario, Solution, load_scenario
+from thermid.simulation.runs import Scenario, Solution, load_scenario, scenario_from_table
 
 if TYPE_CHECKING:
     from thermid.qualify._plan_schema import TestTable, ValidityTable
@@ -247,12 +247,12 @@ def run_test(plan: Plan, test: TestTable) -> Trial:
 def _scenario_and_course(plan: Plan, test: TestTable, knowledge: Knowledge) -> tuple[Scenario, ProfileRun | None]:
     """Return the scenario of a test, and the run of its profile where it has one (else None)."""
     scenario: Scenario | None = None
+    where = f"{plan.path.name}, {test.name}"
     if isinstance(test.scenario, str):
-        where = f"{plan.path.name}, {test.name}"
         with errors_at(where):
             scenario = load_scenario(resolve_inside(plan.path.parent, test.scenario, where))
     elif test.scenario is not None or test.profile is None:
-        scenario = Scenario(**({"title": test.name} | dict(test.scenario or {})))
+        scenario = scenario_from_table({"title": test.name} | dict(test.scenario or {}), plan.path.parent, where)
     if test.profile is not None:
         run = run_profile(
             knowledge.model,
@@ -357,12 +357,12 @@ def _judged(plan: Plan, trial: Trial, scenario: Scenario, sensors: Mapping[str, 
         log_sha256=record.origin.sha256,
         synthetic=record.origin.synthetic,
         checks=(*trial.checks, *check_readings(readings, limits, trial.foresight.solution, state=test.state_without_loads)),
-        not_shown=(*_not_shown(trial, record, counted, windows), *(windows_not_stable(settled) if steady else ())),
+        not_shown=(*_not_shown(trial, record, counted, windows), *((*windows_not_stable(settled), *unsure) if steady else ())),
         remarks=(
             *trial.remarks,
             *([f"its state is '{test.state}', but there is a log. Write state = \"run\""] if test.state == "planned" else []),
             *exchanged_sensors(counted),
-            *unsure,
+            *(() if steady else unsure),
         ),
         settled=settled,
         as_logged={

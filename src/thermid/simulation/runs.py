@@ -30,6 +30,7 @@ from thermid.simulation._scenarios.scenario_file import (
     LogColumns as LogColumns,
     environments_of as environments_of,
     load_scenario as load_scenario,
+    scenario_from_table as scenario_from_table,
 )
 from thermid.simulation._simulator import (
     Simulator as Simulator,

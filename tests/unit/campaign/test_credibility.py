@@ -55,6 +55,15 @@ class TestRecord:
         assert (row.minimum, row.maximum) == (20.0, 2000.0)
         assert row.date == campaign["pair"].values.provenance["date"]
 
+    def test_the_values_are_those_to_quote_under_their_standing(self, campaign: Campaign) -> None:
+        """Of a fit whose elements depart from their laws, not those that draw its curves."""
+        pair = campaign["pair"]
+        quoted = (1.2 * pair[JOINT].value, 3.0 * pair[JOINT].error)
+        departing = replace(pair, expected={JOINT: quoted}, own=Standing("not adequate", "a bound", "pair"))
+        found = td.inference.credibility(replace(campaign, stages={**campaign.stages, "pair": departing.judged({}, Standing("credible"))}))
+        assert (found[JOINT].value, found[JOINT].error) == pytest.approx(quoted)
+        assert str(found).startswith("NOT ADEQUATE")
+
     def test_frozen_from_below(self, record: td.inference.CredibilityRecord, campaign: Campaign) -> None:
         row = record[f"a.{MASS}"]
         assert (row.state, row.level, row.tests) == ("frozen", "box", ("box_bench",))

@@ -129,6 +129,34 @@ def check(made: td.Campaign) -> None:
         assert abs(value.value - true) < 4.0 * made[stage].store.error(path), path
 
 
+def test_a_value_that_acts_in_one_of_two_records_is_retuned(tmp_path: Path) -> None:
+    """Gas between the part and its plate: the last record is in vacuum, where it moves no sensor."""
+    foot = 'foot = { kind = "conduction", between = ["x.case", "plate"], conductance = { value = "0.5 [W/K]", min = 0.05, max = 5 } }'
+    gas = """foot = { kind = "conduction", between = ["x.case", "plate"], conductance = "0.1 [W/K]" }
+film = { kind = "gas", between = ["x.case", "plate"], area = "0.02 [m^2]", gap = { value = "1 [mm]", min = "0.1 [mm]", max = "9 [mm]" } }"""
+    (tmp_path / "thermid.toml").write_text("")
+    (tmp_path / "part.toml").write_text(PART.format(title="Old", power=2, seat="d"))
+    (tmp_path / "unit.toml").write_text(UNIT.replace(foot, gas))
+    both = CAMPAIGN.replace('records = ["unit"]\nfree = ["foot.conductance"]', 'records = ["unit", "empty"]\nfree = ["film.gap"]')
+    empty = CAMPAIGN[CAMPAIGN.index("[records.unit]") : CAMPAIGN.index("[[stages]]")].replace("unit", "empty")
+    bare = both.replace("[[stages]]", f'{empty}environment = {{ "*" = {{ pressure = "0 [Pa]" }} }}\n\n[[stages]]', 1)
+    (tmp_path / "campaign.toml").write_text(bare)
+    unit = load_model(tmp_path / "unit.toml")
+    part = unit.submodel("x")
+    alone = log(part, {}, {"T": "d", "T2": "case"}, noise=0.03, samples=61)
+    write_log(renamed(alone, {"T": "T", "ROOM": "AIR"}), tmp_path / "logs" / "part.csv")
+    write_log(renamed(alone, {"T2": "T2"}), tmp_path / "logs" / "second.csv")
+    for name, conductance in (("unit", 0.505), ("empty", 0.1)):  # 0.1 W/K and 1.3 mm of air
+        (tmp_path / "truth.toml").write_text(UNIT.replace(foot, foot.replace("0.5 [", f"{conductance} [")))
+        read = log(load_model(tmp_path / "truth.toml"), {}, {"TX": "x.d", "TP": "plate"}, noise=0.03, samples=61)
+        write_log(renamed(read, {"TX": "TX", "TP": "TP", "ROOM": "AIR"}), tmp_path / "logs" / f"{name}.csv")
+    (tmp_path / "new.toml").write_text(PART.format(title="New", power=2, seat="d"))
+    plan = td.design.plan_retune(td.run_stages(tmp_path / "campaign.toml"), "x", tmp_path / "new.toml")
+    (touch,) = (t for t in plan.touched if t.path == "film.gap")
+    assert touch.kelvin > 0.1
+    assert not touch.held
+
+
 def test_logs_of_two_loggers(campaign: td.Campaign, tmp_path: Path) -> None:
     deck, again = new_part(campaign, tmp_path, "d")
     plan = td.design.plan_retune(campaign, "x", deck)

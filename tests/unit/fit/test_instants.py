@@ -10,10 +10,10 @@ import pytest
 from numpy.typing import NDArray
 
 import thermid as td
-from thermid.campaign._stages import mistakes_of
 from thermid.fit._calibration import FIRST
 from thermid.fit._problem.gather import build_problem
 from thermid.fit._problem.request import Request
+from thermid.inference.criticism import mistakes_of
 from thermid.simulation.runs import Engine, Jump, Options, Wiring, compile_network
 
 Course = Callable[[NDArray[np.float64]], NDArray[np.float64]]
@@ -121,7 +121,12 @@ def test_questions_about_a_fit_know_when_inputs_changed() -> None:
     fit = td.calibrate(BOX, first, list(TRUTH), scenario=AIR)
     assert mistakes_of(fit).named == ()
     milli = first.with_channels(replace(first["heat"], values=1e-3 * first["heat"].values))
-    assert "heat" in str(mistakes_of(td.calibrate(BOX, milli, list(TRUTH), scenario=AIR)).first)
+    assert "heat" in str(td.inference.mistakes_of(td.calibrate(BOX, milli, list(TRUTH), scenario=AIR)).first)
+    # a person at Python's prompt reads where to ask; of a good fit there is nothing to ask
+    path, value = "case.capacitance", TRUTH["case.capacitance"]
+    held = td.calibrate(BOX, first, list(TRUTH), scenario=AIR, priors={path: (f"{1.5 * value} [J/K]", "1 [%]")})
+    assert [f.own.fair for f in (held, fit)] == [False, True]
+    assert [any("td.inference.mistakes_of" in w for w in f.warnings) for f in (held, fit)] == [True, False]
     filtered = td.inference.estimate(BOX, first, list(TRUTH), process_noise={"case": "free"}, scenario=AIR)
     fleet = td.inference.fleet(BOX, units, list(TRUTH), scenario=AIR)
     for name, value in TRUTH.items():

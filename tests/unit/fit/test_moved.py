@@ -92,6 +92,14 @@ def test_a_value_that_moved_and_its_neighbour_that_did_not(stack: Model, below: 
     assert re_power(other.moved["a.power"])
 
 
+def test_a_value_far_from_what_a_stage_below_found_is_not_adequate(stack: Model, below: Calibration) -> None:
+    """Of what was found below with errors that hang together too: it is a prior as any other."""
+    near, far = (above(stack, below, bench(stack, 3, watts)) for watts in (4.4, 7.5))
+    assert near.own.state == "credible"
+    assert far.own.state == "not adequate"
+    assert "'a.power'" in far.own.because
+
+
 def re_power(move: Move) -> bool:
     return "90 %" in str(move) and "W (+" in str(move)
 

@@ -12,9 +12,9 @@ import pytest
 import thermid as td
 from by_code import raises_code
 from thermid.base.errors import RecordError
-from thermid.campaign._stages import mistakes_of
 from thermid.fit._calibrate import calibrate
 from thermid.fit._problem.experiment import signal_of
+from thermid.inference.criticism import mistakes_of
 from thermid.measure.readers import read_record
 from thermid.measure.records import Channel, Record
 from unit.fit.bench import HTC, MASS, box

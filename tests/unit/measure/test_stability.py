@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -77,6 +79,23 @@ def test_noise_asks_for_a_longer_window_and_a_short_log_cannot_tell():
     assert a.verdict == b.verdict == "stable"
     assert b.end - b.start > 2.0 * (a.end - a.start)
     assert rule.of_channel(record(1.0, noise=1.0, span=0.1), "T").verdict == "cannot tell"
+
+
+def test_a_window_does_not_reach_back_into_an_approach_that_is_over():
+    """22 K that approach with 10 min, read each 30 s: after 65 min the rate is 0.2 K/h. A window of 32 min had 3 K/h and more."""
+    settled = []
+    for seed in range(20):
+        log = record(0.0, every=30.0, span=65.0 / 60.0, seed=seed)
+        approach = log.with_channels(replace(log["T"], values=log["T"].values - 22.0 * np.exp(-log.times / 600.0)))
+        settled.append(StabilityRule.named("3 C/h").of_channel(approach, "T").verdict)
+    assert settled.count("stable") >= 19
+
+
+def test_a_plateau_that_is_left_early_is_not_stable():
+    """20 min at rest, then 28 K down in 10 min: no line fits, and that is no noise of a rate."""
+    log = record(0.0, every=30.0, span=0.5)
+    left = log.with_channels(replace(log["T"], values=log["T"].values - 28.0 * np.clip(log.times / 600.0 - 2.0, 0.0, None)))
+    assert StabilityRule.named("3 C/h").of_channel(left, "T").verdict == "not stable"
 
 
 def test_a_coarse_sensor_that_stands_still_is_not_called_stable():

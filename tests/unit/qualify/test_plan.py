@@ -265,6 +265,24 @@ def test_a_log_that_is_exchanged_after_it_was_looked_at_is_remarked(tmp_path: Pa
     assert stated != told
 
 
+def test_a_scenario_in_a_plan_is_read_as_one_in_a_file(tmp_path: Path) -> None:
+    """Gases, and columns of logs beside the plan."""
+    (tmp_path / "room.csv").write_text("time_s,AIR_degC\n0,40\n21600,40\n", encoding="utf-8")
+    table = """boundaries = { air = { file = "room.csv", column = "AIR_degC", unit = "degC" } }
+start = "20 [degC]"
+duration = "6 [h]"
+environment = { "*" = { pressure = "20 [kPa]" } }
+"""
+    (tmp_path / "hot.toml").write_text(table, encoding="utf-8")
+    old = 'scenario = { boundaries = { air = "40 [degC]" }, start = "20 [degC]", duration = "6 [h]" }'
+    inline = f"scenario = {{ {', '.join(table.splitlines())} }}"
+    from_file, from_plan = (
+        run_plan(project(tmp_path, PLAN.replace(old, new)))["hot"].foresight for new in ('scenario = "hot.toml"', inline)
+    )
+    assert from_plan.solution["proc"].final == from_file.solution["proc"].final
+    assert [f.scenario.environment["*"].pressure.bounds for f in (from_file, from_plan)] == [(2e4, 2e4)] * 2
+
+
 def beside(folder: Path, scenario: str) -> Path:
     """Return a plan whose hot test has a profile, and a scenario beside it."""
     old = 'scenario = { boundaries = { air = "40 [degC]" }, start = "20 [degC]", duration = "6 [h]" }\n'

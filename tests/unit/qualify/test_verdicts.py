@@ -241,7 +241,7 @@ def test_a_rule_on_stored_heat_needs_every_node_measured(tmp_path: Path) -> None
     """The plate has no sensor: that the stretch is settled cannot be told, with the reason; with one it is told."""
     measured(tmp_path)
     hot, _ = tried(tmp_path, ONE + LOG + 'stable = "stored 3 %"\n')
-    assert [r for r in hot.remarks if "'stored 3 %'" in r and "'plate'" in r and "60 %" in r]
+    assert [r for r in hot.not_shown if "'stored 3 %'" in r and "'plate'" in r and "60 %" in r]
     deck = td.model_from_dict({**UNIT, "nodes": {k: v for k, v in UNIT["nodes"].items() if k != "plate"}, "conductors": BARE})
     measured(tmp_path, deck)
     file = project(tmp_path, ONE + LOG + 'stable = "stored 3 %"\n')

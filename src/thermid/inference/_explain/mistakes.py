@@ -15,9 +15,9 @@ from typing import Any
 
 import numpy as np
 
-from thermid.base.errors import ThermidError, code_of, quoted
+from thermid.base.errors import RecordError, ThermidError, code_of, quoted
 from thermid.base.units import HOUR, ICE_POINT, MINUTE, Array, duration_text, short, unit
-from thermid.fit.calibration import Prior, Request, Unknown
+from thermid.fit.calibration import Calibration, Prior, Request, Unknown, clock_suffix
 from thermid.inference._explain.candidates import Fitted, plain_lacks
 from thermid.inference._explain.heats import Heat, heats_of, stores_of
 from thermid.inference._explain.rough_fit import MAX_DESCENT_STEPS, MAX_RANKING_STEPS, Extra, RoughEnd, RoughFit
@@ -35,7 +35,7 @@ from thermid.inference._explain.thresholds import (
     TIE,
     USUAL_AMBIENT,
 )
-from thermid.measure.records import COLUMN_UNITS, UNSEEN_PULSES, Channel, Record, open_questions, single_pulses
+from thermid.measure.records import COLUMN_UNITS, UNSEEN_PULSES, Channel, Record, open_questions, single_pulses, stray_readings
 from thermid.simulation.runs import Environment, Network
 
 
@@ -136,6 +136,41 @@ def find_mistakes(request: Request, stage: str = "") -> Mistakes:
         return _mistakes_of(replace(request, loss="linear"), name)
     except ThermidError as error:  # a fit stands without its advice
         return Mistakes(name, failed=str(error))
+
+
+def mistakes_of(fit: Calibration) -> Mistakes:
+    """Return the mistakes in logs, decks or on the bench that would explain what a fit misses; none where nothing is missed.
+
+    None is looked for where nothing was fitted to logs, the model is an FMU, or single readings are so far off that they are said first.
+    """
+    if fit.given_model.runner is not None:  # the heat inside somebody's FMU is not known
+        return Mistakes(fit.stage)
+    if fit.request is None or not fit.request.records or not fit.values.parameters:
+        return Mistakes(fit.stage)
+    if stray_readings(fit.request.records):  # said first: what looks like another mistake may be their doing
+        return Mistakes(fit.stage)
+    try:
+        return find_mistakes(_with_found_clocks(fit.request, fit), fit.stage)
+    except RecordError:  # temperatures on a clock that is not known
+        return Mistakes(fit.stage)
+
+
+def _with_found_clocks(request: Request, fit: Calibration) -> Request:
+    """Return a request in which joined logs stand where a fit found their clocks.
+
+    Raises
+    ------
+    RecordError   When one of them has temperatures that are compared.
+    """
+    offsets = {(v.record, v.name): v.value for v in fit.local}
+    records = []
+    for record in request.records:
+        fixed = replace(record, clocks=())
+        for clock in record.clocks:
+            offset = offsets.get((record.name, f"{clock.offset_is}{clock_suffix(record, clock)}"), clock.at[0])
+            fixed = fixed.delayed(offset - clock.at[0], clock.channels)
+        records.append(fixed)
+    return replace(request, records=tuple(records))
 
 
 def _mistakes_of(request: Request, name: str) -> Mistakes:

@@ -105,7 +105,7 @@ class StabilityRule:
         """Judge whether one channel is stable at a time by a rule on its rate.
 
         A rule with a window takes the readings of that window. A rule without one takes the shortest window whose error lets the question
-        be answered, from 5 minutes on.
+        be answered, from 5 minutes and 32 readings on; where none does, a shorter one may still deny it, else that of the smallest error.
 
         Parameters
         ----------
@@ -140,11 +140,18 @@ class StabilityRule:
                     code="record.too-short",
                 )
             return _stability(record, name, self, end - self.window, end)
-        for span, last in spans(record, first, end):
-            judged = _stability(record, name, self, end - span, end)
-            if last or judged.verdict != "cannot tell":
-                break
-        return judged
+        judged: list[ChannelStability] = []
+        for span in spans(record, first, end):
+            judged.append(_stability(record, name, self, end - span, end))
+            if judged[-1].verdict != "cannot tell":
+                return judged[-1]
+        # a course that no line fits: its last readings alone may show that it moves
+        for span in spans(record, first, end, MIN_READINGS_OF_STRETCH):
+            latest = _stability(record, name, self, end - span, end)
+            if latest.verdict == "not stable":
+                return latest
+        # a window that reaches back into an approach says less of the present rate than a shorter one
+        return min(judged, key=lambda one: one.error)
 
     def since_when(self, record: Samples, name: str, since: float = -np.inf) -> float | None:
         """Return the earliest time from which a channel stays stable to the end of the record; None where it is not stable. [s]
@@ -225,16 +232,16 @@ def effective_samples(residuals: FloatArray, fitted: int = 2) -> float:
     return n / factor
 
 
-def spans(record: Samples, first: float, end: float) -> Iterator[tuple[float, bool]]:
-    """Yield ever longer windows up to a time `end`, from 5 minutes on and at most back to `first`, and whether each is the last. [s]
+def spans(record: Samples, first: float, end: float, readings: int = 4 * MIN_READINGS_OF_STRETCH) -> Iterator[float]:
+    """Yield ever longer windows up to a time `end`, from 5 minutes and so many readings on and at most back to `first`. [s]
 
     A rule without a window of its own is judged on the shortest one whose error lets the question be answered.
     """
-    span = min(max(MIN_JUDGED_WINDOW, 8.0 * MIN_READINGS_OF_STRETCH * record.step), end - first)
+    span = min(max(MIN_JUDGED_WINDOW, readings * record.step), end - first)
     while span < end - first:
-        yield span, False
+        yield span
         span = min(1.5 * span, end - first)
-    yield span, True
+    yield span
 
 
 class _Line(NamedTuple):

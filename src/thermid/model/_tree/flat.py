@@ -14,7 +14,7 @@ from thermid.base.units import Number, require, require_unit, value_of
 from thermid.model._laws.signal import Signal
 from thermid.model._laws.stores import Curve, HeatStore, potential, store
 from thermid.model._parts.controls import COMPLEMENT, Control, ModeChange, named_control, of_difference, slot_of
-from thermid.model._parts.elements import KINDS, LOAD_SLOTS, NODE_SLOTS, Facing, HeatLoad, Joint, Law, MadeIn, Surface, Take
+from thermid.model._parts.elements import CARRIED_BY, KINDS, LOAD_SLOTS, NODE_SLOTS, Facing, HeatLoad, Joint, Law, MadeIn, Surface, Take
 from thermid.model._parts.enclosures import Enclosed, Face, FaceExchange, pairs
 from thermid.model._parts.ranges import RANGES, Range, outside, range_of
 from thermid.model._tree.tree import Names, ParameterSet, Tree
@@ -92,6 +92,11 @@ class FlatConductor:
                 f"'{self.path}' has no finite conductance. Check the sizes of its values.", self.where, code="expression.no-finite-value"
             )
         return laws
+
+    @property
+    def carried_by_solid(self) -> bool:
+        """Return whether a solid carries the heat behind its constant coefficient, whatever becomes of the gas."""
+        return self.words.get(CARRIED_BY) in ("cold plate", "leads")
 
     @property
     def fluid(self) -> str:
@@ -265,7 +270,9 @@ class Flat:
     @property
     def without_emissivity(self) -> dict[str, str]:
         """Return surface or lead -> its gas node, of those that have htc but no emissivity: a run in vacuum refuses them."""
-        faces = {path: face.to for path, face in self.faces.items() if face.exchange == "htc" and "emissivity" not in face.fields}
+        solid = {c.path for c in self.conductors if c.carried_by_solid}
+        bare = {path: face.to for path, face in self.faces.items() if face.exchange == "htc" and "emissivity" not in face.fields}
+        faces = {path: gas for path, gas in bare.items() if path not in solid}
         leads = {_lead(c.path): c.gas for c in self.conductors if c.kind == "lead" and "htc" in c.fields and "emissivity" not in c.fields}
         return faces | leads
 
@@ -453,7 +460,7 @@ def _surface(
         sees = names.node_seen(owner, prefix, surface.sees or surface.to, key)
         held = FlatConductor(path, "effective", (a, b), fields, None, takes, gas=b, emissivity=emissivity, where=owner.where(key))
         held = replace(held, controls=by.get("htc", ()), words=surface.words)
-        if not emissivity or sees == b:
+        if not emissivity or sees == b or held.carried_by_solid:
             return [held]
         radiating_without_gas = {"emissivity": emissivity, "area": fields["area"]}
         return [
@@ -468,6 +475,7 @@ def _surface(
                 gas=b,
                 where=owner.where(key),
                 recipe=_radiation_without_gas,
+                words=surface.words,
             ),
         ]
     if len(fields) > 1:

@@ -403,13 +403,15 @@ def _stored_in_log(
             code="record.does-not-apply",
         )
     first, measured = float(record.times[0]), [name for n, names in sits.items() if n in capacities for name in names]
-    for span, last in spans(record, first, end):
+    judged: list[tuple[Stored, dict[str, ChannelStability]]] = []
+    for span in spans(record, first, end):
         drift = {name: ChannelStability.drift(record, name, end - span, end) for name in measured}
         nodes = {n: c * float(np.mean([drift[name].rate for name in sits[n]])) for n, c in capacities.items()}
         errors = [c * drift[name].error / len(sits[n]) ** 0.5 for n, c in capacities.items() for name in sits[n]]
         watts, error = sum(nodes.values()), float(np.sqrt(np.sum(np.square(errors))))
         power = _mean_power(run, unit, end - span, end)
         verdict = StabilityRule.verdict(watts, error, rule.rate * power)
-        if last or verdict != "cannot tell":
-            break
-    return Stored(watts, error, power, end - span, end, verdict, nodes), drift
+        judged.append((Stored(watts, error, power, end - span, end, verdict, nodes), drift))
+        if verdict != "cannot tell":
+            return judged[-1]
+    return min(judged, key=lambda one: one[0].error)

@@ -14,6 +14,9 @@ from thermid.physics.gas import MolecularGas
 
 ONE_ATMOSPHERE = Constant(ATMOSPHERE)
 CALM = Constant(0.0)
+FAN_EXPONENT = 0.65
+"""Of the pressure, for a coefficient that a fan carries, which keeps its volume flow: in the middle of a laminar plate's, 1/2, and a
+turbulent one's, 4/5 (`forced_plate_nusselt`). At 700 mbar either differs by 5.5 %. [-]"""
 HIGHEST = 10.0 * ATMOSPHERE
 """Pressure up to which the gas laws, of dilute gases, are used. [Pa]"""
 
@@ -105,6 +108,10 @@ class Environment:
     def natural(self, pressure: Any) -> Any:
         """Return the strength of natural convection at pressures in Pa over that on the ground, (p/p0)^(1/2) (g/g0)^(1/4). [-]"""
         return (pressure / ATMOSPHERE) ** 0.5 * (self.gravity / STANDARD_GRAVITY) ** 0.25
+
+    def forced(self, pressure: Any) -> Any:
+        """Return the strength of a fan's convection at pressures in Pa over that on the ground, at any gravity. [-]"""
+        return (pressure / ATMOSPHERE) ** FAN_EXPONENT
 
 
 GROUND = Environment()

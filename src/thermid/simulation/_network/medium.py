@@ -17,6 +17,7 @@ from thermid.base.errors import CodedText, ScenarioError, quoted
 from thermid.base.units import AMBIENT_DEFAULT, ATMOSPHERE, STANDARD_GRAVITY, Array, Memo, Number, value_of
 from thermid.model.tree import (
     ACCOMMODATION,
+    CARRIED_BY,
     Constant,
     Curve,
     Flat,
@@ -164,6 +165,7 @@ class GasState:
     gas : MolecularGas
     pressure : float        [Pa]; 1 where it follows an input.
     natural : float         Strength of natural convection, (p/p0)^(1/2) (g/g0)^(1/4); 1 where it follows an input. [-]
+    forced : float          Strength of a fan's, (p/p0)^0.65; 1 where it follows an input. [-]
     wind : float            [m/s]
     key : str               Name of the gas in the inputs; empty where all is constant.
     levels : tuple          Streams at one atmosphere between which a wind that changes in time is interpolated. [m/s]
@@ -177,6 +179,13 @@ class GasState:
     key: str = ""
     levels: tuple[float, ...] = ()
     gust: str = ""
+    forced: float = 1.0
+
+    def strength(self, c: FlatConductor) -> tuple[float, str, str]:
+        """Return the strength of a coefficient that was fitted on the ground, and the inputs that it and its rest follow in time."""
+        if c.words.get(CARRIED_BY) == "fan":
+            return self.forced, self.named("forced"), self.named("not forced")
+        return self.natural, self.named("natural"), self.named("rest")
 
     def named(self, what: str) -> str:
         """Return the name ``<what> <key>`` of an input of this gas, such as ``pressure room``; empty where the gas is constant."""
@@ -311,11 +320,12 @@ def duct_row(c: FlatConductor, law: Law, state: GasState) -> ConductorRow:
 def rarefied_rows(c: FlatConductor, law: Law, area: Number, state: GasState) -> tuple[ConductorRow, ...]:
     """Return the rows of a coefficient that was fitted on the ground, for another pressure or gravity.
 
-    With s = (p/p0)^(1/2) (g/g0)^(1/4), as laminar convection goes, the conductance is s times what was fitted and (1 - s) times that of gas
-    at rest, which is rarefied as the pressure falls.
+    With s = (p/p0)^(1/2) (g/g0)^(1/4), as laminar convection goes, or that of a fan, the conductance is s times what was fitted and (1 - s)
+    times that of gas at rest, which is rarefied as the pressure falls.
     """
     first = law.coefficients[0]
-    fitted = ConductorRow(c.path, c.ends, law.scaled(state.natural), c.curve, state.named("natural"))
+    strength, moving, rest = state.strength(c)
+    fitted = ConductorRow(c.path, c.ends, law.scaled(strength), c.curve, moving)
     if value_of(area) == 0.0:
         return (fitted,)
     gas = state.gas
@@ -324,12 +334,14 @@ def rarefied_rows(c: FlatConductor, law: Law, area: Number, state: GasState) -> 
         least = first
     if value_of(least) == 0.0:
         return (fitted,)
-    still = _rest(c, least, ACCOMMODATION * gas.free_molecular_htc(ANCHOR, 1.0) * area / least, state, state.named("rest"))
-    return fitted, replace(still, law=still.law.scaled(1.0 if state.key else 1.0 - state.natural))
+    still = _rest(c, least, ACCOMMODATION * gas.free_molecular_htc(ANCHOR, 1.0) * area / least, state, rest)
+    return fitted, replace(still, law=still.law.scaled(1.0 if state.key else 1.0 - strength))
 
 
 AIR_RANGE = (0.85 * ATMOSPHERE, 1.1 * ATMOSPHERE)
 """Pressures at which a coefficient fitted on the ground is used as it is. [Pa]"""
+THIN = 0.01 * ATMOSPHERE
+"""Pressure at which natural convection is a tenth of that on the ground, (p/p0)^(1/2): radiation is most of what a surface gives. [Pa]"""
 
 
 @dataclass(frozen=True)
@@ -354,8 +366,9 @@ class Media:
     def signals(self) -> dict[str, Signal]:
         """Return the inputs that multiply rows of gases that change in time, by name.
 
-        ``pressure <gas>`` [Pa]; ``natural <gas>`` s and ``rest <gas>`` 1 - s, s as in `Environment.natural`; ``wind <gas> k`` the weight of
-        wind level k, and for a gas that only comes and goes ``gas <gas>`` and ``no gas <gas>``, 1 or 0.
+        ``pressure <gas>`` [Pa]; ``natural <gas>`` s and ``rest <gas>`` 1 - s, s as in `Environment.natural`, ``forced <gas>`` and ``not
+        forced <gas>`` of a fan; ``wind <gas> k`` the weight of wind level k, and for a gas that only comes and goes ``gas <gas>`` and ``no
+        gas <gas>``, 1 or 0.
         """
         out: dict[str, Signal] = {}
         for gas, environment in self.environments.items():
@@ -367,10 +380,10 @@ class Media:
             if isinstance(p, TableSignal) and self._jumps(p):
                 out[f"gas {gas}"] = p.mapped(_present)
                 out[f"no gas {gas}"] = p.mapped(lambda level: 1.0 - _present(level))
-            natural = sampled_pressure(p, self.seconds).mapped(environment.natural)
             out[f"pressure {gas}"] = p
-            out[f"natural {gas}"] = natural
-            out[f"rest {gas}"] = natural.mapped(lambda share: 1.0 - share)
+            for moving, rest, law in (("natural", "rest", environment.natural), ("forced", "not forced", environment.forced)):
+                out[f"{moving} {gas}"] = strength = sampled_pressure(p, self.seconds).mapped(law)
+                out[f"{rest} {gas}"] = strength.mapped(lambda share: 1.0 - share)
         return out
 
     def _pressure(self, gas: str, environment: Environment) -> Signal:
@@ -434,9 +447,9 @@ class Media:
         p = self._pressure(key, environment)
         kind = MolecularGas.named(environment.gas, where)
         steady, wind = isinstance(p, Constant), environment.wind
-        base = (
-            GasState(kind, p.value, float(environment.natural(p.value))) if isinstance(p, Constant) else GasState(kind, 1.0, 1.0, key=key)
-        )
+        base = GasState(kind, 1.0, 1.0, key=key)
+        if isinstance(p, Constant):
+            base = GasState(kind, p.value, float(environment.natural(p.value)), forced=float(environment.forced(p.value)))
         if wind.bounds[1] == 0.0:
             return base
         if steady and isinstance(wind, Constant):
@@ -497,9 +510,20 @@ class Media:
         return np.asarray(environment.gravity * at.expansion_at(temperature) / (at.kinematic_viscosity * at.thermal_diffusivity()))
 
     def remarks(self, conductors: Iterable[FlatConductor]) -> tuple[str, ...]:
-        """Return a remark for each gas whose wind has no effect on coefficients that are fixed numbers."""
+        """Return remarks on coefficients that are fixed numbers: wind has no effect, and thin gas another one in a fan than in free air."""
         every, out = list(conductors), []  # type: list[FlatConductor], list[str]
         for gas in dict.fromkeys(c.gas for c in every):
+            unsaid = [c.path for c in every if c.gas == gas and {"htc", "effective_htc"} & {*c.fields} and CARRIED_BY not in c.words]
+            if unsaid and self._state(gas) == "thin" and self._environment(gas).gas == "air" and self.lowest(gas) > THIN:
+                air, lowest = self._environment(gas), self.lowest(gas)
+                out.append(
+                    CodedText(
+                        f"{quoted(unsaid)} was taken to convect as free air does: {float(air.natural(lowest)):.2g} of its coefficient on "
+                        f"the ground is left at {lowest:.4g} Pa. With a fan it would be {float(air.forced(lowest)):.2g}, with a cold plate "
+                        "all of it. State carried_by, or give a correlation",
+                        "model.carrier-unstated",
+                    )
+                )
             if self._environment(gas).wind.bounds[1] > 0.0:
                 fixed = [c.path for c in every if c.gas == gas and c.kind in ("convection", "effective") and "htc.length" not in c.fields]
                 out += [
@@ -525,14 +549,16 @@ class Media:
             """Return the row of the conductor under a law."""
             return (ConductorRow(c.path, c.ends, law, c.curve, signal),)
 
-        if law.medium in ("solid", "radiation"):
+        if law.medium in ("solid", "radiation") or c.carried_by_solid:
             return row(law)
         state = self._state(c.gas)
         if law.medium == "left":
             # radiation inside an effective coefficient, to what its surface sees, for the share of gas that is gone
             at = self._gas(c.gas, c.where) if state not in ("air", "vacuum", "jumping") else None
-            share = float(state != "air") if at is None else 1.0 if at.key else 1.0 - at.natural
-            signal = at.named("rest") if at is not None else f"no gas {self._key(c.gas)}" if state == "jumping" else ""
+            share, signal = float(state != "air"), f"no gas {self._key(c.gas)}" if state == "jumping" else ""
+            if at is not None:
+                strength, _, signal = at.strength(c)
+                share = 1.0 if at.key else 1.0 - strength
             return (ConductorRow(c.path, c.ends, law.scaled(0.0 if self.as_printed else share), None, signal),)
         if law.medium == "fin":
             return self._fin(c, law, state)
@@ -580,8 +606,9 @@ class Media:
             )
         at = self._gas(c.gas, c.where)
         if without_gas:
-            share = 1.0 if at.key else 1.0 - at.natural
-            radiation = (ConductorRow(c.path, c.ends, Law("radiation", (share * without_gas[0],)), None, at.named("rest")),)
+            strength, _, rest = at.strength(c)
+            share = 1.0 if at.key else 1.0 - strength
+            radiation = (ConductorRow(c.path, c.ends, Law("radiation", (share * without_gas[0],)), None, rest),)
         return *rarefied_rows(c, law, fields["area"], at), *radiation
 
     def _fin(self, c: FlatConductor, law: Law, state: str) -> tuple[ConductorRow, ...]:
@@ -646,8 +673,6 @@ def _present(pressure: Array) -> Array:
     return np.asarray(pressure > VACUUM_LIMIT, dtype=float)
 
 
-THIN = 0.01 * ATMOSPHERE
-"""Pressure at which natural convection is a tenth of that on the ground, (p/p0)^(1/2): radiation is most of what a surface gives. [Pa]"""
 TRACE = 1e-9
 """Conductance that stays with gas that is gone, so that its node has a temperature, that of what is around it. [W/K]"""
 SOLID = ("conduction", "contact", "table", "heat_pipe")
@@ -707,7 +732,7 @@ def conductors_with_trace(media: Media, flat: Flat) -> frozenset[str]:
     """Return the paths of conductors that keep the conductance `TRACE`: to inner gas that is gone at any time and that no load heats."""
     heated = {load.node for load in flat.loads}
     gone = {gas for gas in flat.gas_nodes - heated if media.lowest(gas) <= VACUUM_LIMIT}
-    return frozenset(c.path for c in flat.conductors if c.kind in ("convection", "effective") and c.gas in gone)
+    return frozenset(c.path for c in flat.conductors if c.kind in ("convection", "effective") and c.gas in gone and not c.carried_by_solid)
 
 
 def gas_remarks(media: Media, flat: Flat, values: Mapping[str, Any]) -> tuple[str, ...]:
@@ -720,7 +745,7 @@ def gas_remarks(media: Media, flat: Flat, values: Mapping[str, Any]) -> tuple[st
     gone = {c.gas for c in flat.conductors if c.gas and media.lowest(c.gas) <= VACUUM_LIMIT and not media.as_printed}
     # all that carries heat through gas: surfaces, gaps, and leads with a coefficient; those with an emissivity still radiate without
     leads = (c for c in flat.conductors if c.kind == "lead" and {"htc", "effective_htc"} & set(c.fields))
-    through_gas = {c.path: c for c in flat.conductors if c.kind in ("convection", "effective", "gas")}
+    through_gas = {c.path: c for c in flat.conductors if c.kind in ("convection", "effective", "gas") and not c.carried_by_solid}
     through_gas |= {c.path.removesuffix(".first").removesuffix(".second"): c for c in leads}
     fields = {path: flat.faces[path].fields if path in flat.faces else c.fields for path, c in through_gas.items()}
     stops = [p for p, c in through_gas.items() if c.gas in gone and not ((e := fields[p].get("emissivity")) and values[e] != 0.0)]

@@ -36,25 +36,36 @@ def load_scenario(path: str | os.PathLike[str]) -> Scenario:
     data, lines = read_toml(target)
     data = by_grammar("thermid.simulation._scenarios.schema.ScenarioFile", data, Places(target.name, lines)).written
     fields: dict[str, Any] = {"title": target.stem, **data}
-    columns = LogColumns.of_scenario(data, target.parent, target.name)
-    for name, slot in SLOTS.items():
-        if name in fields:
-            held = name == "commands"
-            fields[name] = {k: columns.signal(v, slot, f"{target.name}, {name}.{k}", held) for k, v in fields[name].items()}
-    fields["environment"] = environments_of(data.get("environment", {}), columns, f"{target.name}, environment")
-    fields["irradiation"] = {
-        surface: _irradiation(t, columns, f"{target.name}, irradiation.{surface}") for surface, t in data.get("irradiation", {}).items()
-    }
     try:
-        if set(SURROUNDINGS) & set(data):
-            surrounded: Scenario = extension("surroundings", "surroundings of a scenario file", target.name)(fields, columns, target.name)
-            return surrounded
-        return Scenario(**fields)
+        return scenario_from_table(fields, target.parent, target.name)
     except ThermidError as error:
         key = error.where.removeprefix(f"{fields['title']}, ")
         if key != error.where:  # the scenario names itself; its reader looks for the line
             raise type(error)(error.message, f"{target.name}:{lines.get(key, 1)}, {key}") from None
         raise error.located(target.name) from None
+
+
+def scenario_from_table(table: Mapping[str, Any], folder: Path, where: str) -> Scenario:
+    """Return the scenario of a table that follows the grammar of a scenario file, with its title; logs are found from a folder.
+
+    Raises
+    ------
+    ThermidError   When a value is no signal, a column is missing, or a state does not exist.
+    """
+    fields = dict(table)
+    columns = LogColumns.of_scenario(table, folder, where)
+    for name, slot in SLOTS.items():
+        if name in fields:
+            held = name == "commands"
+            fields[name] = {k: columns.signal(v, slot, f"{where}, {name}.{k}", held) for k, v in fields[name].items()}
+    fields["environment"] = environments_of(table.get("environment", {}), columns, f"{where}, environment")
+    fields["irradiation"] = {
+        surface: _irradiation(t, columns, f"{where}, irradiation.{surface}") for surface, t in table.get("irradiation", {}).items()
+    }
+    if set(SURROUNDINGS) & set(table):
+        surrounded: Scenario = extension("surroundings", "surroundings of a scenario file", where)(fields, columns, where)
+        return surrounded
+    return Scenario(**fields)
 
 
 def environments_of(tables: Mapping[str, Mapping[str, Any]], columns: LogColumns, where: str) -> dict[str, Environment]:

@@ -14,8 +14,10 @@ from thermid.base.errors import DeckError, ScenarioError, code_of
 from thermid.base.units import ATMOSPHERE, STANDARD_GRAVITY
 from thermid.model._tree.identity import to_dict
 from thermid.model.tree import Constant, TableSignal
+from thermid.physics.correlations import forced_plate_nusselt
 from thermid.physics.gas import GASES, gap_htc, knudsen_number
 from thermid.physics.plates import body_htc, horizontal_plate_down_htc, horizontal_plate_up_htc, vertical_plate_htc_all
+from thermid.simulation._network.environment import FAN_EXPONENT
 from thermid.simulation._network.medium import sampled_pressure, vented
 from thermid.simulation._solver.engine import Engine
 from thermid.simulation._solver.wiring import Wiring
@@ -30,13 +32,13 @@ def at(pressure: Any, **more: Any) -> td.Scenario:
     return BENCH.with_(environment={"*": td.simulation.Environment(given, **more)})
 
 
-def box(skin: dict[str, Any] | None = None, links: dict[str, Any] | None = None, power: str = "2 [W]") -> td.Model:
+def box(skin: dict[str, Any] | None = None, links: dict[str, Any] | None = None, power: str = "2 [W]", needs: Any = ("air",)) -> td.Model:
     """A node with a surface of 400 cm^2 or links to its surroundings."""
     surface = {"skin": {"of": "case", "to": "air", "area": "0.04 [m^2]"} | skin} if skin else {}
     return td.model_from_dict(
         {
             "title": "Box",
-            "needs": ["air"],
+            "needs": [*needs],
             "nodes": {"case": {"capacitance": "100 [J/K]"}},
             "surfaces": surface,
             "conductors": {n: {"between": ["case", "air"]} | c for n, c in (links or {}).items()},
@@ -328,6 +330,40 @@ def test_a_sealed_volume_keeps_its_gas_in_vacuum() -> None:
     assert settled(box({"htc": "5 [W/(m^2 K)]"}), sealed) == pytest.approx(5.0)
 
 
+@pytest.mark.parametrize("skin", [{"htc": "5 [W/(m^2 K)]"}, {"effective_htc": "5 [W/(m^2 K)]", "emissivity": 0.0}])
+def test_a_fan_needs_no_gravity_and_thins_as_a_stream_does(skin: dict[str, Any]) -> None:
+    model = box(skin | {"carried_by": "fan"}, power="0.02 [W]")
+    assert settled(model, at(ATMOSPHERE, gravity=0.0)) == pytest.approx(5.0, rel=1e-6)
+    floor = 3.19 * AIR.k(300.0) / 0.2
+    for p in (5e4, 1e4):
+        s = (p / ATMOSPHERE) ** FAN_EXPONENT
+        assert settled(model, at(p)) == pytest.approx(5.0 * s + floor * (1 - s), rel=0.02)
+
+
+def test_a_coefficient_whose_carrier_is_unstated_is_named_in_thin_air() -> None:
+    silent = td.simulate(box({"htc": "5 [W/(m^2 K)]", "emissivity": 0.1}), at(7e4))
+    assert [code_of(w) for w in silent.warnings] == ["model.carrier-unstated"]
+    assert all(word in silent.warnings[0] for word in ("'skin'", "0.83", "0.79"))
+    stated = box({"htc": "5 [W/(m^2 K)]", "emissivity": 0.1, "carried_by": "free air"})
+    assert td.simulate(stated, at(7e4)).warnings == td.simulate(box({"htc": "5 [W/(m^2 K)]", "emissivity": 0.1}), at(9e4)).warnings == ()
+
+
+def test_the_exponent_of_a_fan_is_in_the_middle_of_plates_in_a_stream() -> None:
+    """Air at a constant speed has a Reynolds number that goes with its pressure, laminar to 5e5."""
+    low, high = (np.log(forced_plate_nusselt(1.01 * r, 0.71) / forced_plate_nusselt(r, 0.71)) / np.log(1.01) for r in (1e4, 1e8))
+    assert pytest.approx(0.5 * (low + high), abs=0.02) == FAN_EXPONENT
+
+
+@pytest.mark.parametrize("carried_by", ["cold plate", "leads"])
+@pytest.mark.parametrize("pressure", [1e4, 0.0])
+@pytest.mark.parametrize("skin", [{"htc": "5 [W/(m^2 K)]"}, {"effective_htc": "5 [W/(m^2 K)]", "emissivity": 0.8, "sees": "walls"}])
+def test_what_a_solid_carries_does_not_ask_for_gas(carried_by: str, pressure: float, skin: dict[str, Any]) -> None:
+    model = box(skin | {"carried_by": carried_by}, power="0.02 [W]", needs=["air", "walls"])
+    scenario = at(pressure).with_(boundaries={"air": "300 [K]", "walls": "300 [K]"})
+    assert settled(model, scenario) == pytest.approx(5.0, rel=1e-6)
+    assert [code_of(w) for w in td.simulate(model, scenario).warnings] == []
+
+
 # in time -------------------------------------------------------------------------------------------------------------------------
 
 
@@ -338,6 +374,7 @@ def test_a_pressure_that_falls_in_time_meets_the_constant_ones() -> None:
         {"htc": "5 [W/(m^2 K)]", "emissivity": 0.3},
         {"effective_htc": "6 [W/(m^2 K)]", "emissivity": 0.3},
         {"htc": {"length": "0.2 [m]"}},
+        {"effective_htc": "6 [W/(m^2 K)]", "emissivity": 0.3, "carried_by": "fan"},
     ):
         model = box(skin, {"gap": {"kind": "gas", "area": "1 [cm^2]", "gap": "1 [mm]"}})
         run = td.simulate(model, at(pump).with_(duration="100 [h]"))

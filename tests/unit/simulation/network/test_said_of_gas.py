@@ -107,7 +107,10 @@ def test_gas_so_thin_that_radiation_decides_is_remarked() -> None:
     thin = ROOM.with_(environment={"air": td.simulation.Environment("50 [Pa]")}, duration="10 [min]")
     assert any(code_of(w) == "model.no-emissivity" for w in td.simulate(plate(**HTC), thin).warnings)
     assert td.simulate(plate(**HTC, emissivity=0.3), thin).warnings == ()
-    assert td.simulate(plate(**HTC), ROOM.with_(environment={"air": td.simulation.Environment("60 [kPa]")})).warnings == ()
+    assert (
+        td.simulate(plate(**HTC, carried_by="free air"), ROOM.with_(environment={"air": td.simulation.Environment("60 [kPa]")})).warnings
+        == ()
+    )
 
 
 def test_a_lead_with_a_bare_htc_lost_nothing_in_vacuum() -> None:
