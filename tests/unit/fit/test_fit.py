@@ -282,7 +282,7 @@ class TestWarnings:
 
     def test_many_white_traces_are_not_called_coloured(self) -> None:
         data = [log(box(), {}, {"T": "case"}, name=f"r{s}", seed=s, samples=101) for s in range(40)]
-        assert not any("not white" in w for w in calibrate(box(), data, [HTC]).warnings)
+        assert not any(re.search(r"\b\d+ of 40 ", w) for w in calibrate(box(), data, [HTC]).warnings)
 
     def test_at_a_bound(self) -> None:
         found = calibrate(box(), log(box({"surfaces/skin/effective_htc/max": 40}), {HTC: "25 [W/(m^2 K)]"}, {"T": "case"}), [HTC])

@@ -160,9 +160,12 @@ def _by_name(name: str, finite: FloatArray, letter: str) -> tuple[str, str, str]
     if _STATE.search(name) or (finite.size > 2 and np.all(np.diff(finite) == 1) and not _TEMPERATURE.match(name)):
         return "ignored", "", CodedText("counts rows or states", "record.counter")
     if counts_time(finite):
-        times = int(np.count_nonzero(begins_again(finite)))
-        again = f", and begins again {counted(times, 'time')}" if times else ""
-        return "ignored", "", CodedText(f"counts milliseconds{again}", "record.counter")
+        again = int(np.count_nonzero(begins_again(finite)))
+        return (
+            "ignored",
+            "",
+            CodedText("counts milliseconds" + f", and begins again {counted(again, 'time')}" * (again > 0), "record.counter"),
+        )
     ends = CodedText(f"its name ends in {name[-2:].strip()}", "record.unit-by-name")
     if letter in _SCALES:
         return _temperature(name, _SCALES[letter], ends)
