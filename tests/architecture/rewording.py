@@ -9,8 +9,12 @@ from .size import is_documentation
 
 WORDS = 4
 """Words that a text has at least; shorter ones are keys, heads of columns and parts of patterns."""
-QUOTED = r"'[^']*'|`[^`]*`|\"[^\"]*\"|\{[^}]*\}|\[[^\]]*\]"
-ALONE = re.compile(rf"({QUOTED})|(?<![\w.\-/\\%])[a-z]{{4,}}(?![\w\-/=(\[]|\.\w|://)")
+QUOTED = r"(?<!\w)'[^']*'(?!\w)|`[^`]*`|\"[^\"]*\"|\{[^}]*\}|\[[^\]]*\]"
+TAG = r"\A *[a-z]+:"
+"""A word before the first colon: the name of a step, of a sensor, of a kind of remark."""
+ALONE = re.compile(rf"({TAG}|{QUOTED})|(?<![\w.\-/\\%])[a-z]{{4,}}(?![\w\-/=(\[]|\.\w| = |://)")
+VALUE = "\0"
+"""Stands for a value in a formatted text."""
 HELP = {"help", "description", "epilog"}
 
 
@@ -46,12 +50,13 @@ class _Rewording(ast.NodeTransformer):
 
     def visit_JoinedStr(self, node: ast.JoinedStr) -> ast.AST:
         """Reword the parts of a formatted text."""
-        whole = "{}".join(part.value for part in node.values if isinstance(part, ast.Constant))
-        for part in node.values:
-            if isinstance(part, ast.Constant) and is_prose(whole):
-                part.value = reworded(part.value)
-            elif isinstance(part, ast.FormattedValue):
+        whole = "".join(str(part.value) if isinstance(part, ast.Constant) else VALUE for part in node.values)
+        words = iter(re.findall(rf"{VALUE}|[^{VALUE}]+", reworded(whole) if is_prose(whole.replace(VALUE, "{}")) else whole))
+        for part, text in zip(node.values, words, strict=True):
+            if isinstance(part, ast.FormattedValue):
                 part.value = self.visit(part.value)
+            elif isinstance(part, ast.Constant):
+                part.value = text
         return node
 
 
@@ -60,7 +65,7 @@ def is_prose(text: object) -> bool:
     return (
         isinstance(text, str)
         and not re.search(
-            r"\n.|<|\(\?|\\[bdsw]|^\^|;$|\[\]$|[\w)] ?\* ?[\w({]|[\w)] / [\w({]|^thermid [a-z]|^from \S+ import |\w\??\|\w", text
+            r"\n.|<|\(\?|\\[bdsw]|^\^|;$|\[\]$|[\w)] ?\* ?[\w({]|[\w)] / [\w({]|^thermid [a-z]|^from \S+ import |^import |\w\??\|\w", text
         )
         and len(re.findall(r"[A-Za-z]{2,}", re.sub(QUOTED, " ", text))) >= WORDS
     )

@@ -210,6 +210,8 @@ class TestRewording:
                 "set film.htc or {place}, `fit` and [K] of https://a.b/fit.md",
                 "set film.htc or {place}, `fit` and [K] of https://a.b/fit.md",
             ),
+            ("check: the deck's mass of 'case' is large", "check: the kced's ssam of 'case' is egral"),
+            ("give it noise = '0.1 [K]'; the rest follows", "evig it noise = '0.1 [K]'; the tser swollof"),
         ],
     )
     def test_words_are_reversed_names_and_numbers_stay(self, text: str, other: str) -> None:
@@ -222,13 +224,15 @@ class TestRewording:
             "    kinds = 'open loss fault overrange'.split()\n    line = 'static const double loads[]'\n"
             "    law = 'share of power * speed / rated'\n"
             "    ratio = 'size*flow*(length - other)/width'\n    example = 'thermid calibrate box.toml --values best.toml'\n"
-            "    program = 'from package import serve; serve()'\n"
+            "    program = 'from package import serve; serve()'\n    start = 'import sys; from package import serve; serve(1)'\n"
             "    pattern = r'the (?:words|texts) of a pattern'\n"
             "    other = 'one more (motors?|engines?) of the pattern'\n    raise E(f'the node {x!r} has no {x:.3f} mass at all')\n"
+            "    raise E(f'give it by `thermid look {x} --cut` with this part')\n"
         )
         same, changed = text.split("    raise")[0], ast.unparse(ast.parse(rewording.otherwise(text)))
         assert changed.startswith(ast.unparse(ast.parse(same)))
         assert "edon {x!r} has no" in changed
+        assert "evig it by `thermid look {x} --cut` htiw siht trap" in changed
 
 
 class TestPublic:

@@ -97,7 +97,7 @@ def test_A12_a_plan_lists_its_tests_and_turns_into_verdicts_as_logs_come_back(tm
     assert good.lock.state == "locked"
     assert good["hot"].passed
     assert good.passed is None
-    assert "experiment on board: there is no log yet, so MIL-HDBK-340, transient could not be judged" in good.open
+    assert any(re.match(r"experiment on board: .* MIL-HDBK-340, transient ", why) for why in good.open)
 
 
 def test_A12_a_failed_log_names_its_gate_and_what_would_explain_it(tmp_path: Path) -> None:  # noqa: N802

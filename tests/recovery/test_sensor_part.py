@@ -161,7 +161,7 @@ def test_readings_beyond_the_range_are_not_fitted() -> None:
     stuck = np.minimum(seen, ICE + 36.0)
     raw = record(stuck, None)
     channel, (said,) = with_sensor(raw["T"], SensorPart(low=celsius(-55.0), high=celsius(36.0)), None, "T")
-    assert "readings at or beyond its range -55 [degC] to 36 [degC]" in said
+    assert " -55 [degC] to 36 [degC]" in said
     assert channel.flags == {"out of range": int(np.count_nonzero(seen >= ICE + 36.0))}
     found = calibrate(part_model(), raw.with_channels(channel), FREE, scenario=BENCH)
     blind = calibrate(part_model(), raw, FREE, scenario=BENCH, search="local")

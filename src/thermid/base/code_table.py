@@ -472,7 +472,7 @@ CODES: Final[Mapping[str, CodeMeaning]] = {
         "Check the causes of the message.",
     ),
     "import.not-understood": CodeMeaning(
-        "error",
+        "error, remark",
         "A statement of another tool's file cannot be read.",
         "Correct or remove the line that the message names.",
     ),
@@ -716,6 +716,11 @@ CODES: Final[Mapping[str, CodeMeaning]] = {
         "The log is not the one that the campaign or example was written for.",
         "Get that log, or change the checksum by intention.",
     ),
+    "record.counter": CodeMeaning(
+        "remark",
+        "A column counts rows, states or milliseconds, so it is no reading.",
+        "Nothing.",
+    ),
     "record.damaged": CodeMeaning(
         "error",
         "The file of a log is cut short, or is not of the format that its name says.",
@@ -817,7 +822,7 @@ CODES: Final[Mapping[str, CodeMeaning]] = {
         "Sort the log, or read its parts as separate records.",
     ),
     "record.time-unclear": CodeMeaning(
-        "error",
+        "error, remark",
         "It is not clear which column is the time, in which unit it is, or what is day and month.",
         "Give `time`, `units` or `clock`.",
     ),
@@ -840,6 +845,11 @@ CODES: Final[Mapping[str, CodeMeaning]] = {
         "error",
         "A filter needs equal intervals.",
         "Resample first.",
+    ),
+    "record.unit-by-name": CodeMeaning(
+        "remark",
+        "The unit of a column is taken from the end of its name.",
+        "Give `unit` where it is another.",
     ),
     "record.unit-contradicts": CodeMeaning(
         "error",

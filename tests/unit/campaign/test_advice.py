@@ -18,4 +18,4 @@ def test_a_mistake_that_the_first_lines_name_is_mended_and_the_fit_repeated(kind
     mistake = Mistake(kind, "T", "T is in degF", 40.0, (3.0, 0.1), "Write unit = 'degF'.")
     command = next_command("campaign.toml", fit, Mistakes("box", (mistake,), True))
     assert command == "thermid calibrate campaign.toml"
-    assert in_words(command).endswith(f"then {command}")
+    assert in_words(command).endswith(f" {command}")

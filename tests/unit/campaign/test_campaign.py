@@ -252,7 +252,7 @@ class TestInheritance:
         again += 'inherit = { "." = { stage = "box", as = "prior" } }'
         found = run_stages(unjudged(changed(project, before(VERDICTS, again))))
         assert any("'box_bench'" in w and "'box' too" in w for w in found["again"].warnings)
-        assert not any("count twice" in w for w in found["pair"].warnings)
+        assert not any("'box' too" in w for w in found["pair"].warnings)
 
 
 VERDICTS = "[[verdicts]]"
@@ -336,7 +336,7 @@ BAD = [
         "",
     ),
     ('rmse = "0.5 [K]"', 'rms = "0.5 [K]"', VERDICTS, "name.unknown", "'rms'.*'rmse'"),
-    ('{ rmse = "0.5 [K]" }', "{ }", VERDICTS, "value.incomplete", "'T_A' has no criterion"),
+    ('{ rmse = "0.5 [K]" }', "{ }", VERDICTS, "value.incomplete", "'T_A' "),
     (
         *before(VERDICTS, 'priors = { "stack.contact_conductance" = { mean = "150 [W]", sd = "1 [W]" } }'),
         STAGES,
@@ -732,24 +732,26 @@ def test_what_is_kept_back_is_known_to_one_of_several_stages(project: Path) -> N
 
 
 @pytest.mark.parametrize(
-    ("old", "new", "words"),
+    ("old", "new", "code", "match"),
     [
         (
             *before(VERDICTS, AGAIN.replace("PART", "a")),
-            r"'a\.skin\.effective_htc', which 'Box' does not have\. The model itself, 'Pair', has it: write \"\.\" instead of 'a'\.",
+            "name.unknown",
+            r"'a\.skin\.effective_htc', .* 'Box' .* 'Pair', .* \"\.\" .* 'a'\.",
         ),
-        (*before(VERDICTS, AGAIN.replace("PART", "b")), r"instead of 'b'"),
+        (*before(VERDICTS, AGAIN.replace("PART", "b")), "name.unknown", r"\"\.\" .* 'b'\."),
         (
             'as = "fixed" }',
             'as = "fixed", without = ["skin.hct"] }',
-            r"stages\.1\.inherit\.a\.without.*'skin\.hct' is not known to stage 'box'",
+            "name.unknown",
+            r"stages\.1\.inherit\.a\.without.*'skin\.hct' .* 'box'",
         ),
-        ('as = "fixed" }', 'as = "prior", move = ["case.mas"] }', r"'case\.mas' is not inherited"),
-        ('free    = ["stack', 'freeze = ["b.power"]\nfree    = ["stack', r"'b\.power' is listed as frozen, but it is not free here"),
+        ('as = "fixed" }', 'as = "prior", move = ["case.mas"] }', "name.unknown", r"move: 'case\.mas' "),
+        ('free    = ["stack', 'freeze = ["b.power"]\nfree    = ["stack', "value.without-effect", r"'b\.power' "),
     ],
 )
 def test_check_finds_without_a_fit_what_inheritance_refuses(
-    project: Path, old: str, new: str, words: str, monkeypatch: pytest.MonkeyPatch
+    project: Path, old: str, new: str, code: str, match: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def fitted(*_: object) -> None:
         raise AssertionError("a stage was fitted")
@@ -758,6 +760,7 @@ def test_check_finds_without_a_fit_what_inheritance_refuses(
     changed(project, (old, new))
     errors = [f for f in check_campaign(project)[0] if f.severity == "error"]
     assert len(errors) == 1
-    assert re.search(words, f"{errors[0].where}: {errors[0].message}"), errors
+    assert errors[0].code == code
+    assert re.search(match, f"{errors[0].where}: {errors[0].message}"), errors
     monkeypatch.undo()
     assert errors[0].message in str(refused(project))

@@ -149,19 +149,11 @@ def test_stages_freeze_and_priors(project: Path) -> None:
     assert list(only.records) == ["pair_one"]
     # box is not in it: what it found is no prior, and nothing of it is in the errors
     for fit, said in (
-        (
-            joint,
-            "the joint fit keeps 'a.case.mass' of stage 'box' fixed, so its standard errors do not include theirs and are too small. "
-            "Free them in the joint fit if that matters.",
-        ),
-        (
-            only,
-            f"the result of stage 'box' for 'a.{HTC}', 'a.{MASS}' is not a prior of the joint fit, because none of its records is "
-            "part of it.",
-        ),
+        (joint, "'a.case.mass' of stage 'box' "),
+        (only, f"stage 'box' for 'a.{HTC}', 'a.{MASS}' "),
     ):
-        assert said in fit.warnings
-        assert said in [x.what for x in fit.store.left_out]
+        (remark,) = (w for w in fit.warnings if said in w)
+        assert remark in [x.what for x in fit.store.left_out]
 
 
 def test_values_of_a_stage_that_is_left_out_are_taken_as_exact_and_it_says_so(project: Path) -> None:

@@ -91,9 +91,8 @@ def test_a_stage_tuned_by_hand_is_a_stage_like_any_other(tmp_path: Path, row: st
         assert found["whole"][E].error > 3 * found["whole"][E].error_random
     else:
         assert not state.known
-        assert [x.what for x in found["whole"].store.left_out] == [
-            f"'{G}' was tuned by hand at stage 'bench' without an error, so the errors here are too small. Give {{ value, sd }} there"
-        ]
+        (left_out,) = found["whole"].store.left_out
+        assert re.match(rf"'{re.escape(G)}' .* 'bench' .* \{{ value, sd \}} ", left_out.what)
 
 
 def test_what_was_tuned_by_hand_may_be_a_prior(tmp_path: Path) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -492,9 +493,9 @@ def test_a_clock_that_no_part_shows_is_said_not_to_be_determined() -> None:
     noise = 6.0 * np.random.default_rng(4).standard_normal(SLOW.size)
     dull = first.with_channels(replace(first["T"], values=first["T"].values + noise, noise=6.0))
     fit = td.calibrate(BOX, dull.joined(second, (100.0, 160.0)), FREE[1:], scenario=AIR)
-    assert any("'bench: clock offset'" in w and "95 %" in w for w in fit.warnings)
+    assert any(re.search(r"'bench: clock offset' .* 95 % ", w) for w in fit.warnings)
     sharp = td.calibrate(BOX, first.joined(second, (100.0, 160.0)), FREE[1:], scenario=AIR)
-    assert not any("is not determined" in w for w in sharp.warnings)
+    assert not any("clock offset" in w for w in sharp.warnings)
 
 
 def test_a_clock_at_the_end_of_its_range_is_flagged_with_its_value() -> None:
@@ -506,7 +507,7 @@ def test_a_clock_at_the_end_of_its_range_is_flagged_with_its_value() -> None:
     assert "'bench: clock offset'" in fit.own.because
     right = td.calibrate(BOX, open_clock(130.0, 1.08), FREE, scenario=AIR)
     said = str(td.validate(right, narrow, td.Criteria(rmse="9 [K]"), scenario=AIR))
-    assert "fitted to this record: clock offset 60" in said
+    assert re.search(r": clock offset 60\b", said)
     assert "'bench: clock offset'" in said
 
 

@@ -236,11 +236,7 @@ class TestRefusals:
         model = box({"surfaces/skin/effective_htc": {"value": "6 [W/(m^2 K)]", "min": 5.7, "max": 6.3}})
         data = log(model, {}, {"T": "case"}, hours=6.0, noise=0.05)
         off = data.with_channels(replace(data["T"], accuracy=2.0))
-        cause = (
-            "most of that is the constant error of 'T' (if all sensors began at one temperature, give `start`: the fit then finds these "
-            "errors). Fix it"
-        )
-        with pytest.raises(IdentificationError, match=re.escape(cause)):
+        with raises_code("fit.not-determined", IdentificationError, match=r"'T' \(.*`start`.*\)"):
             calibrate(model, off, [HTC, MASS])
         with raises_code("fit.not-determined", IdentificationError, match="'METER'"):
             calibrate(model, metered(data, "heat", 4.0, accuracy=0.8), [HTC, MASS])
@@ -286,7 +282,7 @@ class TestWarnings:
 
     def test_many_white_traces_are_not_called_coloured(self) -> None:
         data = [log(box(), {}, {"T": "case"}, name=f"r{s}", seed=s, samples=101) for s in range(40)]
-        assert not any("not white" in w for w in calibrate(box(), data, [HTC]).warnings)
+        assert not any(re.search(r"\b\d+ of 40 ", w) for w in calibrate(box(), data, [HTC]).warnings)
 
     def test_at_a_bound(self) -> None:
         found = calibrate(box(), log(box({"surfaces/skin/effective_htc/max": 40}), {HTC: "25 [W/(m^2 K)]"}, {"T": "case"}), [HTC])

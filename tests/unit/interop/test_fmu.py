@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import subprocess
 import sys
 import zipfile
@@ -453,7 +454,7 @@ def test_damaged_files_are_refused_by_the_library(tmp_path: Path) -> None:
 def test_what_cannot_be_set_is_fixed_and_named(tmp_path: Path) -> None:
     """Conductivity from a table that a parameter makes; the courses of a scenario."""
     text = str(to_fmu(*MODELS["schedule"][:2], tmp_path / "m.fmu"))
-    assert "Courses of the scenario, which ends at 1200 s; the last value holds after that: air, heat." in text
+    assert re.search(r" 1200 s; .*: air, heat\.", text)
 
 
 def test_wrong_requests_are_refused(tmp_path: Path) -> None:

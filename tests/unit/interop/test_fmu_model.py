@@ -138,7 +138,7 @@ def ask(*words: object) -> tuple[int, Any]:
     """Exit code and object of a command."""
     done = CliRunner().invoke(app, [*map(str, words), "--json"])
     if isinstance(done.exception, ThermidError):
-        return done.exception.exit_code, {"message": str(done.exception)}
+        return done.exception.exit_code, {"message": str(done.exception), "code": done.exception.code}
     return done.exit_code, json.loads(done.stdout)
 
 
@@ -258,24 +258,22 @@ def test_refusals(fmu: Path, tmp_path: Path) -> None:
         td.calibrate(model, alone, ["p.g"], scenario=td.Scenario("x", prescribed={"T.b": "20 [degC]"}))
     with raises_code("model.element-not-supported", ScenarioError):
         td.calibrate(model, ready, ["p.g"], scenario=td.Scenario("x", schedule={"p.c": "50 [J/K]"}))
-    with pytest.raises((SolverError, ScenarioError), match="does not show"):
+    with pytest.raises((SolverError, ScenarioError), match=r"^box: .* FMU "):
         td.steady(model, td.Scenario("x", boundaries={"T.air": "20 [degC]"}))
     found = td.calibrate(model, ready, ["p.g", "p.c"])
-    with pytest.raises(ScenarioError, match="missing elements needs the equations"):
+    with pytest.raises(ScenarioError, match=r"^box: .* FMU "):
         td.inference.criticise(found, elements=True)
     assert td.inference.criticise(found).traces
 
 
-@pytest.mark.parametrize(
-    ("content", "words"), [(b"PK nothing", "no FMU that FMPy reads"), (b"", "no FMU that FMPy reads")], ids=["damaged", "empty"]
-)
-def test_a_file_that_is_no_fmu(content: bytes, words: str, fmu: Path, tmp_path: Path) -> None:
+@pytest.mark.parametrize("content", [b"PK nothing", b""], ids=["damaged", "empty"])
+def test_a_file_that_is_no_fmu(content: bytes, fmu: Path, tmp_path: Path) -> None:
     """The place in the campaign, and what is wrong."""
     path = campaign(tmp_path, fmu)
     (tmp_path / "box.fmu").write_bytes(content)
     code, said = ask("calibrate", path)
     assert code == 2
-    assert words in said["message"]
+    assert said["code"] == "file.another-kind"
     assert "stages.0" in said["message"]
 
 

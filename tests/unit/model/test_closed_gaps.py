@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import re
 from typing import Any
 
 import numpy as np
@@ -141,7 +140,7 @@ def test_members_and_large_networks_are_single_runs(method: str) -> None:
 def test_ranges_and_gas_at_rest_are_said() -> None:
     wide = td.simulate(gap(2000.0, tilt="0 [deg]", aspect="20", gap="60 [cm]"), LID.with_(duration="1 [h]"))
     assert any("1e+08" in w for w in wide.warnings)
-    assert any(re.search(r"\bGive tilt\b|'c'", w) for w in td.simulate(gap(), LID).warnings)
+    assert any("'c'" in w for w in td.simulate(gap(), LID).warnings)
     assert not td.simulate(gap(tilt="0 [deg]", aspect="6"), LID).warnings
 
 

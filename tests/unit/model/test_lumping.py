@@ -39,7 +39,7 @@ def found(model: td.Model) -> list[str]:
 
 def test_a_plastic_wall_is_named_with_its_number_and_pieces() -> None:
     (message,) = found(wall(0.2))
-    assert re.search(r"'wall' is 1, .* 0\.1: .* 4 nodes", message)  # 20 * 0.01 / 0.2
+    assert re.search(r"'wall' is 1, .* 0\.1: .* 4 \w+ ", message)  # 20 * 0.01 / 0.2
 
 
 def test_a_metal_wall_is_one_node() -> None:

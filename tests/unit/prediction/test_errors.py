@@ -123,7 +123,7 @@ def test_a_fit_whose_elements_cannot_be_followed_counts_its_values_and_says_why(
 
     monkeypatch.setattr("thermid.fit._error_model.kept.ways_of", refused)
     told = td.predict(_fit(), _asked(6.0), nodes=["case"])
-    assert "how elements depart from their laws, because nobody knows its elements" in told.not_counted
+    assert "nobody knows its elements" in told.not_counted
     assert told["case"].parts["values"][-1] > 0.0
     assert BandCause.RUN not in told["case"].parts
 
@@ -162,16 +162,15 @@ def test_logs_that_no_departure_explains_are_said_first() -> None:
     unmetered = [_log(p, k).select("T", "ROOM") for k, p in enumerate((4.0, 2.0))]
     wrong = td.calibrate(box(), unmetered, [HTC, MASS], search="local")
     told = td.predict(wrong, _asked(6.0))
-    assert "what is wrong where the readings ask for" in told.not_counted
     assert told.not_counted in str(told).splitlines()[:2]  # behind the standing of the fit
     (coded,) = (x.what for x in told.left_out if code_of(x.what) == "prediction.readings-contradict")
+    assert coded in told.not_counted
     assert str(told).count(coded) == 1
     assert coded in [x.what for x in predict_record(wrong, unmetered[0]).left_out]
 
 
 def test_readings_that_a_model_follows_are_not_said_to_contradict_it(fit: td.Calibration) -> None:
     told = td.predict(fit, _asked(6.0))
-    assert "what is wrong" not in told.not_counted
     assert not any(code_of(x.what) for x in told.left_out)
 
 

@@ -61,7 +61,7 @@ SECTIONS = {
     "Transient overlays": ["measured less simulated", "sensor, 95 %"],
     "Excluded sensors": ["None."],
     "Remaining discrepancies": ["the lid was not modelled", "would explain"],
-    "Uncertainty, limits and margins": ["fixed margin", "and does not count", "Predictions of the service cases", "processor", "measured"],
+    "Uncertainty, limits and margins": ["fixed margin", "Predictions of the service cases", "processor", "measured"],
     "Validity envelope": [
         "EXTRAPOLATION",
         "power 9 .. 9 W; calibrated 0 .. 5 W",

@@ -53,7 +53,9 @@ def test_a_value_at_its_bound_or_without_an_error_is_marked(campaign: Campaign) 
         values = replace(fit.values, items_={**fit.values.items_, "skin.effective_htc": changed})
         return row(tables.parameters(replace(fit, values=values)), "skin.effective_htc")["state"]
 
-    assert state(replace(v, value=15.0)) == Cell("at its upper bound", "its error is cut there", "bad")
+    bound = state(replace(v, value=15.0))
+    assert (bound.text, bound.look) == ("at its upper bound", "bad")
+    assert bound.tip
     assert state(replace(v, error=math.inf)).text == "not determined"
     assert state(replace(v, also=("other.htc",))).text == "free, shared by 2 instances"
 
@@ -142,7 +144,9 @@ def test_local_values_and_correlations_are_listed(campaign: Campaign) -> None:
 def test_data_have_checksums_uses_and_kind(campaign: Campaign, measured: Campaign) -> None:
     (table,) = tables.data(campaign)
     assert column(table, "record") == ["alone", "together", "held out"]
-    assert column(table, "used for") == ["fit component", "fit submodel", "hold-out record, verdict on submodel"]
+    *fits, judged = column(table, "used for")
+    assert fits == ["fit component", "fit submodel"]
+    assert judged.endswith(" on submodel")
     assert set(column(table, "kind")) == {"SYNTHETIC"}
     cell = row(table, "alone")["SHA-256"]
     assert cell.tip == campaign["component"].records["alone"]
@@ -219,4 +223,5 @@ def test_an_estimate_outside_its_bounds_is_among_what_is_not_known(campaign: Cam
     for factor, count in ((1.5, 0), (3.0, 1)):
         moved = replace(bounded, expected={path: (factor * v.value, v.error)})
         unknown = [r.text for r in tables.glance(replace(campaign, stages={**campaign.stages, name: moved}), {}).unknown]
-        assert sum(t.startswith(f"{path} is expected at ") and "outside its bounds" in t for t in unknown) == count
+        bounds = f"({tables.bounds_text(bounded.values[path])})"
+        assert sum(t.startswith(f"{path} ") and bounds in t for t in unknown) == count

@@ -172,7 +172,8 @@ def test_no_vapour_in_vacuum() -> None:
     found = td.site.moisture(space, TRANSFER.vacuum().with_(start="20 [degC]"), {"air": 0.9})
     assert found.dew_points["air"] == pytest.approx(0.0)
     assert found["skin"].film.max() == 0.0
-    assert "no vapour, so no condensation" in str(found)
+    (skin,) = (line for line in str(found).splitlines() if line.startswith("  skin "))
+    assert not re.search(r"\d", skin)
 
 
 @pytest.mark.parametrize(

@@ -16,7 +16,7 @@ from typing import Final
 
 import numpy as np
 
-from thermid.base.errors import DeckError, ThermidError, cap, raising
+from thermid.base.errors import CodedText, DeckError, ThermidError, cap, code_of, raising
 from thermid.base.units import ICE_POINT, STEFAN_BOLTZMANN, counted
 from thermid.interop._decks.network_file import (
     DeckReading,
@@ -111,7 +111,7 @@ def _network(path: Path, instead: Mapping[str, str] = MappingProxyType({})) -> N
         first = next(c for c in deck.conductors if c.table["kind"] == "radiation")
         deck.reading.remark(first.where, f"STEFAN is not set; ESATAN's {STEFAN:g} W/(m^2 K^4) is assumed", dropped=False)
     offset, ratio = control.get("TABS", ICE_POINT) - ICE_POINT, control.get("STEFAN", STEFAN) / STEFAN_BOLTZMANN
-    unread = any("is not a node" in remark.what for remark in deck.reading.remarks)
+    unread = any(code_of(remark.what) == "import.not-understood" for remark in deck.reading.remarks)
     begin = control.get("TIMEO", 0.0)
     return NetworkFile(
         identifier(top.name or path.stem), "ESATAN", tuple(replace(node, celsius=node.celsius + offset) for node in deck.nodes),
@@ -256,7 +256,10 @@ def _unrolled(deck: EsatanDeck, loop: list[Line]) -> Iterator[Line]:
 def _not_elements(deck: EsatanDeck, loop: list[Line]) -> None:
     """Name a loop that is over no numbers."""
     rows = "; ".join(line.words for line in loop)
-    deck.reading.remark(loop[0].where, f"'{rows}' is not a node nor a conductor, because the loop is not over whole numbers")
+    deck.reading.remark(
+        loop[0].where,
+        CodedText(f"'{rows}' is not a node nor a conductor, because the loop is not over whole numbers", "import.not-understood"),
+    )
 
 
 def _integer(deck: EsatanDeck, word: str, where: TextSpan) -> int:
@@ -359,7 +362,7 @@ def _nodes(deck: EsatanDeck, owner: str, lines: list[Line]) -> None:
     for statement in _looped(deck, _statements(lines)):
         match = _NODE.match(statement.text)
         if not match:
-            deck.reading.remark(statement.where, f"'{statement.words[:60]}' is not a node")
+            deck.reading.remark(statement.where, CodedText(f"'{statement.words[:60]}' is not a node", "import.not-understood"))
             continue
         kind, title = match[1].upper(), (match[3] or "").strip("' ")
         _, name = _node_of(deck, owner, match[2], statement)

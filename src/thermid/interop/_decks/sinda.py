@@ -285,8 +285,8 @@ def _inserted(deck: SindaDeck, path: Path, name: str, line: Line, inside: tuple[
         text = deck.reading.open(target, inside, str(line.where))
     except DeckError as error:
         beside = target.with_suffix(".k")
-        if "binary" not in error.message or target.suffix != ".k_in" or not beside.is_file():
-            if "each other" in error.message:
+        if error.code != "file.another-kind" or target.suffix != ".k_in" or not beside.is_file():
+            if error.code == "model.self-reference" or len(inside) >= cap("includes"):
                 raise
             deck.reading.remark(line.part(0, len(line.text)), f"INSERT {name}: {error.message}")
             return at

@@ -9,7 +9,7 @@ from typing import Final
 
 import numpy as np
 
-from thermid.base.errors import ThermidError
+from thermid.base.errors import CodedText, ThermidError, code_of
 from thermid.base.units import DIMENSIONLESS, counted, describe, from_si, unit
 from thermid.measure._readers.columns import kelvin_sized, numbers
 from thermid.measure._readers.headers import LETTERED, MISSING, NO_NUMBER, is_number, name_and_unit
@@ -105,7 +105,7 @@ def columns_of(cells: Cells, decimal: str, times: tuple[int, ...]) -> list[Colum
             out.append(Column(header, name, text or "", False, "ignored", why))
             continue
         guess, unit_text, why = _guess(name, text, parsed, m["letter"] if (m := LETTERED.match(name)) and m["stem"] not in numbered else "")
-        assumed = text is None and bool(unit_text) and "ends in" not in why
+        assumed = text is None and bool(unit_text) and code_of(why) != "record.unit-by-name"
         out.append(_with_faults(Column(header, name, unit_text, assumed, guess, why, parsed, int(np.isnan(parsed).sum()))))
     rooms = [c.name for c in out if c.guess == "boundary" and not _is_sink(c)]
     return [
@@ -151,18 +151,22 @@ def _guess(name: str, text: str | None, values: FloatArray, letter: str) -> tupl
 def _temperature(name: str, text: str, why: str) -> tuple[str, str, str]:
     """Return the guess of a temperature in the unit `text`: boundary where its name is of surroundings and not inside."""
     if (match := _SURROUNDINGS.search(name)) and not _INSIDE.search(name):
-        return "boundary", text, f"{why}, and '{match[0]}' names surroundings"
+        return "boundary", text, CodedText(f"{why}, and '{match[0]}' names surroundings", code_of(why))
     return "temperature", text, why
 
 
 def _by_name(name: str, finite: FloatArray, letter: str) -> tuple[str, str, str]:
     """Return the guess, the unit and the reason for a column without a unit; `letter` as of `_guess`, `finite` its finite readings."""
     if _STATE.search(name) or (finite.size > 2 and np.all(np.diff(finite) == 1) and not _TEMPERATURE.match(name)):
-        return "ignored", "", "counts rows or states"
+        return "ignored", "", CodedText("counts rows or states", "record.counter")
     if counts_time(finite):
-        again = np.flatnonzero(begins_again(finite))
-        return "ignored", "", "counts milliseconds" + (f", and begins again {counted(again.size, 'time')}" if again.size else "")
-    ends = f"its name ends in {name[-2:].strip()}"
+        again = int(np.count_nonzero(begins_again(finite)))
+        return (
+            "ignored",
+            "",
+            CodedText("counts milliseconds" + f", and begins again {counted(again, 'time')}" * (again > 0), "record.counter"),
+        )
+    ends = CodedText(f"its name ends in {name[-2:].strip()}", "record.unit-by-name")
     if letter in _SCALES:
         return _temperature(name, _SCALES[letter], ends)
     if letter == "W":
@@ -197,7 +201,7 @@ def _with_faults(column: Column) -> Column:
     values, heat = column.values, column.guess in ("temperature", "boundary")
     codes = codes_of(values, float(from_si(0.0, column.unit))) if heat else {}
     faults = Counter(codes[v] for v in values.tolist() if v in codes)
-    counter = column.why.startswith("counts ")  # counts as high as it likes
+    counter = code_of(column.why) == "record.counter"  # counts as high as it likes
     if not (heat or counter) and (over := int(np.count_nonzero(np.isfinite(values) & (np.abs(values) >= MIN_OVERLOAD_READING)))):
         faults["overload or open sensor"] = over
     column = replace(column, codes=codes)

@@ -14,7 +14,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from thermid.base.errors import RecordError, ThermidError
+from thermid.base.errors import RecordError, ThermidError, code_of
 from thermid.base.results import Result
 from thermid.base.units import DAY, HOUR, MINUTE, Array, counted, duration_text, in_si, short, unit
 from thermid.measure._readers.columns import decimal_sign
@@ -127,7 +127,7 @@ class Look(Result):
             times = self.times.values
             out += board_restarts(times, {c.name: c.values for c in self.columns if c.guess == "ignored" and not c.unit and c.values.size})
             # a column that is ignored here may still be bound by a campaign, if it counts neither rows nor milliseconds
-            out += repeated_stamps(times, columns | {c.name: c.values for c in self.columns if not c.why.startswith("counts ")})
+            out += repeated_stamps(times, columns | {c.name: c.values for c in self.columns if code_of(c.why) != "record.counter"})
             out += () if self.times.zone else lost_hour(times, self.clock.texts, warm)
             powers = {n: v for n, v in columns.items() if n not in warm}
             powers |= {n: of[0].values * of[1].values for n, of in self.supplies.items() if len(of) == 2}
@@ -231,7 +231,7 @@ class Look(Result):
         column = f"column = {json.dumps(c.name, ensure_ascii=False)}, " if name != c.name else ""
         target = re.sub(r"\W+", "_", name_and_unit(c.header)[0]).strip("_") or "node"
         role = {"temperature": "node", "boundary": "boundary"}.get(c.guess, "load")
-        by_name = c.unit not in ("degC", "W") and "ends in" in c.why
+        by_name = c.unit not in ("degC", "W") and code_of(c.why) == "record.unit-by-name"
         options = f', unit = "{c.unit}"' if c.assumed or by_name else ""
         if (
             role == "node"

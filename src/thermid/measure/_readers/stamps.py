@@ -10,7 +10,7 @@ from typing import Final
 
 import numpy as np
 
-from thermid.base.errors import NameNotFoundError, RecordError, errors_at
+from thermid.base.errors import CodedText, NameNotFoundError, RecordError, errors_at
 from thermid.base.units import DAY, HOUR, MINUTE, duration_text, require, unit
 from thermid.measure._readers.columns import find_column, numbers
 from thermid.measure._readers.headers import COUNTED, DATED, MISSING, TIME_NAMES, is_time_name, name_and_unit, plainly, spelt
@@ -483,7 +483,10 @@ def _by_order(cells: Cells, clock: Clock, sort: bool = False) -> tuple[FloatArra
         return times_by_order[order], order, ()
     open_ = len(times_by_order) > 1 and all(np.array_equal(values, times_by_order[order]) for values in times_by_order.values())
     notes = (
-        (f"the order of day and month in the stamps is ambiguous ({' or '.join(times_by_order)}), but the times are the same")
+        CodedText(
+            f"the order of day and month in the stamps is ambiguous ({' or '.join(times_by_order)}), but the times are the same",
+            "record.time-unclear",
+        )
         if open_
         else f"stamps read as {order}"
     )

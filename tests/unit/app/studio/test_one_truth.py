@@ -156,7 +156,7 @@ def copied(met: Path, tmp_path: Path) -> Path:
 def test_a_stage_that_was_not_judged_yet_is_open(copied: Path) -> None:
     project = Project(copied)
     states = [project.look(name) for name in project.stages]
-    assert [(s.state, s.open) for s in states] == [("done", ""), ("done", "its hold-out records are not judged yet"), ("done", "")]
+    assert [(s.state, bool(s.open)) for s in states] == [("done", False), ("done", True), ("done", False)]
     (copied.parent / "pair_one.csv").write_text("time_s,T_X [degC]\n0,1\n", encoding="utf-8")
     project.judge()
     assert "pair_one" in project.states["pair"].open

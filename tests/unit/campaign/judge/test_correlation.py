@@ -99,7 +99,7 @@ def test_a_limit_from_memory_decides_nothing() -> None:
     found = correlate(seen(2.0, 0.0), [heard], steady=SETTLED)
     assert found.passed("heard") is None
     assert found.failed == ()
-    assert re.search(r"limit 1 K \[memory\].*: not decided, ", str(found))
+    assert re.search(r"limit 1 K \[memory\], 1 of 2 ", str(found))
 
 
 def test_a_criterion_without_data_is_refused() -> None:

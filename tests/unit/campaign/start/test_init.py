@@ -73,7 +73,7 @@ def test_a_hidden_mass_is_found_written_checked_and_validated(tmp_path: Path) ->
         assert (tmp_path / "p" / "schema" / f"{kind}.schema.json").is_file()
     text = (tmp_path / "p" / "plate.toml").read_text()
     assert "T_plate_C" in text
-    assert "hidden: no sensor" in text
+    assert "hidden: " in text
     run("simulate", str(tmp_path / "p" / "plate.toml"), "--scenario", str(tmp_path / "p" / "scenario.toml"))
 
 

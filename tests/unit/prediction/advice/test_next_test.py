@@ -237,7 +237,9 @@ def test_the_same_test_again_is_at_most_sqrt_two_times_better_where_residuals_wa
     option = next(o for o in again.options if o.name == AGAIN)
     # a little more than sqrt 2, since the planned test starts from a temperature that is given
     assert 1.25 < again.now / option.error < 1.5
-    assert "are assumed to be autocorrelated like the residuals" in str(again)
+    (remark,) = again.remarks
+    assert "'T'" in remark
+    assert remark in str(again)
 
 
 def test_the_sensors_of_every_record_count() -> None:

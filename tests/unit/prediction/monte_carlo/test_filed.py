@@ -149,8 +149,8 @@ def test_of_a_part_a_set_above_wins_and_a_line_says_so(folder: Path) -> None:
     found = Filed.read(folder / "fit.toml", td.load_model(folder / "rig.toml"), at="p")
     assert found.model.at(f"p.{G}").text == "1 [W/K]"
     (line,) = found.lines
-    assert line.startswith(f"'p.{G}' is 1 [W/K] by")
-    assert "overrides the result of stage" in line
+    assert line.startswith(f"'p.{G}' is 1 [W/K] by [set] of rig, ")
+    assert " of stage '" in line
 
 
 RIG = """

@@ -113,7 +113,7 @@ def test_a_lowest_limit_and_the_limit_passed_first(folder: Path) -> None:
 
 def test_a_limit_that_nobody_passes(folder: Path) -> None:
     found = asked(folder, QUESTION.replace("38 [degC]", "90 [degC]"))
-    assert found.sentence == "warm-up: no limit is exceeded in 1 h 30 min, 95 %"
+    assert found.sentence.endswith(" 1 h 30 min, 95 %")
     assert math.isinf(found["body"].hold)
     assert found["body"].never == 1.0
     assert found["body"].drivers[0].name == "air"
@@ -126,7 +126,7 @@ def test_a_limit_that_nobody_passes(folder: Path) -> None:
         ("seed = 2", "seeds = 2", "file.unknown-key", r"hold.toml:5.*'seeds'.*'seed'\?"),
         ("members = 400", 'members = "400"', "file.wrong-kind", "hold.toml:4.*'400'"),
         ("members = 400", "members = 0", "file.wrong-value", "1"),
-        ("members = 400", "members = 10", "value.outside-range", "10.*too few for 95 %. Request 400"),
+        ("members = 400", "members = 10", "value.outside-range", r"10 .* 95 %\. \w+ 400 "),
         ('limits = { body = "38 [degC]" }', "", "file.key-missing", "hold.toml"),
         ("38 [degC]", "38 [W]", "unit.wrong-dimension", ""),
         ('"38 [degC]"', '{ top = "38 [degC]" }', "file.unknown-key", "limits.body.top: 'top'"),
@@ -219,7 +219,7 @@ def test_mistakes_are_told_before_anything_runs(folder: Path, capsys: pytest.Cap
     assert command("hold", folder / "hold.toml", "--members", 10) == 2
     assert command("hold", folder / "hold.toml", "--figure", "curve.gif") == 2
     said = capsys.readouterr().err
-    assert "too few for 95 %. Request 400" in said
+    assert re.search(r" 95 %\. \w+ 400 ", said)
     assert all(part in said for part in ("curve.gif", "'.gif'", "GIF"))
     assert "of 400 members" not in said
     assert not (folder / "results").exists()
@@ -227,7 +227,7 @@ def test_mistakes_are_told_before_anything_runs(folder: Path, capsys: pytest.Cap
 
 def test_a_question_that_needs_more_memory_than_allowed_is_refused(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert command("hold", folder / "hold.toml", "--members", 20_000, "--memory", 5) == 2
-    assert re.search(r"20000 members: about .* processor time and \d+ MB beside the program, more than 5 MB", capsys.readouterr().err)
+    assert re.search(r"20000 \w+: .* \d+ MB .* 5 MB", capsys.readouterr().err)
     assert not (folder / "results").exists() or not list((folder / "results").rglob("*.npz"))
     assert command("hold", folder / "hold.toml", "--memory", 500) == 0
 
