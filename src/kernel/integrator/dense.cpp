@@ -26,6 +26,36 @@ void Outputs::dense_start() {
         dirS_ = z.sb;
         slaved_.rate_sensitivity(slaved_.fast, step_.e, step_.J0.data(), bb_.data(), nullptr, state_.S.data(), dirS_.data(), z.ab.data(), z.sc.data());
     }
+    if (!setup_.idle.empty()) idle_start();
+}
+
+// The same for idle inputs, of which only the parameters of their own coefficients remain: what one of these moves is the heat that the input would bring.
+void Outputs::idle_start() {
+    const auto put = [&](int node, double heat) {
+        if (node < n_) g_[node] += heat;
+    };
+    double* b = step_.idle_b.data();
+    double* ab = step_.idle_ab.data();
+    unseen_ = setup_.idles;
+    for (const IdleInput& x : setup_.idle) {
+        for (const auto& part : x.parts)
+            if (!part.load || slaved_.fast.is[p_.load.node[part.entry.row]]) unseen_[x.input] = 0;
+        if (!step_.in[x.input].exact) {
+            std::fill(g_.begin(), g_.end(), 0.0);
+            for (const auto& part : x.parts) {
+                const int r = part.entry.row;
+                const double heat = part.factor * (part.load ? step_.e.load_slope(part.entry) : step_.e.con_slope(part.entry));
+                put(part.load ? p_.load.node[r] : p_.con.b[r], heat);
+                if (!part.load && !is(p_.con.kind[r], ONE_WAY)) put(p_.con.a[r], -heat);
+            }
+            std::fill(dir_.begin(), dir_.end(), 0.0);
+            slaved_.rate(slaved_.fast, step_.J0.data(), g_.data(), dir_.data(), b);
+            std::copy(b, b + n_, dir_.begin());
+            slaved_.rate(slaved_.fast, step_.J0.data(), nullptr, dir_.data(), ab);
+        }
+        b += n_;
+        ab += n_;
+    }
 }
 
 // After an accepted step: derivatives at its end and the polynomials of every node.
@@ -174,7 +204,7 @@ void Outputs::move_cursors(double s, double time) {
             continue;
         }
         Noise& z = step_.noise[k];
-        if (!z.active && !need_u) continue;
+        if (!z.active && (!need_u || unseen_[k])) continue;
         cursor_[k].move(time);
         view.u[k] = cursor_[k].value();
         z.w = z.active ? step_.in[k].w(s, cursor_[k].sum) : 0.0;

@@ -13,7 +13,7 @@ namespace thermid {
 Outputs::Outputs(Setup& setup, State& state, Step& step, Slaved& slaved, Errors& errors, Stages& stages)
     : view(setup.p, setup.coef), setup_(setup), state_(state), step_(step), slaved_(slaved), errors_(errors), stages_(stages), p_(setup.p), coef_(setup.coef), d_(setup.d),
       o_(setup.o), squares_(setup.squares), n_(setup.n), np_(setup.np), nk_(setup.nk), poly_(POWERS * static_cast<size_t>(n_), 0.0), unit_(nk_, 0.0),
-      cursor_(nk_) {
+      cursor_(nk_), unseen_(nk_, 0) {
     for (auto* v : {&g_, &dir_, &bb_}) v->assign(n_, 0.0);
     for (auto* v : {&SO_, &dirS_}) v->assign(static_cast<size_t>(n_) * np_, 0.0);
 }
@@ -27,7 +27,7 @@ void Outputs::begin() {
 
 // Weights of m outputs at increasing times into shares_; the first slope_count_ terms are those of the sensitivities.
 void Outputs::weigh(const double* times, int m) {
-    double s[CHUNK], sums[3 * CHUNK];
+    double s[CHUNK], sums[3 * CHUNK], beyond[2 * CHUNK];
     shares_.resize((POWERS + 4 * static_cast<size_t>(nk_)) * CHUNK);
     powers(shares_.data(), s, times, state_.t, step_.end, step_.h, m);
     if (s[0] < at_) move_cursors(s[0], times[0]);
@@ -39,7 +39,32 @@ void Outputs::weigh(const double* times, int m) {
         w += 2 * CHUNK;
         more += 2 * CHUNK;
     }
+    idle_shares_.resize(2 * CHUNK * setup_.idle.size());
+    for (size_t i = 0; step_.leftover && i < setup_.idle.size(); ++i) {
+        const int k = setup_.idle[i].input;
+        double* to = idle_shares_.data() + 2 * CHUNK * i;
+        if (step_.in[k].exact) continue;
+        if (i > 0 && setup_.idle[i - 1].input == k) {
+            std::copy(to - 2 * CHUNK, to, to);
+            continue;
+        }
+        cursor_[k].move(times, m, sums, CHUNK);
+        left_over(to, beyond, s, sums, step_.in[k], m);
+    }
     at_ = s[m - 1];
+}
+
+// What idle inputs add to the sensitivities S (m, nodes, np) of the outputs that were weighed: each to the column of its parameter.
+void Outputs::add_idle(double* S, int m, const int* obs, int nobs) const {
+    for (size_t i = 0; step_.leftover && i < setup_.idle.size(); ++i) {
+        if (step_.in[setup_.idle[i].input].exact) continue;
+        const double *b = step_.idle_b.data() + i * n_, *ab = step_.idle_ab.data() + i * n_, *w = idle_shares_.data() + 2 * CHUNK * i;
+        for (int j = 0; j < nobs; ++j) {
+            if (obs[j] >= n_ || (b[obs[j]] == 0.0 && ab[obs[j]] == 0.0)) continue;
+            double* to = S + j * static_cast<size_t>(np_) + setup_.idle[i].name;
+            for (int r = 0; r < m; ++r, to += static_cast<size_t>(nobs) * np_) *to += w[r] * b[obs[j]] + w[CHUNK + r] * ab[obs[j]];
+        }
+    }
 }
 
 // What the weights of temperatures stand before: (terms, nodes).
@@ -146,6 +171,7 @@ void Outputs::rows(const double* times, long m, const int* obs, int nobs, double
             weigh(times + k, some);
             weighted(T + k * nobs, shares_.data(), some, terms_.data(), count_, nobs);
             if (S) weighted(S + k * wide, shares_.data(), some, slope_terms_.data(), slope_count_, nobs * np_);
+            if (S) add_idle(S + k * wide, some, obs, nobs);
             continue;
         }
         for (long r = k; r < k + some; ++r) {  // through the network: slaved nodes and boundaries are observed too
@@ -164,6 +190,7 @@ void Outputs::slaved_row(double s, double time, const int* obs, int nobs, double
     const size_t np = np_;
     const double x = s / step_.h, y = 1.0 - x;
     weighted(SO_.data(), shares_.data(), 1, slope_terms_.data(), slope_count_, n_ * np_);
+    add_idle(SO_.data(), 1, setup_.all.data(), n_);
     if (jumped_) {
         view.t.swap(before_);
         side(time, true);

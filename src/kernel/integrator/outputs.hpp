@@ -12,6 +12,7 @@
 //   lag        heat that fast nodes still take up [W]; lag_s: d/dp of that
 //   jumped     an input jumps at the output under way; before: all temperatures there, before the jump
 //   shares     (terms, CHUNK); terms: (terms, nodes); slope_terms: (terms, nodes x np); count, slope_count: how many terms
+//   idle_shares w and ww of each idle input (idle, 2, CHUNK)
 //   SO         sensitivities of all nodes at an output (n, np)
 #pragma once
 #include <vector>
@@ -52,13 +53,15 @@ class Outputs {
     const Options& o_;
     LeastSquares* squares_;
     const int n_, np_, nk_;
-    std::vector<double> poly_, lag_, lag_s_, before_, shares_, terms_, slope_terms_, SO_, g_, dir_, bb_, dirS_, unit_;
+    std::vector<double> poly_, lag_, lag_s_, before_, shares_, terms_, slope_terms_, SO_, g_, dir_, bb_, dirS_, unit_, idle_shares_;
     std::vector<Cursor> cursor_;
     double at_ = 0.0;
     bool jumped_ = false;
     int count_ = 0, slope_count_ = 0;
 
     // dense.cpp
+    void idle_start();
+    std::vector<char> unseen_;  // inputs whose own values no output needs: idle ones that bring heat to nodes with a delay alone
     void move_cursors(double s, double time);
     bool side(double time, bool before);
     double smooth(int i, double x) const;
@@ -71,6 +74,7 @@ class Outputs {
     void weigh(const double* times, int m);
     void temperature_terms(const int* obs, int nobs);
     void sensitivity_terms(const int* obs, int nobs);
+    void add_idle(double* S, int m, const int* obs, int nobs) const;
     bool delayed(const int* obs, int nobs) const;
     void rows(const double* times, long m, const int* obs, int nobs, double* T, double* S);
     void slaved_row(double s, double time, const int* obs, int nobs, double* S);

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <iterator>
 #include <limits>
 #include <stdexcept>
 #include <string>
@@ -16,6 +17,9 @@ Setup::Setup(const Problem& problem, const double* coefficients, const CoefJacob
     : p(problem), coef(coefficients), d(derivatives), o(options), squares(readings), n(p.n), np(d.np), nk(static_cast<int>(p.inputs.size())) {
     if (n > Problem::LARGEST) throw std::invalid_argument("this integrator takes at most " + std::to_string(Problem::LARGEST) + " unknown nodes");
     find_entries();
+    find_firm();
+    find_idle();
+    std::copy_if(p.moving.begin(), p.moving.end(), std::back_inserter(acting), [&](int k) { return !idles[k]; });
     parameters.build(p, d);
     faint.assign(np, std::numeric_limits<double>::infinity());
     for (size_t c = 0; np > 0 && c + 1 < d.indptr.size(); ++c)
@@ -57,6 +61,39 @@ void Setup::find_entries() {
     }
 }
 
+// What moves boundaries and powers alone is followed by a step without error where its jumps are small.
+void Setup::find_firm() {
+    firm.assign(nk, !p.guards.empty() || !p.followers.empty() || !p.samplers.empty());
+    auto enters = [&](const Entry& e, bool plain) {
+        if (p.coef_input[e.coef] >= 0 && !plain) firm[p.coef_input[e.coef]] = 1;
+    };
+    for (const Entry& e : p.con_entry) enters(e, e.what >= 4);
+    for (const Entry& e : p.load_entry) enters(e, e.what == 0 && p.load.kind[e.row] == SIGNAL && p.load.control[e.row] < 0);
+}
+
+// Where readings are reduced as they come, or inputs follow temperatures, none is taken for idle.
+void Setup::find_idle() {
+    idles.assign(nk, 0);
+    if (np == 0 || squares || !p.followers.empty()) return;
+    for (int k = 0; k < nk; ++k) idles[k] = p.inputs[k].sampled();
+    for (int c : p.moved) idles[p.coef_input[c]] = idles[p.coef_input[c]] && coef[c] == 0.0;
+    std::vector<std::vector<IdleInput>> of(nk);
+    auto put = [&](const std::vector<Entry>& entries, bool load) {
+        for (const Entry& e : entries) {
+            const int k = p.coef_input[e.coef];
+            for (int x = d.indptr[e.coef]; k >= 0 && idles[k] && x < d.indptr[e.coef + 1]; ++x) {
+                auto& columns = of[k];
+                auto at = std::find_if(columns.begin(), columns.end(), [&](const IdleInput& i) { return i.name == d.indices[x]; });
+                if (at == columns.end()) at = columns.insert(at, {k, d.indices[x], {}});
+                at->parts.push_back({e, load, d.data[x]});
+            }
+        }
+    };
+    put(parameters.con, false);
+    put(parameters.load, true);
+    for (const auto& columns : of) idle.insert(idle.end(), columns.begin(), columns.end());
+}
+
 void Setup::take_capacities() {
     for (int i = 0; i < n; ++i) {
         if (p.capacity[i] < 0) continue;
@@ -89,9 +126,11 @@ Step::Step(const Setup& s) : e(s.p, s.coef), factors(s), in(s.nk), hint(s.nk, -1
     for (auto* v : {&worst, &uder0, &uder1, &u0}) v->assign(s.nk, 0.0);
     fu.assign(s.nk * n, 0.0);
     for (int k = 0; k < s.nk; ++k) {
-        if (!s.p.inputs[k].sampled()) continue;
+        if (!s.p.inputs[k].sampled() || s.idles[k]) continue;
         for (auto* v : {&noise[k].b, &noise[k].ab, &noise[k].aab, &noise[k].db, &noise[k].c}) v->assign(n, 0.0);
     }
+    idle_b.assign(s.idle.size() * n, 0.0);
+    idle_ab = idle_b;
     acc_con.assign(s.p.con.size(), 0.0);
     acc_load.assign(s.p.load.size(), 0.0);
 }

@@ -9,6 +9,9 @@
 //   parameters where p enters f; sought: nodes whose C depends on p
 //   con_u, load_u      where inputs that move enter conductors and loads
 //   pushes, other_u    the conductors' once more: those by a boundary, ready to add to df/du, and the others
+//   idle       inputs that move no temperature, since all their coefficients are zero, and the parameters that would let them; idles: whether an
+//              input is one; acting: the others that move
+//   firm       inputs of which a step must pass no jump, since they act on more than boundaries and powers
 //   holds      (massless node, node that holds its heat)
 //   faint      of each parameter, one over its size: its effect is let be below a part of that
 //   curved     some law is not linear in temperature
@@ -21,6 +24,13 @@
 #include "leastsquares/leastsquares.hpp"
 
 namespace thermid {
+
+// A sampled input that moves nothing, and one parameter of its coefficients: of dT/dp it moves that column alone.
+struct IdleInput {
+    struct Part { Entry entry; bool load; double factor; };
+    int input, name;
+    std::vector<Part> parts;
+};
 
 struct Setup {
     const Problem& p;
@@ -35,6 +45,9 @@ struct Setup {
     std::vector<int> sought, all;  // all: every node
     std::vector<double> cap, inv_cap, cap_at, faint;
     std::vector<std::pair<int, int>> holds;
+    std::vector<IdleInput> idle;  // in the order of inputs
+    std::vector<char> idles, firm;
+    std::vector<int> acting;
     bool curved = false, constant = false;
 
     Setup(const Problem& problem, const double* coefficients, const CoefJacobian& derivatives, const Options& options, LeastSquares* readings);
@@ -43,6 +56,8 @@ struct Setup {
 
   private:
     void find_entries();
+    void find_firm();
+    void find_idle();
 };
 
 }  // namespace thermid

@@ -103,7 +103,7 @@ void Stages::guess(int s) {
     for (int j = 1; j < s; ++j)
         if (const double w = BEYOND[s][j]; w != 0.0) axpy(beyond, w, step_.beyond.data() + j * n, n_);
     std::copy(beyond, beyond + n, guess_.begin());
-    for (int k : p_.moving)
+    for (int k : setup_.acting)
         if (const double du = step_.e.u[k] - step_.u0[k]; du != 0.0) axpy(guess_.data(), du, step_.fu.data() + k * n, n_);
     for (int i = 0; i < n_; ++i) guess_[i] = base_[i] + step_.h * GAMMA * (step_.F[i] + guess_[i]);
     step_.factors.solve(guess_.data(), NEAR);

@@ -15,6 +15,7 @@
 //   u0, uder0, uder1   inputs at the start; their slopes at the start and the end
 //   fu         df/du (nk, n)
 //   noise      what the left-over of each input does to the temperatures within the step
+//   idle_b, idle_ab    of each idle input, db/dp and d(ab)/dp of its parameter (idle, n); those of others are in `noise`
 //   drift_next drift at the end
 //   delta      last change by Newton [K]; err: error estimate of the end [K]
 //   acc_con, acc_load  heat through conductors and of loads, over h [W]
@@ -44,7 +45,7 @@ struct Step {
     std::vector<StepInput> in;
     std::vector<int> hint;
     bool leftover = false;
-    std::vector<double> worst, u0, uder0, uder1, fu;
+    std::vector<double> worst, u0, uder0, uder1, fu, idle_b, idle_ab;
     std::vector<Noise> noise;
     long newton = 0;  // iterations so far in the run
     explicit Step(const Setup& setup);
