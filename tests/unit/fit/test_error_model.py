@@ -131,6 +131,19 @@ def test_what_is_not_tried_has_little_say(fit: td.Calibration, worse: tuple[floa
     assert log_sum(every) - log_sum([*tried.values()]) == pytest.approx(0.0, abs=1e-7 if max(worse) > 1.0 else 1.0)
 
 
+def test_a_disturbed_run_has_a_remainder_of_its_own_and_leaves_the_other_its_own() -> None:
+    """A lid that opens for half an hour in one of two logs, which nobody wrote down."""
+    first, second = _logs("free air")
+    cold = np.where((first.times > 6000.0) & (first.times < 7800.0), 1.5, 0.0)
+    opened = first.with_channels(replace(first["T"], values=first["T"].values - cold))
+    (likeliest, *_) = sorted(
+        ErrorModel.of_fit(td.calibrate(box(), [opened, second], [HTC, MASS], search="local")).ways, key=lambda w: -w.weight
+    )
+    usual = SIZES["left"].value
+    parts = [sum(p for p, size, _ in likeliest.left if low <= size / usual < high) for low, high in ((0.0, 1.5), (1.5, 9.0))]
+    assert parts == [pytest.approx(0.5, abs=0.02)] * 2
+
+
 def test_bands_grow_with_distance(fit: td.Calibration) -> None:
     near, far, further = (_band(fit, p).half_width[-1] for p in (3.0, 6.0, 8.0))
     assert near < far < further
