@@ -29,7 +29,7 @@ from thermid.fit._error_model.kept import (
     Keeping as Keeping,
     KeptWay as KeptWay,
     SeenValue as SeenValue,
-    deviation as deviation,
+    deviations_of_run as deviations_of_run,
     errors_after as errors_after,
     errors_of_values as errors_of_values,
     errors_without as errors_without,

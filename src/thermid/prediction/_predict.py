@@ -50,7 +50,7 @@ MIN_CARRIER_PROBABILITY, MAJOR_SHARE = 0.1, 0.5
 MEANING = {
     BandCause.VALUES: "noise, instruments and priors leave the fitted values this uncertain",
     BandCause.STRUCTURE: "laws hold less well the further the conditions are from those of the fitted tests",
-    BandCause.RUN: "coefficients, masses and powers differ from one test to the next, and from their laws where no test was",
+    BandCause.RUN: "coefficients, masses and powers differ from one test to the next",
     BandCause.ROOM: "a room drifts about what is logged of it",
     BandCause.UNEXPLAINED: "residuals that no departure of an element follows",
     AVERAGED: "whether free air or a fan carries the heat of surfaces, and how much of it is radiated",
@@ -692,7 +692,7 @@ def mixed_answer(
     for way in ways:
         budget, columns = way.setting.budget, way.linear.columns[node]
         centres.append(way.kelvin(node) + columns @ budget.means)
-        variances_by_cause = budget.parts(columns)
+        variances_by_cause = way.setting.parts(columns)
         variances.append(np.sum([np.zeros(len(columns)), *variances_by_cause.values()], axis=0))
         for several, of_way in ((parts, variances_by_cause), (shifts, budget.shifts(columns))):
             for cause, v in of_way.items():

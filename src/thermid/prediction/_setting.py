@@ -6,6 +6,7 @@ values, powers and temperatures, of which members are drawn.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
@@ -17,7 +18,7 @@ import numpy as np
 
 from thermid.base.errors import SolverError
 from thermid.base.units import Array, Bools
-from thermid.fit.error_model import DepartureHeat, course_of, deviation, with_heats, with_laws
+from thermid.fit.error_model import BandCause, DepartureHeat, course_of, deviations_of_run, with_heats, with_laws
 from thermid.model.tree import Model
 from thermid.prediction._budget import EXPECTED_OF, Assumed, Budget, Target, assumed_values, combined, open_ranges
 from thermid.prediction._known import Rows
@@ -81,6 +82,7 @@ class Setting:
     at : dict               Free name -> where the derivatives of its fit were taken, where that is not the value of the model. [SI]
     full : Simulator        The same with departures as loads of zero size.
     sizes : dict            Target of a departure -> what a unit of it is. [-], [K]
+    far : dict              Departure of this run -> the part of its variance that it has for lying beyond the runs of the fit. [-]
     """
 
     budget: Budget
@@ -89,6 +91,7 @@ class Setting:
     at: Mapping[str, float]
     full: Simulator
     sizes: Mapping[Target, float] = field(default_factory=dict)
+    far: Mapping[str, float] = field(default_factory=dict)
 
     @classmethod
     def of_budget(cls, budget: Budget, ready: Simulator) -> Setting:
@@ -116,17 +119,20 @@ class Setting:
         wanted = {t.name: t for t in budget.targets if t.form == "heat"}
         heats: dict[str, DepartureHeat] = {}
         sizes: dict[Target, float] = {}
+        far: dict[str, float] = {}
         for kept_way in way.kept:
             beyond = kept_way.departures.beyond(network, course)
             alone = kept_way.departures.of_run(network, course, begun=True)
             for c, h in (*kept_way.departures.shared(network, course, kept_way.way, laws), *alone):
                 if h.name in wanted and h.name not in heats:
                     heats[h.name] = h
-                    sizes[wanted[h.name]] = deviation(c, kept_way.sizes, beyond) if any(h is other for _, other in alone) else 1.0
+                    own, apart = deviations_of_run(c, kept_way.sizes, beyond) if any(h is other for _, other in alone) else (1.0, 0.0)
+                    sizes[wanted[h.name]] = math.hypot(own, apart)
+                    far |= {h.name: (apart / sizes[wanted[h.name]]) ** 2} if apart else {}
         scales = {n: (h.scale,) if h.into else () for n, h in heats.items()}
         carriers |= {wanted[n]: names for n, names in scales.items()}
         wide = Wiring(*with_heats(network, conditions, heats.values()), (*ready.free, *(s for names in scales.values() for s in names)))
-        return cls(budget, ready, carriers, at, replace(ready, wiring=wide, engine=Engine(wide)), sizes)
+        return cls(budget, ready, carriers, at, replace(ready, wiring=wide, engine=Engine(wide)), sizes, far)
 
     @cached_property
     def switches(self) -> bool:
@@ -171,6 +177,16 @@ class Setting:
             rest = moves.get(n, np.full(size[1], np.nan)) if size[1] else np.zeros(0)
             columns[n] = np.vstack([slopes, rest[None, :]]) @ chain + self._added_after_run(n)[None, :]
         return Linear(run, settled, columns)
+
+    def parts(self, columns: Array) -> dict[str, Array]:
+        """Return cause -> variance (times,) as `Budget.parts`; that for lying beyond the fitted runs is of extrapolation. [K^2]"""
+        out = self.budget.parts(columns)
+        for s, column, size in zip(self.budget.sources, columns.T, self.budget.sizes.tolist(), strict=True):
+            if s.name in self.far:
+                apart = self.far[s.name] * (column * size) ** 2
+                out[BandCause.RUN] = out[BandCause.RUN] - apart
+                out[BandCause.STRUCTURE] = out.get(BandCause.STRUCTURE, 0.0) + apart
+        return out
 
     def secants(self, linear: Linear) -> Linear:
         """Return it with half the difference of members a standard deviation either way for derivatives, where anything switches.

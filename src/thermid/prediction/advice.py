@@ -33,7 +33,7 @@ from thermid.fit.calibration import (
     role_and_target,
     score_excess,
 )
-from thermid.fit.error_model import BandCause, KeptWay, course_in_fit, deviation, widened, with_heats
+from thermid.fit.error_model import BandCause, KeptWay, course_in_fit, deviations_of_run, widened, with_heats
 from thermid.inference.planned_records import Sensor, planned_record
 from thermid.model.tree import Constant, Model, Parameter, Signal, TableSignal, literal
 from thermid.prediction._budget import AVERAGED, Budget, budget_of
@@ -758,7 +758,7 @@ def _with_departures_of_run(before: Before, problem: Problem, at: Array) -> tupl
     e = problem.experiments[0]
     own = way.departures.of_run(e.network, course_in_fit(problem, 0, e.network, at))
     return widened(problem, 0, *with_heats(e.network, e.scenario, [h for _, h in own]), [h for _, h in own]), {
-        c.name: deviation(c, way.sizes, {}) for c, _ in own
+        c.name: deviations_of_run(c, way.sizes, {})[0] for c, _ in own
     }
 
 

@@ -91,6 +91,23 @@ def test_a_right_model_holds_the_share_it_states(found: Calibration) -> None:
     assert 1.96 / np.sqrt(square) == pytest.approx(2.8, abs=0.05)
 
 
+def test_what_lies_beyond_the_fitted_runs_is_extrapolation(found: Calibration) -> None:
+    """Of a structure as built too: further runs where the fitted ones were do not narrow it. Records and scenarios share it out alike."""
+    per_rise: dict[str, list[float]] = {}
+    for watts in (4.0, 20.0):
+        record = predict_record(found, log("asked", 11, watts)).bands["T1"]
+        given = td.Scenario(
+            "asked", boundaries={"air": "21 [degC]"}, start="21 [degC]", duration="4 [h]", loads={"part.heat": f"{watts} [W]"}
+        )
+        scenario = td.predict(found, given)["part.case"]
+        for cause in (BandCause.RUN, BandCause.STRUCTURE):
+            sizes = [float(np.sqrt(b.parts[cause][-1]) / np.ptp(b.kelvin if b is scenario else b.predicted)) for b in (record, scenario)]
+            assert sizes[0] == pytest.approx(sizes[1], rel=0.25)  # the record has errors of its power, which a scenario states
+            per_rise.setdefault(cause, []).append(sizes[0])
+    assert per_rise[BandCause.RUN][1] == pytest.approx(per_rise[BandCause.RUN][0], rel=0.1)
+    assert per_rise[BandCause.STRUCTURE][1] > 5.0 * per_rise[BandCause.STRUCTURE][0]
+
+
 def test_a_room_of_the_runs_own_is_followed(found: Calibration) -> None:
     record = log("warm", 20, room=24.0, logged=False)
     told = predict_record(found, record, local={"air": {"start": "21 [degC]", "sd": "5 [K]"}})

@@ -13,7 +13,7 @@ from thermid.base.units import Array, Indices, value_of
 from thermid.fit._calibration import Calibration
 from thermid.fit._error_model.elements import DepartureHeat, with_laws
 from thermid.fit._error_model.gaussian import Wander
-from thermid.fit._error_model.kept import KeptWay, deviation
+from thermid.fit._error_model.kept import KeptWay, deviations_of_run
 from thermid.fit._error_model.model import course_in_fit, noise_of, prior_mean, reach, traces_of
 from thermid.fit._error_model.runs import SensorRows, UnknownColumn
 from thermid.fit._problem.experiment import SCALE, Experiment
@@ -251,7 +251,9 @@ class RecordRun:
         }
         for c, column in zip(self.columns, own_responses.T, strict=True):
             source = {"run": BandCause.RUN, "room": BandCause.ROOM, "unlogged": BandCause.ROOM}.get(c.group, c.source)
-            parts[source] = parts.get(source, 0.0) + (deviation(c, way.sizes, self.beyond) * column) ** 2
+            own, far = deviations_of_run(c, way.sizes, self.beyond)
+            parts[source] = parts.get(source, 0.0) + (own * column) ** 2
+            parts[BandCause.STRUCTURE] += (far * column) ** 2
         parts[BandCause.UNEXPLAINED] = sum((share * self.wandering(size, part) for share, size, part in way.left), np.zeros(rows.shape[0]))
         return np.concatenate(self.centres(way.mean, self.means)), parts
 
