@@ -214,11 +214,11 @@ def _balanced(
         moved = np.inf if before is None else float(np.abs(solution.temperatures - before).max())
         if progress is not None:
             progress(count, moved)
-        left = 0.0  # how far temperatures would still move with the latent heat left, as they moved with its last change [K]
+        remaining = 0.0  # how far temperatures would still move with the latent heat left, as they moved with its last change [K]
         if changes[-1].any():
             change = float(np.abs(dry_heats[-1] - dry_heats[-2]).max()) if len(dry_heats) > 1 else 0.0
-            left = moved * float(np.abs(changes[-1]).max()) / change if change > 0.0 else np.inf
-        if max(moved, left) < MAX_CHANGE_BETWEEN_PASSES:
+            remaining = moved * float(np.abs(changes[-1]).max()) / change if change > 0.0 else np.inf
+        if max(moved, remaining) < MAX_CHANGE_BETWEEN_PASSES:
             return Moisture.of_run(solution, parts, followed)
         before = solution.temperatures
         # where vapour gives a surface more heat than air does, whole steps overshoot
