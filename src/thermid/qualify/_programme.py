@@ -273,7 +273,12 @@ def run_plan(
     every = [a for several in effects_by_test.values() for a in several]
     cases = {t.test.name: _margins_of(loaded, t, every) for t in trials}
     margin = _tightest_margins(loaded, [cases[t.test.name] for t in service_tests(trials)])
-    return Qualification(loaded, loaded.lock_status(), tuple(trials), margin, by_largest_effect(every), loaded.limits, tuple(accept), cases)
+    best: dict[str, Assumption] = {}  # every assumed value once, where it moves a reference point most
+    for a in every:
+        if a.path not in best or a.effect > best[a.path].effect:
+            best[a.path] = a
+    ordered = tuple(sorted(best.values(), key=lambda a: (a.fitted_around, -a.effect)))  # those that a fit was made around last
+    return Qualification(loaded, loaded.lock_status(), tuple(trials), margin, ordered, loaded.limits, tuple(accept), cases)
 
 
 def _with_misfit_of_logs(trials: Sequence[Trial]) -> list[Trial]:
@@ -331,15 +336,6 @@ def _not_counted(t: Trial, m: Margin, moved: float) -> tuple[str, ...]:
     if moved >= 0.05:
         out.append(f"assumed values without a stated spread, up to {moved:.1f} K")
     return tuple(out)
-
-
-def by_largest_effect(effects_: Sequence[Assumption]) -> tuple[Assumption, ...]:
-    """Return every assumed value once, where it moves a reference point most: largest effect first, those a fit was made around last."""
-    best: dict[str, Assumption] = {}
-    for a in effects_:
-        if a.path not in best or a.effect > best[a.path].effect:
-            best[a.path] = a
-    return tuple(sorted(best.values(), key=lambda a: (a.fitted_around, -a.effect)))
 
 
 def assumption_effects(knowledge: Knowledge, name: str, run: Foresight, nodes: Mapping[str, str]) -> list[Assumption]:

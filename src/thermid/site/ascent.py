@@ -178,7 +178,10 @@ def ascent_scenario(
     ------
     ScenarioError   When pressure or temperature of the gas are not said, or a stream is asked for without speed or separation.
     """
-    seconds = _duration(duration, trajectory, title)
+    if duration is None and trajectory is None:
+        raise ScenarioError("the duration is missing. Give one, such as duration = '10 [min]'.", title, code="value.incomplete")
+    length = trajectory.times[-1] if duration is None and trajectory is not None else duration
+    seconds = amount(length, "s", f"{title}, duration")
     times = trajectory.grid(seconds, upper) if trajectory is not None else np.zeros(1)
     gone = None if separation is None else _separation(separation, seconds, title)
     if air_temperature is None:
@@ -274,15 +277,6 @@ def _streams(
             )
         out[surface] = Irradiation(stream=TableSignal(after, share * heat))
     return out
-
-
-def _duration(duration: Any, trajectory: Trajectory | None, title: str) -> float:
-    """Return the duration: as given, or that of the trajectory. [s]"""
-    if duration is not None:
-        return amount(duration, "s", f"{title}, duration")
-    if trajectory is None:
-        raise ScenarioError("the duration is missing. Give one, such as duration = '10 [min]'.", title, code="value.incomplete")
-    return float(trajectory.times[-1])
 
 
 _GUIDE = "SpaceX Rideshare Payload User's Guide, October 2022"

@@ -214,7 +214,11 @@ def _balanced(
         moved = np.inf if before is None else float(np.abs(solution.temperatures - before).max())
         if progress is not None:
             progress(count, moved)
-        if max(moved, _remaining(moved, dry_heats, changes)) < MAX_CHANGE_BETWEEN_PASSES:
+        remaining = 0.0  # how far temperatures would still move with the latent heat left, as they moved with its last change [K]
+        if changes[-1].any():
+            change = float(np.abs(dry_heats[-1] - dry_heats[-2]).max()) if len(dry_heats) > 1 else 0.0
+            remaining = moved * float(np.abs(changes[-1]).max()) / change if change > 0.0 else np.inf
+        if max(moved, remaining) < MAX_CHANGE_BETWEEN_PASSES:
             return Moisture.of_run(solution, parts, followed)
         before = solution.temperatures
         # where vapour gives a surface more heat than air does, whole steps overshoot
@@ -225,14 +229,6 @@ def _balanced(
         scenario.title,
         code="run.did-not-finish",
     )
-
-
-def _remaining(moved: float, heats: Sequence[Array], residuals: Sequence[Array]) -> float:
-    """Return how far temperatures would still move with what is left of the latent heat, as they moved with its last change. [K]"""
-    if not residuals[-1].any():
-        return 0.0
-    change = float(np.abs(heats[-1] - heats[-2]).max()) if len(heats) > 1 else 0.0
-    return moved * float(np.abs(residuals[-1]).max()) / change if change > 0.0 else np.inf
 
 
 def _with_latent(model: Model, surfaces: list[str]) -> tuple[Model, dict[str, str]]:

@@ -97,5 +97,5 @@ def test_a_standard_part_in_a_deck_heats_as_its_resistances_say() -> None:
 
 
 def test_a_standard_part_that_is_not_there_is_refused() -> None:
-    with raises_code("name.unknown", DeckError, match=r"submodels\.q1\.use.*'TO-221'"):
+    with raises_code("name.unknown", DeckError, match=r"submodels\.q1\.use.*'std:TO-221'"):
         td.model_from_dict(deck(submodels={"q1": {"use": "std:TO-221"}}))

@@ -21,7 +21,7 @@ from thermid.measure.looks import look
 from thermid.measure.readers import log_cells, name_and_unit, read_record
 from thermid.measure.records import RULES, Channel, ChannelStability, Record, StabilityRule
 from thermid.model.tree import UNJUDGED, Model, literal
-from thermid.qualify.steadiness import Forecast, Stability, forecast
+from thermid.qualify.steadiness import Stability, forecast
 from thermid.qualify.watch import BoundColumns, TemperatureLimit, Watcher, WatchRequest, read_whole_lines, roles_of_paths
 from thermid.simulation.runs import Scenario, compile_network
 
@@ -422,6 +422,13 @@ def _forecast(record: Record, name: str, rule: StabilityRule, query: Mapping[str
         return {"declined": error.message, "final": None}
     final, declined = outlook.final, bool(outlook.declined)
     ends = [v - ICE_POINT for v in (final.value, final.low, final.high)]
+    fan: dict[str, Array] = {}  # what readings will say until the rule holds, at most twice as long as was watched [degC]
+    if not declined:
+        watched = outlook.now - outlook.start
+        last = min(max(outlook.holds or 0.0, outlook.now + 0.5 * watched), outlook.now + 2.0 * watched)
+        times = np.linspace(outlook.now, last, FAN_POINTS)
+        readings = [outlook.reading(float(t)) for t in times]
+        fan = {"times": times} | {n: np.array([getattr(r, n) for r in readings]) - ICE_POINT for n in ("value", "low", "high")}
     return {
         "declined": outlook.declined,
         "final": None if declined else ends[0],
@@ -430,17 +437,8 @@ def _forecast(record: Record, name: str, rule: StabilityRule, query: Mapping[str
         "error": None if declined else final.error,
         "holds": outlook.holds,
         "late": outlook.holds_late,
-        "fan": {} if declined else _fan(outlook),
+        "fan": fan,
     }
-
-
-def _fan(outlook: Forecast) -> dict[str, Array]:
-    """Return what readings will say until the rule holds, at most twice as long as was watched: times [s], value, interval [degC]."""
-    watched = outlook.now - outlook.start
-    last = min(max(outlook.holds or 0.0, outlook.now + 0.5 * watched), outlook.now + 2.0 * watched)
-    times = np.linspace(outlook.now, last, FAN_POINTS)
-    readings = [outlook.reading(float(t)) for t in times]
-    return {"times": times} | {n: np.array([getattr(r, n) for r in readings]) - ICE_POINT for n in ("value", "low", "high")}
 
 
 def _channel(channel: Channel, times: Array, window: Window) -> dict[str, Any]:

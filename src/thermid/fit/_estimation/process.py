@@ -8,7 +8,6 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 from thermid.base.errors import IdentificationError, ThermidError, nearest
-from thermid.base.units import HOUR
 from thermid.model.tree import literal
 from thermid.simulation.runs import Network
 
@@ -21,6 +20,7 @@ UNITS: Final = {("node", WIENER): "K/s^0.5", ("load", WIENER): "W/s^0.5", ("boun
 """Unit of the size, by place and kind."""
 GUESS: Final = {"K/s^0.5": 1e-3, "W/s^0.5": 1e-2, "W": 0.5, "K": 0.5}
 """Where the search for a size begins where nobody said. [SI]"""
+HOUR: Final = 3600.0
 
 
 @dataclass(frozen=True)

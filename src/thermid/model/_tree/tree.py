@@ -413,12 +413,11 @@ class Names:
         path = model.canonical(raw)
         head, _, rest = path.partition(".")
         if rest and head in model.submodels:
-            part, instance = model.submodels[head].model, prefix + head
-            if instance not in self._offered:
-                self._offered[instance] = frozenset(part.canonical(o) for o in part.offers)
-            if rest not in self._offered[instance]:
+            if prefix + head not in self._offered:
+                self._offered[prefix + head] = frozenset(map(model.submodels[head].model.canonical, model.submodels[head].model.offers))
+            if rest not in self._offered[prefix + head]:
                 say = (
-                    f"'{head}' does not offer '{rest}'. It offers {', '.join(part.offers) or 'nothing'}."
+                    f"'{head}' does not offer '{rest}'. It offers {', '.join(model.submodels[head].model.offers) or 'nothing'}."
                     if prefix + path in self.nodes
                     else f"no node '{raw}'.{self._nearest(prefix, path)}"
                 )

@@ -166,6 +166,9 @@ def sections(q: Qualification) -> list[Section]:
     """Return the sections of a correlation report, in their order."""
     content = q.plan.content
     logged = [(t, t.correlation) for t in q.trials if t.correlation is not None]
+    transients: list[PageBlock] = []  # measured and predicted temperatures of each test with a log
+    for k, (t, c) in enumerate(logged):
+        transients += [Heading(t.test.name), all_overlays(c, f"over-{k}", t.synthetic)]
     predictions = [
         folded(t.test.name, [tables.foreseen(q, t)], "with readings" if t.correlation is not None else "no log yet") for t in q.trials
     ]
@@ -188,7 +191,7 @@ def sections(q: Qualification) -> list[Section]:
         Section.of_blocks("heat", "Heat flows and energy balance", _heat(q), "Heat flows"),
         Section.of_blocks("parameters", "Parameter changes", [tables.changes(q)] if q.knowledge.values else [Words("Nothing was fitted.")]),
         Section.of_blocks("deviations", "Deviations after correlation", _deviations(logged), "Deviations"),
-        Section.of_blocks("overlays", "Transient overlays", _transients(logged), "Overlays"),
+        Section.of_blocks("overlays", "Transient overlays", transients or [Words("There is no log yet.")], "Overlays"),
         Section.of_blocks("excluded", "Excluded sensors", [tables.excluded(q)] if content.exclusions.reasons else [Words("None.")]),
         Section.of_blocks("discrepancies", "Remaining discrepancies", _open(q), "Discrepancies"),
         Section.of_blocks(
@@ -321,14 +324,6 @@ def _deviations(logged: Sequence[tuple[Trial, Correlation]]) -> list[PageBlock]:
         if t.diagnosis is not None:
             out += [Words(f"{capitalised(str(t.diagnosis).splitlines()[0])}."), tables.diagnoses(t)]
         out += [folded("Every sensor", [tables.deviations(c)]), folded("Every gate", [tables.gates(c)], f"{len(c.gates)}")]
-    return out or [Words("There is no log yet.")]
-
-
-def _transients(logged: Sequence[tuple[Trial, Correlation]]) -> list[PageBlock]:
-    """Return for each test with a log the overlays of measured and predicted temperatures."""
-    out: list[PageBlock] = []
-    for k, (t, c) in enumerate(logged):
-        out += [Heading(t.test.name), all_overlays(c, f"over-{k}", t.synthetic)]
     return out or [Words("There is no log yet.")]
 
 
