@@ -659,12 +659,8 @@ def _next_mode(problem: KernelProblem, a: Assembled, temperatures: Array, time: 
 def _settle_in_modes(problem: KernelProblem, a: Assembled, time: float, gradients: bool, on: NDArray[np.int32]) -> tuple[Array, Array]:
     """Return the steady temperatures (nodes,) [K] and their derivatives (nodes, free), every control kept in its mode `on` (controls,).
 
-    Newton's method J s = -q on the net heat q(T) with the inputs at `time` [s], its steps by `_damped_step` within a reach that begins at
-    `LARGEST_MOVE`; after `DIRECT` steps that did not arrive, steps of a pseudo time. Derivatives are -J^-1 dq/dp.
-
-    Raises
-    ------
-    SolverError   When nothing holds a temperature, one would pass `MAX_TEMPERATURE`, or no state is steady and stable.
+    Newton's J s = -q on the net heat q with the inputs at `time` [s], steps by `_damped_step`; later steps of a pseudo time. Derivatives
+    are -J^-1 dq/dp.
     """
     steady = None if gradients else settle_model(problem, a, time)
     if steady is not None:
