@@ -170,6 +170,15 @@ class TestModel:
         assert "lid (not measured)" in str(look)
         assert json.loads(json.dumps(look.as_object()))["nodes"]["lid"]["measured"] is False
 
+    def test_a_stretch_without_a_valid_reading_of_a_channel_ends_no_look(self) -> None:
+        courses = run(rig(), 2400.0, {"start": "22 [degC]"}, 10.0)
+        record = logged(courses, 3)
+        masked = np.arange(record.times.size)
+        gone = record.with_channels(record["case"].masked((masked > 80) & (masked < 160), "spike"))
+        look = Watcher(Stopping(RULE, 1.0), ("chip", "case"), rig(), scenario()).look(gone)
+        lid = next(n for n in look.nodes if n.name == "lid")
+        assert abs(lid.value - courses["lid"][-1]) < 2.0 * lid.half
+
     def test_suspects_are_values_of_the_deck(self) -> None:
         import thermid as td
 
