@@ -90,7 +90,6 @@ _NAMESPACES = {
         "energy_balance": "inference.criticism",
         "EnergyBalance": "inference.criticism",
         "mistakes_of": "inference.criticism",
-        "Mistakes": "inference.criticism",
         "criticise": "inference.criticism",
         "Criticism": "inference.criticism",
         "plausibility": "inference.criticism",

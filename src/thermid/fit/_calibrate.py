@@ -813,8 +813,8 @@ def _far_from_prior(problem: Problem, at: Sequence[float], inherited: bool = Fal
     apart = {u.name: abs(x - u.prior.mean) / u.prior.sd for u, x in pairs if u.prior is not None}
     for positions, mean, root in problem.coupled if inherited else ():
         sizes = np.sqrt(np.diag(np.linalg.pinv(root.T @ root)))
-        found = zip((problem.unknowns[int(k)] for k in positions), np.asarray(at)[positions] - mean, sizes, strict=True)
-        apart |= {u.name: abs(shift) / size for u, shift, size in found if u.kind == "parameter"}
+        shifts = zip(positions, np.asarray(at)[positions] - mean, sizes, strict=True)
+        apart |= {u.name: abs(shift) / size for k, shift, size in shifts if (u := problem.unknowns[int(k)]).kind == "parameter"}
     return {name: size for name, size in sorted(apart.items(), key=lambda item: -item[1]) if size > ASIDE}
 
 

@@ -14,7 +14,6 @@ from thermid.inference.criticism import (
     Criticism as Criticism,
     Diagnosis as Diagnosis,
     EnergyBalance as EnergyBalance,
-    Mistakes as Mistakes,
     Plausibility as Plausibility,
     criticise as criticise,
     diagnose as diagnose,

@@ -145,7 +145,11 @@ class WatchRequest:
         model, scenario = self.columns.model, self.scenario
         more: dict[str, Any] = {} if self.slowest is None else {"slowest": self.slowest}
         if model is not None:
-            scenario = scenario if self.conditions is None else self.conditions(record, scenario)
+            if self.conditions is not None:
+                scenario = self.conditions(record, scenario)
+            elif scenario is not None and self.since != "start":
+                # its start is that of the test: at a later time what no sensor reads is in balance with what is beside it
+                scenario = scenario.with_(start="", initial={})
             more |= {"model": model, "scenario": scenario or Scenario(record.name)}
         stopping = Stopping(self.rule, self.within, self.limits, **more)
         return Watcher(stopping, names, model, scenario if model is not None else None, remarks=self.columns.remarks)

@@ -490,7 +490,12 @@ class Watcher:
             self._filter = _Filter(float(record.times[0]))
         f = self._filter = self._after_gap(self._filter, record)
         if now > f.time:
-            window = self._window(self._without_broken(record, names).trim(f.time, "end"), f.belief)
+            new = record.times >= f.time
+            # all new readings of a channel may be masked, as after a jump at the very end
+            read = [n for n in names if record[n].valid[new].any()]
+            if not read:
+                return f
+            window = self._window(self._without_broken(record, read).trim(f.time, "end"), f.belief)
             f.take(window, now)
             self._nodes = window.nodes()
         return f

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Callable
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
@@ -13,6 +14,7 @@ import pytest
 
 from thermid.base.errors import ThermidError
 from thermid.measure.records import Record, StabilityRule
+from thermid.qualify._watch.request import BoundColumns, WatchRequest
 from thermid.qualify._watch.stopping import DECISIONS, Stopping, TemperatureLimit, _time_of_stability
 from thermid.qualify._watch.watcher import Watcher, sensor_alarms, suspect_values
 from unit.fit.estimation.rig import logged, rig, run, scenario
@@ -169,6 +171,24 @@ class TestModel:
         assert look.alarms == ()
         assert "lid (not measured)" in str(look)
         assert json.loads(json.dumps(look.as_object()))["nodes"]["lid"]["measured"] is False
+
+    def test_a_log_that_is_judged_from_later_on_does_not_begin_at_the_start_of_its_test(self) -> None:
+        courses = run(rig(), 3600.0, {"start": "22 [degC]"}, 10.0)
+        log = logged(courses, 3)
+        late = log.with_channels(*(replace(log[n], role="node", target=n) for n in ("chip", "case"))).trim(1200.0, "end")
+        look = WatchRequest(BoundColumns(model=rig()), RULE, 1.0, since=1200.0, scenario=scenario()).watcher(late).look(late)
+        lid = next(n for n in look.nodes if n.name == "lid")
+        assert look.alarms == ()
+        assert abs(lid.value - courses["lid"][-1]) < 0.2  # the start of the test left it 7.8 K too cold
+
+    def test_a_stretch_without_a_valid_reading_of_a_channel_ends_no_look(self) -> None:
+        courses = run(rig(), 2400.0, {"start": "22 [degC]"}, 10.0)
+        record = logged(courses, 3)
+        masked = np.arange(record.times.size)
+        gone = record.with_channels(record["case"].masked((masked > 80) & (masked < 160), "spike"))
+        look = Watcher(Stopping(RULE, 1.0), ("chip", "case"), rig(), scenario()).look(gone)
+        lid = next(n for n in look.nodes if n.name == "lid")
+        assert abs(lid.value - courses["lid"][-1]) < 2.0 * lid.half
 
     def test_suspects_are_values_of_the_deck(self) -> None:
         import thermid as td
