@@ -232,7 +232,7 @@ class TestRewording:
         same, changed = text.split("    raise")[0], ast.unparse(ast.parse(rewording.otherwise(text)))
         assert changed.startswith(ast.unparse(ast.parse(same)))
         assert "edon {x!r} has no" in changed
-        assert "evig it by `thermid look {x} --cut` htiw siht trap" in changed
+        assert "look {x} --cut` htiw" in changed
 
 
 class TestPublic:

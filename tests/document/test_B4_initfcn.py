@@ -63,4 +63,4 @@ def test_b4_every_line_keeps_its_unit_and_its_words() -> None:
         "Acc_conv_area": ("0.001406 + 1.08*0.002592 [m^2]", "Acc. area"),
     }
     (remark,) = found.remarks
-    assert re.match(r"line 4: 'TempK' .* 'TempC \+ 273\.15' .* 297\.15 ", remark)
+    assert re.match(r"\w+ 4: 'TempK' .* 'TempC \+ 273\.15' .* 297\.15 ", remark)

@@ -319,7 +319,7 @@ def test_latent_heat_is_the_enthalpy_of_four_rows() -> None:
     run = td.simulate(lump(pure), bench(duration="1 [h]"), every=10.0)
     expected = np.interp(100.0 * run.times, [0.0, 54e3, 254e3, 360e3], [0.0, 27.0, 27.0, 80.0])
     assert np.abs(run["x"].celsius - expected).max() < 1e-6
-    assert not any(re.search(r"'x' .* [\d.]+ to [\d.]+ K", w) for w in run.warnings)
+    assert not any(re.search(r"'x' .*\d to [\d.]+ K", w) for w in run.warnings)
 
 
 @pytest.mark.parametrize("melt", [27.0, 29.0, 45.0])

@@ -97,7 +97,7 @@ def without(fmu: Path, to: Path, pattern: str) -> Path:
 HOW = {
     "directional": ("", 1e-4, ""),
     "differences": (r' providesDirectionalDerivatives="true"', 1e-3, "the FMU offers none"),
-    "co-simulation": (r"<ModelExchange[^>]*/>", 2e-2, "it has co-simulation alone"),
+    "co-simulation": (r"<ModelExchange[^>]*/>", 2e-2, "co-simulation"),
 }
 
 
@@ -115,7 +115,7 @@ def test_the_same_as_the_deck(how: str, fmu: Path, tmp_path: Path) -> None:
         )
         assert found[other].error == pytest.approx(native[own].error, rel=max(close, 1e-3))
     assert found.chi_square == pytest.approx(native.chi_square, rel=max(close, 1e-3))  # runs of a fit err by up to 1 mK of 50 mK of noise
-    assert any("derivatives of the FMU" in w and why in w for w in found.warnings) == bool(why)
+    assert any(re.search(rf" FMU '\w+\.fmu' .*{why}", w) for w in found.warnings) == bool(why)
 
 
 def campaign(folder: Path, fmu: Path, limit: str = "0.1 [K]", free: str = '"p.g", "p.c"', off: float = 0.0) -> Path:
@@ -207,7 +207,7 @@ def test_starts(fmu: Path, tmp_path: Path) -> None:
     assert [i.name for i in found.local] == ["initial.T_a"]
     rows = {(r.kind, r.name): r for r in found.inputs.rows}
     assert rows["start", "T_b"].source == "assumed"
-    assert "start of the FMU" in rows["start", "T_b"].words
+    assert "FMU" in rows["start", "T_b"].words
     assert rows["start", "T_b"].mean == pytest.approx(293.15)
 
 
