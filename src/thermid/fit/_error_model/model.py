@@ -226,8 +226,8 @@ class RunsOfFit:
         wide = np.array([reach(self.problem.unknowns[k]) for k in self.values])
         every = np.column_stack([np.broadcast_to(wide, (len(sizes), len(self.values))), deviations(self.columns, sizes)])
         own_deviations = [np.zeros((len(sizes), 0)), *(deviations(c, sizes) for c in self.own)]  # the priors of the fit have none
-        several = [self.memo.value(r[0], partial(self.rows, r[0]))[r] for r in remainders]
-        return members_of([several[0][0], *(rows[k + 1] for k, rows in enumerate(several))], centre, every, own_deviations)
+        by_run = [self.memo.value(r[0], partial(self.rows, r[0]))[r] for r in remainders]
+        return members_of([by_run[0][0], *(rows[k + 1] for k, rows in enumerate(by_run))], centre, every, own_deviations)
 
     def posteriors(self, centre: Array, sizes: Array) -> dict[tuple[Remainder, ...], Members]:
         """Return the wander in every run -> `posterior`, for sizes that carry weight: one in all runs, then of each run by itself.
@@ -239,10 +239,9 @@ class RunsOfFit:
             best = max(out, key=lambda r: left_before(r) + log_sum(out[r].log_evidence), default=())
             logs = [-np.inf]
             for size in LEFT_SIZES:
-                alike = [r for r in left_prior() if r[0] == size]
-                several = [(*best[:i], r, *best[i + 1 :]) if best else (r,) * len(self.own) for r in alike]
-                out |= {r: self.posterior(centre, sizes, r) for r in several if r not in out}
-                logs.append(max(left_before(r) + log_sum(out[r].log_evidence) for r in several))
+                tried = [(*best[:i], r, *best[i + 1 :]) if best else (r,) * len(self.own) for r in left_prior() if r[0] == size]
+                out |= {r: self.posterior(centre, sizes, r) for r in tried if r not in out}
+                logs.append(max(left_before(r) + log_sum(out[r].log_evidence) for r in tried))
                 if logs[-1] < min(logs[-2], max(logs) + float(np.log(NO_SAY))):
                     break
         return out
