@@ -692,7 +692,10 @@ def mixed_answer(
     for way in ways:
         budget, columns = way.setting.budget, way.linear.columns[node]
         centres.append(way.kelvin(node) + columns @ budget.means)
-        variances_by_cause = way.setting.parts(columns)
+        far = np.array([way.setting.far.get(s.name, 0.0) for s in budget.sources])
+        variances_by_cause = budget.parts(columns * np.sqrt(1.0 - far))
+        if far.any():  # of what differs from run to run: that an element lies beyond the runs of its fit
+            variances_by_cause[BandCause.STRUCTURE] += (columns * budget.sizes) ** 2 @ far
         variances.append(np.sum([np.zeros(len(columns)), *variances_by_cause.values()], axis=0))
         for several, of_way in ((parts, variances_by_cause), (shifts, budget.shifts(columns))):
             for cause, v in of_way.items():

@@ -6,7 +6,6 @@ values, powers and temperatures, of which members are drawn.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
@@ -18,7 +17,7 @@ import numpy as np
 
 from thermid.base.errors import SolverError
 from thermid.base.units import Array, Bools
-from thermid.fit.error_model import BandCause, DepartureHeat, course_of, deviations_of_run, with_heats, with_laws
+from thermid.fit.error_model import DepartureHeat, course_of, deviations_of_run, with_heats, with_laws
 from thermid.model.tree import Model
 from thermid.prediction._budget import EXPECTED_OF, Assumed, Budget, Target, assumed_values, combined, open_ranges
 from thermid.prediction._known import Rows
@@ -126,9 +125,9 @@ class Setting:
             for c, h in (*kept_way.departures.shared(network, course, kept_way.way, laws), *alone):
                 if h.name in wanted and h.name not in heats:
                     heats[h.name] = h
-                    own, apart = deviations_of_run(c, kept_way.sizes, beyond) if any(h is other for _, other in alone) else (1.0, 0.0)
-                    sizes[wanted[h.name]] = math.hypot(own, apart)
-                    far |= {h.name: (apart / sizes[wanted[h.name]]) ** 2} if apart else {}
+                    run_part, far_part = deviations_of_run(c, kept_way.sizes, beyond) if any(h is x for _, x in alone) else (1.0, 0.0)
+                    sizes[wanted[h.name]] = float(np.hypot(run_part, far_part))
+                    far[h.name] = (far_part / max(sizes[wanted[h.name]], 1e-300)) ** 2
         scales = {n: (h.scale,) if h.into else () for n, h in heats.items()}
         carriers |= {wanted[n]: names for n, names in scales.items()}
         wide = Wiring(*with_heats(network, conditions, heats.values()), (*ready.free, *(s for names in scales.values() for s in names)))
@@ -177,16 +176,6 @@ class Setting:
             rest = moves.get(n, np.full(size[1], np.nan)) if size[1] else np.zeros(0)
             columns[n] = np.vstack([slopes, rest[None, :]]) @ chain + self._added_after_run(n)[None, :]
         return Linear(run, settled, columns)
-
-    def parts(self, columns: Array) -> dict[str, Array]:
-        """Return cause -> variance (times,) as `Budget.parts`; that for lying beyond the fitted runs is of extrapolation. [K^2]"""
-        out = self.budget.parts(columns)
-        for s, column, size in zip(self.budget.sources, columns.T, self.budget.sizes.tolist(), strict=True):
-            if s.name in self.far:
-                apart = self.far[s.name] * (column * size) ** 2
-                out[BandCause.RUN] = out[BandCause.RUN] - apart
-                out[BandCause.STRUCTURE] = out.get(BandCause.STRUCTURE, 0.0) + apart
-        return out
 
     def secants(self, linear: Linear) -> Linear:
         """Return it with half the difference of members a standard deviation either way for derivatives, where anything switches.

@@ -42,7 +42,7 @@ from thermid.fit._error_model.elements import (
     ways_of,
 )
 from thermid.fit._error_model.gaussian import log_sum, weights_of
-from thermid.fit._error_model.model import GROUPS, FittedWay, before, course_in_fit, fitted_way, left_before, points_of
+from thermid.fit._error_model.model import GROUPS, FittedWay, before, course_in_fit, fitted_way, left_prior, points_of
 from thermid.fit._error_model.runs import Departures, Smooth, UnknownColumn, departures_of
 from thermid.fit._error_model.sizes import (
     COUNTED,
@@ -221,10 +221,8 @@ class KeptWay:
         mean, covariance = way.members.at(seen).mixed(every[seen] / every[seen].sum())
         values = {way.runs.problem.unknowns[k].name: float(way.runs.fitted[k]) for k in way.runs.values}
         sizes = dict(zip(GROUPS, np.sqrt(every @ way.sizes**2).tolist(), strict=True))
-        runs_of_member = way.left.shape[1]  # a further run is as any of the fitted ones
-        pairs, place = np.unique(way.left.reshape(-1, 2), axis=0, return_inverse=True)
-        by_pair = zip(np.bincount(place.ravel(), np.repeat(every / runs_of_member, runs_of_member)).tolist(), pairs.tolist(), strict=True)
-        rest = tuple((share, size, time) for share, (size, time) in by_pair if share > COUNTED)
+        by_pair = {pair: float(every[(way.left == pair).all(axis=1)].sum()) for pair in {(float(a), float(b)) for a, b in way.left}}
+        rest = tuple((share, *pair) for pair, share in sorted(by_pair.items()) if share > COUNTED)
         return cls(
             way.way.name, weight, way.laws, values, way.runs.departures, way.runs.columns, mean, _triangular(covariance), sizes, rest
         )
@@ -365,7 +363,7 @@ class ErrorModel(Result):
         ways = normalised([KeptWay.of_fitted(w, share) for w, share in pairs if share.sum() > COUNTED * departs])
         fitted_values = {u.name: SeenValue.of_unknown(u) for u in problem.unknowns if u.name in ways[0].values}
         still = as_built.runs.posteriors(np.zeros(len(as_built.runs.values)), np.zeros((1, len(GROUPS))))  # neither elements nor rooms
-        gain, spot = log_sum(logs) - log_sum([left_before(r) + m.log_evidence[0] for r, m in still.items()]), ""
+        gain, spot = log_sum(logs) - log_sum([left_prior()[r] + m.log_evidence[0] for r, m in still.items()]), ""
         heated = {node for course in courses for node, _ in course.powers.values() if node in course.stores}
         spots = tuple(sorted(heated & {o.seat for e in problem.experiments for o in e.observations}))
         if gain > MIN_LOG_BAYES_FACTOR and spots:

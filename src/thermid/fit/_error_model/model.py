@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cache, partial
 
 import numpy as np
 
@@ -56,8 +55,6 @@ from thermid.simulation.runs import Network
 
 GROUPS = tuple(name for name in SIZES if name != "left")
 """Sizes that are drawn, in order."""
-Remainder = tuple[float, float]
-"""Size of what no element explains in parts of its scale, and its time constant in parts of the run. [-]"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,7 +68,7 @@ class FittedWay:
     runs : RunsOfFit            At the values where the derivatives were taken.
     members : Members           Of values, less where the derivatives were taken, and of columns.
     sizes : array (members, groups)     Of each member, in the order of `GROUPS`.
-    left : array (members, runs, 2)     Size of what no element explains [K], and its time constant in parts of a run.
+    left : array (members, 2)   Size of what no element explains [K], and its time constant in parts of a run.
     """
 
     way: Way
@@ -89,7 +86,7 @@ class FittedWay:
         and what no element explains.
         """
         runs, weights = self.runs, weights_of(self.members.log_evidence)
-        step, unexplained = weights @ self.members.mean, weights @ self.left[:, :, 0] ** 2
+        step, unexplained = weights @ self.members.mean, weights @ self.left[:, 0] ** 2
         problem, at, count = runs.problem, runs.moved(step[: len(runs.values)]), len(runs.problem.unknowns)
         sizes = {c.name: x for c, x in zip(runs.columns, step[len(runs.values) :].tolist(), strict=True)}
         laws = {p: law.moved({w: sizes.pop(f"{w} of {p}", 0.0) for w in law.shape}) for p, law in self.laws.items()}
@@ -103,7 +100,7 @@ class FittedWay:
                 traces.append([t.averaged() for t in traces_of(problem, i, network, heats, at, amounts)])
             for straight, acted in zip(*traces, strict=True):
                 promised = straight.residuals - straight.rows[:, count:] @ acting[1]
-                apart.append((acted.residuals - promised) / np.sqrt(straight.noise**2 + unexplained[i]))
+                apart.append((acted.residuals - promised) / np.sqrt(straight.noise**2 + unexplained))
         return float(np.sqrt(np.mean(np.concatenate(apart) ** 2)))
 
 
@@ -221,30 +218,27 @@ class RunsOfFit:
         by_run = [run_rows(t, w, shared) for t, w in zip(self.traces, wanders, strict=True)]
         return {remainder: [priors, *(several[k] for several in by_run)] for k, remainder in enumerate(remainders)}
 
-    def posterior(self, centre: Array, sizes: Array, remainders: Sequence[Remainder]) -> Members:
-        """Return the posterior of values and columns at sizes (members, groups) of departures, and of the wander in every run."""
+    def posterior(self, centre: Array, sizes: Array, remainder: tuple[float, float]) -> Members:
+        """Return the posterior of values and columns at sizes (members, groups) of departures, and (size, time) of the wander."""
         wide = np.array([reach(self.problem.unknowns[k]) for k in self.values])
         every = np.column_stack([np.broadcast_to(wide, (len(sizes), len(self.values))), deviations(self.columns, sizes)])
         own_deviations = [np.zeros((len(sizes), 0)), *(deviations(c, sizes) for c in self.own)]  # the priors of the fit have none
-        several = [self.memo.value(r[0], partial(self.rows, r[0]))[r] for r in remainders]
-        return members_of([several[0][0], *(rows[k + 1] for k, rows in enumerate(several))], centre, every, own_deviations)
+        rows = self.memo.value(remainder[0], lambda: self.rows(remainder[0]))[remainder]
+        return members_of(rows, centre, every, own_deviations)
 
-    def posteriors(self, centre: Array, sizes: Array) -> dict[tuple[Remainder, ...], Members]:
-        """Return the wander in every run -> `posterior`, for sizes that carry weight: one in all runs, then of each run by itself.
+    def posteriors(self, centre: Array, sizes: Array) -> dict[tuple[float, float], Members]:
+        """Return (size, time) of the wander -> `posterior`, for sizes that carry weight.
 
         Sizes grow until the evidence falls to less than a share of `NO_SAY` of the best: a larger process costs more and explains no more.
         """
-        out: dict[tuple[Remainder, ...], Members] = {}
-        for i in range(-1, len(self.own)):
-            best = max(out, key=lambda r: left_before(r) + log_sum(out[r].log_evidence), default=())
-            logs = [-np.inf]
-            for size in LEFT_SIZES:
-                alike = [r for r in left_prior() if r[0] == size]
-                several = [(*best[:i], r, *best[i + 1 :]) if best else (r,) * len(self.own) for r in alike]
-                out |= {r: self.posterior(centre, sizes, r) for r in several if r not in out}
-                logs.append(max(left_before(r) + log_sum(out[r].log_evidence) for r in several))
-                if logs[-1] < min(logs[-2], max(logs) + float(np.log(NO_SAY))):
-                    break
+        prior, logs = left_prior(), [-np.inf]
+        out: dict[tuple[float, float], Members] = {}
+        for size in LEFT_SIZES:
+            several = {r: self.posterior(centre, sizes, r) for r in prior if r[0] == size}
+            out |= several
+            logs.append(max(prior[r] + log_sum(members.log_evidence) for r, members in several.items()))
+            if logs[-1] < min(logs[-2], max(logs) + float(np.log(NO_SAY))):
+                break
         return out
 
     def likeliest(self, bent: Sequence[int], centre: Array) -> tuple[float, Array, Array]:
@@ -252,8 +246,8 @@ class RunsOfFit:
 
         All else is integrated out at usual sizes, and at every size and time of what no element explains.
         """
-        posteriors = self.posteriors(centre, np.array([[SIZES[g].value for g in GROUPS]]))
-        logs = [left_before(remainders) + float(f.log_evidence[0]) for remainders, f in posteriors.items()]
+        prior, posteriors = left_prior(), self.posteriors(centre, np.array([[SIZES[g].value for g in GROUPS]]))
+        logs = [prior[remainder] + float(f.log_evidence[0]) for remainder, f in posteriors.items()]
         return step_to_mode(logs, [f.mean[0][bent] for f in posteriors.values()], [f.root[0][bent] for f in posteriors.values()])
 
 
@@ -357,32 +351,26 @@ def _averaged(runs: RunsOfFit, way: Way, laws: Mapping[str, ElementLaw], centre:
     """
     most = SETS_COST / (len(runs.values) + len(runs.columns)) ** 3
     sets = int(np.clip(most, FEWEST_SETS, SETS))
-    few = sizes_at(even_points(max(sets * FIRST_SETS // SETS, 1), len(GROUPS)))
-    first = {r: left_before(r) + log_sum(several.log_evidence) for r, several in runs.posteriors(centre, few).items()}
+    prior, few = left_prior(), sizes_at(even_points(max(sets * FIRST_SETS // SETS, 1), len(GROUPS)))
+    first = {r: prior[r] + log_sum(several.log_evidence) for r, several in runs.posteriors(centre, few).items()}
     likely = [remainder for remainder, share in zip(first, weights_of(list(first.values())), strict=True) if share > LIKELY]
     members, logs_of, sizes = list[Members](), [], []
     for remainder in likely:
 
-        def evidence(points: Array, remainder: tuple[Remainder, ...] = remainder) -> Array:
+        def evidence(points: Array, remainder: tuple[float, float] = remainder) -> Array:
             """Return the log evidence at points (points, sizes) of the hyperparameters."""
             members.append(runs.posterior(centre, sizes_at(points), remainder))
             return members[-1].log_evidence
 
         points, logs = sampled(evidence, sets, len(GROUPS), max(min(SIZE_ROUNDS, sets // (2 * len(GROUPS))), 1))
-        logs_of.append(logs + left_before(remainder) - float(np.log(sets)))
+        logs_of.append(logs + prior[remainder] - float(np.log(sets)))
         sizes.append(sizes_at(points))
-    sizes_left = np.repeat(np.array(likely) * (SIZES["left"].value, 1.0), sets, axis=0)
+    sizes_left = np.repeat([(SIZES["left"].value * size, time) for size, time in likely], sets, axis=0)
     joined = replace(Members.joined(members), log_evidence=np.concatenate(logs_of))
     return FittedWay(way, laws, runs, joined, np.concatenate(sizes), sizes_left)
 
 
-def left_before(remainders: Sequence[Remainder]) -> float:
-    """Return ln of the probability of what no element explains in every run; each has a size and a time of its own. [-]"""
-    return sum(left_prior()[r] for r in remainders)
-
-
-@cache
-def left_prior() -> dict[Remainder, float]:
+def left_prior() -> dict[tuple[float, float], float]:
     """Return (size, time) of what no element explains, in parts of its scale and of the run -> ln of its probability. [-]
 
     Sizes `LEFT_SIZES` have the mass of half a normal law between their middles; the times `LEFT_TIMES` are equally likely.

@@ -251,9 +251,9 @@ class RecordRun:
         }
         for c, column in zip(self.columns, own_responses.T, strict=True):
             source = {"run": BandCause.RUN, "room": BandCause.ROOM, "unlogged": BandCause.ROOM}.get(c.group, c.source)
-            own, far = deviations_of_run(c, way.sizes, self.beyond)
-            parts[source] = parts.get(source, 0.0) + (own * column) ** 2
-            parts[BandCause.STRUCTURE] += (far * column) ** 2
+            run_part, far_part = deviations_of_run(c, way.sizes, self.beyond)
+            parts[source] = parts.get(source, 0.0) + (run_part * column) ** 2
+            parts[BandCause.STRUCTURE] += (far_part * column) ** 2
         parts[BandCause.UNEXPLAINED] = sum((share * self.wandering(size, part) for share, size, part in way.left), np.zeros(rows.shape[0]))
         return np.concatenate(self.centres(way.mean, self.means)), parts
 
