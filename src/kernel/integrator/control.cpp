@@ -48,9 +48,8 @@ bool Integrator::attempt(OutputList& out, double& next) {
     first_ = false;
     inside_ = watch || step_.end > asked_ || outputs_.turnings.on() || (out.next < out.n && out.t[out.next] <= step_.end);
     const double left = errors_.input_error();
-    const double allowed = errors_.part() * o_.input_atol;
-    if (left > step_.slack * allowed) {
-        hold_ = step_.h * std::max(0.2, 0.8 * std::pow(allowed / left, 0.4));  // the caller's next stands
+    if (left > step_.slack * o_.input_atol) {
+        hold_ = step_.h * std::max(0.2, 0.8 * std::pow(o_.input_atol / left, 0.4));  // the caller's next stands
         return false;
     }
     if (np_ > 0) {
@@ -118,51 +117,28 @@ bool Integrator::attempt(OutputList& out, double& next) {
     old_error_ = std::max(err, 1e-3);
     next = step_.h * factor;
     if (step_.leftover)
-        hold_ = left > 0.0 ? step_.h * std::min(2.0, 0.8 * std::pow(allowed / left, 0.4)) : 2.0 * step_.h;
+        hold_ = left > 0.0 ? step_.h * std::min(2.0, 0.8 * std::pow(o_.input_atol / left, 0.4)) : 2.0 * step_.h;
     else if (hold_ < std::numeric_limits<double>::infinity())
         hold_ *= 1.02;
     return true;
 }
 
-// The first knot before `end` that a step must not pass: where the signal jumps by d, or would be off by d at the next knot, a step over three of
-// the intervals beside it errs by some |A^3 b| d gap^4, A and b as in Noise (step.hpp).
-double Integrator::jump_ahead(double end) {
-    constexpr double PASSED = 10.0;  // on 60 random networks 30 errs no more at the ends of steps, 1 costs half as many steps again
-    for (int k : passed_)
-        if (const double jerk = errors_.jerk(k); jerk > 0.0) end = std::min(end, p_.inputs[k].jump(state_.t, end, step_.hint[k], PASSED * o_.input_atol / jerk));
-    return end;
-}
-
-// Where a step must end at least. Derivatives by what is not there now are guesses of what may be: where these are asked for, steps pass small jumps.
-std::vector<double> Integrator::stops_before(double t_end) {
+void Integrator::advance(double t_end, OutputList& out) {
     std::vector<double> stops = o_.breaks;
-    passed_.clear();
-    for (int k = 0; k < nk_; ++k) {
-        const Input& in = p_.inputs[k];
-        const int most = in.kind == SAMPLED_HOLD ? 5000 : 500;
-        if (setup_.idles[k]) continue;
-        if (setup_.idle.empty() || setup_.firm[k]) in.breaks(state_.t, t_end, most, stops);
-        else if (in.sampled() && in.segment(t_end, -1) - in.segment(state_.t, -1) <= most) passed_.push_back(k);
-    }
+    for (const Input& in : p_.inputs) in.breaks(state_.t, t_end, in.kind == SAMPLED_HOLD ? 5000 : 500, stops);
     for (const Sampler& s : p_.samplers)
         for (double k = std::floor(state_.t / s.period) + 1.0; k * s.period < t_end; ++k) stops.push_back(k * s.period);
     stops.erase(std::remove_if(stops.begin(), stops.end(), [&](double b) { return !(b > state_.t && b < t_end); }), stops.end());
-    if (!o_.mesh.empty()) {
+    const bool given = !o_.mesh.empty();
+    if (given) {
         stops.clear();
-        passed_.clear();
         std::copy_if(o_.mesh.begin(), o_.mesh.end(), std::back_inserter(stops), [&](double b) { return b > state_.t && b < t_end; });
+        step_.slack = 15.0;
     }
     for (const Edge& e : p_.edges)
         if (e.time > state_.t && e.time < t_end) stops.push_back(e.time);
     stops.push_back(t_end);
     std::sort(stops.begin(), stops.end());
-    return stops;
-}
-
-void Integrator::advance(double t_end, OutputList& out) {
-    const std::vector<double> stops = stops_before(t_end);
-    const bool given = !o_.mesh.empty();
-    if (given) step_.slack = 15.0;
     size_t stop = 0;
     const long rest = std::clamp(static_cast<long>(1e8 / std::pow(n_, 3) / (1.0 + np_)), 1L, 1000L);  // steps between two looks at the interrupt key
     double limit = o_.max_step;
@@ -181,7 +157,7 @@ void Integrator::advance(double t_end, OutputList& out) {
         if (r_->steps + r_->rejected >= o_.max_steps) throw Failure{MAX_STEPS, worst(step_.err)};
         if ((r_->steps + r_->rejected) % rest == rest - 1 && o_.poll) o_.poll();
         while (stops[stop] <= state_.t) ++stop;
-        const double ahead = std::min(stops[stop], state_.t + 2.0 * next), jump = jump_ahead(ahead), last = jump < ahead ? jump : stops[stop], room = last - state_.t;
+        const double room = stops[stop] - state_.t;
         step_.h = next;
         clipped_ = false;
         double knot = -1.0;
@@ -191,7 +167,7 @@ void Integrator::advance(double t_end, OutputList& out) {
                 // Up to the next knot nothing is left over; where the inputs allow about one sample, end the step there.
                 knot = std::numeric_limits<double>::infinity();
                 for (int k = 0; k < nk_; ++k)
-                    if (p_.inputs[k].sampled() && !setup_.idles[k]) knot = std::min(knot, p_.inputs[k].next_knot(state_.t, step_.hint[k]));
+                    if (p_.inputs[k].sampled()) knot = std::min(knot, p_.inputs[k].next_knot(state_.t, step_.hint[k]));
                 step_.h = hold_ < 2.0 * (knot - state_.t) ? std::min(step_.h, knot - state_.t) : hold_;
                 clipped_ = step_.h < wish;
             }
@@ -202,7 +178,7 @@ void Integrator::advance(double t_end, OutputList& out) {
             if (step_.h > room || (step_.h > 0.99 * room && step_.end != knot)) {
                 clipped_ = clipped_ || step_.h > room;
                 step_.h = room;
-                step_.end = last;
+                step_.end = stops[stop];
             } else if (step_.h > 0.5 * room && step_.end != knot) {
                 step_.h = 0.5 * room;  // no tiny step before a break
                 step_.end = state_.t + step_.h;

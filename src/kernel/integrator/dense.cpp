@@ -36,7 +36,7 @@ void Outputs::idle_start() {
     };
     double* b = step_.idle_b.data();
     double* ab = step_.idle_ab.data();
-    unseen_ = setup_.idles;
+    if (p_.guards.empty()) unseen_ = setup_.idles;  // the instant of a switching hangs on thresholds
     for (const IdleInput& x : setup_.idle) {
         for (const auto& part : x.parts)
             if (!part.load || slaved_.fast.is[p_.load.node[part.entry.row]]) unseen_[x.input] = 0;

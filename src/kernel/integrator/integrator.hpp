@@ -62,9 +62,6 @@ class Integrator {
 
     // control.cpp
     void advance(double t_end, OutputList& out);
-    double jump_ahead(double end);
-    std::vector<double> stops_before(double t_end);
-    std::vector<int> passed_;  // inputs whose small jumps a step passes
     void take(OutputList& out, double& next);
     bool attempt(OutputList& out, double& next);
     bool too_long(double err, double& next);

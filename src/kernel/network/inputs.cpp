@@ -149,16 +149,6 @@ double Input::next_knot(double t, int hint) const {
     return i < static_cast<int>(seg.size()) ? seg[i].t : std::numeric_limits<double>::infinity();
 }
 
-double Input::jump(double t0, double t1, int hint, double most) const {
-    const int m = static_cast<int>(seg.size());
-    for (int i = std::max(1, segment(t0, hint) + 1); i < m && seg[i].t < t1; ++i) {
-        const double before = seg[i].t - seg[i - 1].t, gap = i + 1 < m ? std::max(before, seg[i + 1].t - seg[i].t) : std::numeric_limits<double>::infinity();
-        const double d = kind == 1 ? std::fabs(seg[i].u - seg[i - 1].u) : std::fabs(seg[i].s - seg[i - 1].s) * gap;
-        if (d > 0.0 && d * gap * gap * gap * gap > most) return seg[i].t;
-    }
-    return std::numeric_limits<double>::infinity();
-}
-
 void Cursor::enter(double t) {
     const auto& seg = in_->seg;
     from_ = t;

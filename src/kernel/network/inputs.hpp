@@ -35,8 +35,6 @@ class Input {
     // Appends the knots inside (t0, t1) where the signal is not smooth, if there are at most `most`.
     void breaks(double t0, double t1, int most, std::vector<double>& out) const;
     double next_knot(double t, int hint) const;
-    // The first knot inside (t0, t1) at which the jump d, or the bend over an interval, is such that d gap^4 > most; gap: the longer interval beside it.
-    double jump(double t0, double t1, int hint, double most) const;
     double at(double t, int& hint) const;
     // Appends the knots of a sampled input inside (t0, t1), where they are more than `gap` apart; of many, those that begin a block.
     void knots(double t0, double t1, std::vector<double>& out, double gap = 0.0) const;

@@ -212,20 +212,7 @@ void Errors::close_balance(double factored) {
 double Errors::tolerance() const {
     const double whole = o_.atol + o_.rtol * (state_.high - state_.low);
     const double tol = std::max(whole / static_cast<double>(1 + state_.most_switched), std::min(whole, ROUNDING));
-    return step_.leftover ? part() * std::max(tol, (np_ > 0 && !setup_.squares ? 0.25 : 0.32) * o_.input_atol) : tol;
-}
-
-// The largest |A^3 b| of an input, A and b as in Noise, where massless nodes follow at once. [K/s^4 per unit]
-double Errors::jerk(int input) {
-    std::fill(dir_.begin(), dir_.end(), 0.0);
-    slaved_.rate(slaved_.massless, step_.J0.data(), step_.fu.data() + static_cast<size_t>(input) * n_, dir_.data(), bb_.data());
-    for (int k = 0; k < 3; ++k) {
-        dir_ = bb_;
-        slaved_.rate(slaved_.massless, step_.J0.data(), nullptr, dir_.data(), bb_.data());
-    }
-    double most = 0.0;
-    for (double each : bb_) most = std::max(most, std::fabs(each));
-    return most;
+    return step_.leftover ? std::max(tol, (np_ > 0 && !setup_.squares ? 0.25 : 0.32) * o_.input_atol) : tol;
 }
 
 // Prepares the corrections and returns the estimated error of what they neglect, in kelvin.

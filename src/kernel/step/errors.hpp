@@ -22,10 +22,6 @@ class Errors {
     double slope_tolerance() const;
     double error();
     double input_error();
-    double jerk(int input);
-    // Part of the tolerances that is for steps over what inputs leave over, where steps pass knots of logs that would end them elsewhere: errors of
-    // many steps add up. Of whole ones 5 of 60 random networks erred by more than was asked for, of these 3.
-    double part() const { return setup_.idle.empty() ? 1.0 : 0.3; }
     double unsettled();
     bool clear_of_knees(double& next);
     void improve();

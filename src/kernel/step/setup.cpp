@@ -17,7 +17,6 @@ Setup::Setup(const Problem& problem, const double* coefficients, const CoefJacob
     : p(problem), coef(coefficients), d(derivatives), o(options), squares(readings), n(p.n), np(d.np), nk(static_cast<int>(p.inputs.size())) {
     if (n > Problem::LARGEST) throw std::invalid_argument("this integrator takes at most " + std::to_string(Problem::LARGEST) + " unknown nodes");
     find_entries();
-    find_firm();
     find_idle();
     std::copy_if(p.moving.begin(), p.moving.end(), std::back_inserter(acting), [&](int k) { return !idles[k]; });
     parameters.build(p, d);
@@ -59,16 +58,6 @@ void Setup::find_entries() {
         if (d.any(e.coef)) parameters.load.push_back(e);
         if (moves(e.coef)) load_u.push_back(e);
     }
-}
-
-// What moves boundaries and powers alone is followed by a step without error where its jumps are small.
-void Setup::find_firm() {
-    firm.assign(nk, !p.guards.empty() || !p.followers.empty() || !p.samplers.empty());
-    auto enters = [&](const Entry& e, bool plain) {
-        if (p.coef_input[e.coef] >= 0 && !plain) firm[p.coef_input[e.coef]] = 1;
-    };
-    for (const Entry& e : p.con_entry) enters(e, e.what >= 4);
-    for (const Entry& e : p.load_entry) enters(e, e.what == 0 && p.load.kind[e.row] == SIGNAL && p.load.control[e.row] < 0);
 }
 
 // Where readings are reduced as they come, or inputs follow temperatures, none is taken for idle.

@@ -11,7 +11,6 @@
 //   pushes, other_u    the conductors' once more: those by a boundary, ready to add to df/du, and the others
 //   idle       inputs that move no temperature, since all their coefficients are zero, and the parameters that would let them; idles: whether an
 //              input is one; acting: the others that move
-//   firm       inputs of which a step must pass no jump, since they act on more than boundaries and powers
 //   holds      (massless node, node that holds its heat)
 //   faint      of each parameter, one over its size: its effect is let be below a part of that
 //   curved     some law is not linear in temperature
@@ -46,7 +45,7 @@ struct Setup {
     std::vector<double> cap, inv_cap, cap_at, faint;
     std::vector<std::pair<int, int>> holds;
     std::vector<IdleInput> idle;  // in the order of inputs
-    std::vector<char> idles, firm;
+    std::vector<char> idles;
     std::vector<int> acting;
     bool curved = false, constant = false;
 
@@ -56,7 +55,6 @@ struct Setup {
 
   private:
     void find_entries();
-    void find_firm();
     void find_idle();
 };
 

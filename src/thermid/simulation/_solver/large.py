@@ -25,7 +25,6 @@ from thermid.simulation._solver.problem import (
     Answer,
     KernelProblem,
     Options,
-    break_times,
     by_column,
     ending,
     ints,
@@ -138,8 +137,7 @@ def integrate(
         method=METHODS[options.method],
         tolerance=options.of_large_step * _part_of_step(network, initial),
         turnings=extremes,
-        breaks=break_times(network.inputs, end),
-        **limits(options),
+        **limits(options, network.inputs, end),
     )
     if raw.status != _kernel.OK:
         raise SolverError(_message(raw, options, end, name, network, outside), where, code="run.did-not-finish")

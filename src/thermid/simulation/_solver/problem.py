@@ -295,12 +295,13 @@ def row_form(law: KernelLaw, placed: PlacedConductor | PlacedLoad, tables: list[
     return law.kind, places, table
 
 
-def limits(options: Options) -> dict[str, Any]:
-    """Return the limits of a run as every integrator of the kernel takes them."""
+def limits(options: Options, inputs: Iterable[Signal], end: float) -> dict[str, Any]:
+    """Return the limits of a run to `end` [s] as every integrator of the kernel takes them."""
     return {
         "input_atol": options.error if options.inputs is None else options.inputs,
         "max_step": options.max_step,
         "max_steps": options.max_steps,
+        "breaks": break_times(inputs, end),
     }
 
 
@@ -595,7 +596,7 @@ class KernelProblem:
                     self.wiring.network.title,
                     code="run.did-not-finish",
                 )
-        return {"rtol": 0.0, "atol": options.of_step, **limits(options)}
+        return {"rtol": 0.0, "atol": options.of_step, **limits(options, self.inputs, end)}
 
     def gradients(self, a: Assembled, wanted: bool) -> dict[str, Any]:
         """Return the derivatives of coefficients and start as arguments of the kernel; empty where none are wanted."""
