@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from unit.kernel.reference import Net
 
 from thermid import _kernel as k
+from unit.kernel.reference import Net
 
 ERROR = 1e-3
 """Stated error of the runs. [K]"""
@@ -50,7 +50,7 @@ def test_derivatives_of_a_linear_network_are_differences(knots: int) -> None:
 
 
 def test_steps_over_knots_give_every_further_input_its_own_column() -> None:
-    """Fifty ways of one power, each with a name of its own, over a log so long that steps pass its knots: each column is the exact one's."""
+    """Fifty ways of one power, each with a name of its own, over a log whose knots steps pass: each column is the exact one's."""
     count = 6000
     times, net = np.linspace(0.0, 10.0 * (count - 1), 300), _net(count, 1e-3, 60.0)
     alone = net.run(times, sens=True, atol=0.25 * ERROR, rtol=0.0, input_atol=ERROR)
