@@ -421,7 +421,7 @@ def test_more_inputs_than_a_fifth_of_the_members_still_have_drivers() -> None:
     draws = {f"x{k}": rng.normal(size=200) for k in range(60)}
     first, second, *rest = drivers_of(draws, 3.0 * draws["x7"] - 1.5 * draws["x30"] + 0.5 * rng.normal(size=200))
     assert (first.name, second.name) == ("x7", "x30")
-    assert (first.share, second.share) == pytest.approx((0.78, 0.2), abs=0.08)
+    assert (first.share, second.share) == pytest.approx((0.78, 0.2), abs=0.12)  # 200 members: a correlation is known to 0.07
     assert max(d.share for d in rest) < 0.03
 
 
