@@ -259,6 +259,8 @@ class Hold(Result):
             why = next((x.what.partition(", because ")[2] for x in self.left_out if x.what in (UNFITTED, SILENT)), "")
             why = why or ("it was switched off" if any(x.what.endswith(OFF) for x in self.left_out) else NO_MISFIT)
             return f"{also}the model's discrepancy is not included, because {why}"
+        if self.discrepancy == 0.0:
+            return f"counted: {', '.join(others)}"
         size = f"{self.discrepancy:.2g} K (one standard deviation), from the residuals of its fit"
         return f"{also}the model's discrepancy is included: {size}"
 
