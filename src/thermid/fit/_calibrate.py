@@ -25,6 +25,7 @@ from thermid.fit._calibration import (
     FitEnd,
     Local,
     contradicted,
+    contradicted_powers,
     far_from_sheet,
     fitted_values,
 )
@@ -455,7 +456,7 @@ def summarise(
     values = FittedValues(name, items, total[np.ix_(rows, rows)], provenance)
     moved = moves_above(request, problem, best, spread.variance_factor) if request.store.states else Moves()
     at_end, message = (best.fitted.tolist(), np.sqrt(np.diag(total)).tolist()), best.message * (not best.converged)
-    far, runner = contradicted(values), request.model.runner
+    far, runner = contradicted(values) | contradicted_powers(problem.unknowns, at_end[0]), request.model.runner
     alone, rests = own_standing(request, problem, far, *at_end, spread, moved, message), rests_on(request, values)
     store = stored(request, problem, values.judged(Standing.worst([alone, *rests.values()])), responses_of_fit)
     values = _with_uncut(FittedValues.of_store(store, list(values), name), problem, best, responses_of_fit)

@@ -15,11 +15,12 @@ import numpy as np
 from thermid.base.errors import DeckError
 from thermid.base.results import Named, PlottedTrace, Row
 from thermid.base.units import ICE_POINT, counted, digits, from_si, short, unit
+from thermid.fit._error_model.sizes import SIZES
 from thermid.fit._inputs import InputTable, input_lines
 from thermid.fit._minimisation import KeptFit
 from thermid.fit._problem.experiment import Experiment
 from thermid.fit._problem.request import Request
-from thermid.fit._problem.residuals import Predictions, Problem, SensorStatistics, SensorTrace, Sums, pooled
+from thermid.fit._problem.residuals import Predictions, Problem, SensorStatistics, SensorTrace, Sums, Unknown, pooled
 from thermid.fit._uncertainty.moved import MOVED, Moves
 from thermid.fit._uncertainty.noise import Autocorrelation
 from thermid.model.tree import UNJUDGED, Model, Standing, cuts_of
@@ -67,6 +68,21 @@ def contradicted(values: Mapping[str, FittedValue]) -> dict[str, str]:
     """Return name -> what would have to be wrong, of fitted values that lie more than ten deviations from what was stated of them."""
     far = {name: _deviations(v) for name, v in values.items()}
     return {name: _words(values[name], d) for name, d in sorted(far.items(), key=lambda item: -item[1]) if d > CONTRADICTION_DEVIATIONS}
+
+
+def contradicted_powers(unknowns: Sequence[Unknown], at: Sequence[float]) -> dict[str, str]:
+    """Return record and power -> what would have to be wrong of it there, of errors `at` (unknowns,) of means that reach too far.
+
+    A power of one record that was not logged as it changed has an error of its mean. It counts in standard deviations of what was stated
+    and of what powers differ by from run to run: sqrt(stated^2 + run^2), relative.
+    """
+    means = [(u.name, x, u.prior.sd) for u, x in zip(unknowns, at, strict=True) if u.prior is not None and u.is_mean_of_power]
+    far = [(name, x, abs(x) / math.hypot(sd, SIZES["run"].value)) for name, x, sd in means]
+    return {
+        name: f"{name} would be {100 * x:+.3g} %, {short(times)} times what is stated and what powers differ by between runs"
+        for name, x, times in sorted(far, key=lambda item: -item[2])
+        if times > CONTRADICTION_DEVIATIONS
+    }
 
 
 def _bracketed(fit: Calibration) -> list[str]:
@@ -342,7 +358,8 @@ class Calibration(Named[FittedValue]):
         A power counts as it was fitted too: where elements depart it may agree, since heat that comes late or a film that is another makes
         up for it, at the cost of the values that are expected. Sensors take up what a structure lacks, so they do not.
         """
-        return contradicted({n: v for n, v in self.values.items() if v.kind == INPUT and v.unit != "K"}) | contradicted(self.estimates)
+        shared = contradicted({n: v for n, v in self.values.items() if v.kind == INPUT and v.unit != "K"}) | contradicted(self.estimates)
+        return shared | (contradicted_powers(self.problem.unknowns, [*self.fitted.values()]) if self.problem is not None else {})
 
     @property
     def contradicts_held(self) -> bool:

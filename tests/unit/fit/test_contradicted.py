@@ -112,7 +112,7 @@ def test_what_was_stated_with_a_probability_is_named_before_a_bound() -> None:
         Unknown("skin.htc", "parameter", (), 5.0, low=1.0, high=10.0),
         Unknown("P error", "input", (), 0.0, prior=Prior(0.0, 0.01)),
     )
-    asked, problem = SimpleNamespace(name="s", adequate=0.0, accepted=""), SimpleNamespace(unknowns=(film, power))
+    asked, problem = SimpleNamespace(name="s", adequate=0.0, accepted=""), SimpleNamespace(unknowns=(film, power), coupled=())
     own = own_standing(asked, problem, {}, [10.0, 0.07], [0.1, 0.001], None, Moves())  # type: ignore[arg-type]
     assert own.state == "not adequate"
     assert 0 < own.because.index(power.name) < own.because.index(film.name)
@@ -222,3 +222,28 @@ def test_right_accuracies_are_called_contradicted_in_at_most_one_fit_of_370(corr
     beyond = int(np.count_nonzero(np.sqrt(np.mean(errors**2, axis=1)) > ASIDE))
     expected = draws * math.erfc(ASIDE / math.sqrt(2.0))
     assert beyond <= expected + 4.0 * math.sqrt(expected)
+
+
+@pytest.mark.parametrize(("share", "is_named"), [(0.5, True), (0.95, False)])
+def test_a_heater_that_came_loose_in_one_log_is_named(share: float, is_named: bool) -> None:
+    """Its log has all of the power, of which half goes elsewhere; the mean of that power is known to 2 %. Another log is right."""
+    times, watts = np.linspace(0.0, 14400.0, 241), np.where(np.linspace(0.0, 14400.0, 241) < 7200.0, 12.0, 3.0)
+    skin = {"of": "case", "to": "air", "area": "0.05 [m^2]", "htc": {"value": "10 [W/(m^2 K)]", "min": 1, "max": 60}, "carried_by": "fan"}
+    case = {"mass": "0.9 [kg]", "specific_heat": {"value": "900 [J/(kg K)]", "min": 300, "max": 3000}}
+    parts = {"nodes": {"case": case}, "surfaces": {"skin": skin}, "loads": {"heat": {"into": "case", "power": "1 [W]"}}}
+    model, records = td.model_from_dict({"title": "Box", "needs": ["air"], **parts}), []
+    given = td.Scenario("bench", {"air": "22 [degC]"}, start="22 [degC]", duration="4 [h]")
+    for k, acting in enumerate((1.0, 1.0, share)):
+        run = td.simulate(model, given.with_(commands={"heat": TableSignal(times, acting * watts, True)}), times=times)
+        reading = run["case"].kelvin + np.random.default_rng(k).normal(0.0, 0.03, times.size)
+        channels = {
+            "T": td.Channel.from_array("T", reading, unit="K", role="node", target="case", noise=0.03),
+            "air": td.Channel.from_array("air", np.full(times.size, 295.15), unit="K", role="boundary", target="air"),
+            "P": td.Channel.from_array("P", watts, quantity="power", role="load", target="heat", prompt=True, common=0.02 * watts.mean()),
+        }
+        records.append(td.Record.from_arrays(f"log {k}", times, channels, synthetic=True))
+    fit = td.calibrate(model, records, ["case.specific_heat", "skin.htc"])
+    names = ["log 2: error of the mean of heat"] if is_named else []
+    assert [*fit.contradicted] == names
+    assert (fit.own.state == "not credible") is is_named
+    assert all(name in fit.own.because for name in names)

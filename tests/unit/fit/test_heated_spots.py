@@ -47,6 +47,9 @@ def test_a_sensor_at_the_heated_end_is_told_from_one_that_reads_its_node(zones: 
     fit = td.calibrate(t.model, t.records, t.free, priors=t.priors)
     model = ErrorModel.of_fit(fit)
     assert ErrorModel.from_dict(model.to_dict()).spot == model.spot == ("core" if zones else "")
+    part = ErrorModel.from_dict(model.to_dict() | {"at": "unit."})  # as the part of a larger model
+    assert part.spot == ("unit.core" if zones else "")
+    assert bool(part.contradiction) == bool(model.contradiction)
     assert ("core" in fit.unexplained) == zones
     if zones:
         assert not fit.expected

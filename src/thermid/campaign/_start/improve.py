@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -289,11 +290,12 @@ def _takes(source: CampaignSource, patterns: Sequence[str], table: RecordTable) 
 
 
 def _written(path: Path, stage: str, before: Request, after: Request, delays: Sequence[Delay]) -> list[Path]:
-    """Write the deck of the new structure and the campaign that takes it."""
+    """Write the deck of the new structure, those that have it as a part, and the campaign that takes them."""
     folder, campaign = path.parent / NEXT, path.with_name(f"{path.stem}_{NEXT}.toml")
     document = tomlkit.parse(unsealed(read_text(path)))
     table = next(t for t in document["stages"] if t["name"] == stage)
-    deck = folder / Path(str(table["model"])).name
+    before_deck = str(table["model"])
+    deck = folder / Path(before_deck).name
     table["model"] = f"{NEXT}/{deck.name}"
     table["free"] = list(after.free)
     priors = {p: {"mean": mean, "sd": sd} for p, (mean, sd) in after.priors.items() if p not in before.priors}
@@ -323,8 +325,35 @@ def _written(path: Path, stage: str, before: Request, after: Request, delays: Se
     folder.mkdir(exist_ok=True)
     model = replace(after.model, title=f"{after.model.title} {NEXT}")
     save_model(model, deck)
+    decks = {(path.parent / before_deck).resolve(): deck.resolve()}
+    for other in (t for t in document["stages"] if t is not table and "model" in t):
+        other["model"] = os.path.relpath(with_part(path.parent / str(other["model"]), decks), path.parent)
     TEMPLATE.titled(campaign.stem).save_text(campaign, tomlkit.dumps(document))
-    return [deck, campaign]
+    return [deck, *(new for new in decks.values() if new.parent != deck.parent.resolve()), campaign]
+
+
+def with_part(deck: Path, decks: dict[Path, Path]) -> Path:
+    """Return the deck in which parts are those of `decks` (old -> new): itself where it has none of them, else written beside it.
+
+    What is written joins `decks`.
+
+    Raises
+    ------
+    OutputError   When a file is there that thermid did not write.
+    """
+    if deck.resolve() in decks:
+        return decks[deck.resolve()]
+    document, is_other = tomlkit.parse(unsealed(read_text(deck))), False
+    for part in document.get("submodels", {}).values():
+        file = deck.parent / str(part["use"])
+        if file.exists() and (new := with_part(file, decks)) != file:
+            part["use"], is_other = os.path.relpath(new, deck.parent), True
+    if not is_other:
+        return deck
+    new = deck.with_name(f"{deck.stem}_{NEXT}.toml").resolve()
+    TEMPLATE.titled(new.stem).save_text(new, tomlkit.dumps(document))
+    decks[deck.resolve()] = new
+    return new
 
 
 def with_step(table: Any, delay: Delay) -> None:

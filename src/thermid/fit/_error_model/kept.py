@@ -633,9 +633,12 @@ def errors_of_values(fit: Calibration, why: str = "") -> ErrorModel:
 
 
 def placed(name: str, at: str) -> str:
-    """Return a name of a part as it is in a model where its paths begin with some text; names of instruments hold a space and stay."""
+    """Return a name of a part as it is in a model where its paths begin with some text; names of instruments hold a space and stay.
+
+    No name stays none.
+    """
     head = next((h for h in ("scale.", "initial.") if name.startswith(h)), "")
-    return name if " " in name else f"{head}{at}{name.removeprefix(head)}"
+    return name if " " in name or not name else f"{head}{at}{name.removeprefix(head)}"
 
 
 def _triangular(covariance: Array) -> Array:

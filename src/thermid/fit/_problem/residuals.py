@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from thermid.base.errors import DeckError, SolverError
 from thermid.base.units import Array, Dual, Memo, Number, gradient_of, values_of
-from thermid.fit._problem.experiment import CLOCK, OFFSET, STEPPED, SWITCH, Experiment, Observation, clock_target
+from thermid.fit._problem.experiment import CLOCK, OFFSET, SCALE, STEPPED, SWITCH, Experiment, Observation, clock_target
 from thermid.simulation.runs import Engine, Options, Squares, Traces, Weighing, Wiring, kept_for
 
 
@@ -90,6 +90,11 @@ class Unknown:
     def is_instant(self) -> bool:
         """Whether it says when an input changed: it is looked for only for the sake of other values."""
         return any(t.name.startswith(SWITCH) for t in self.targets)
+
+    @property
+    def is_mean_of_power(self) -> bool:
+        """Whether it is the relative error of the mean of a power in one record."""
+        return self.kind == "local" and any(t.name.startswith(SCALE) for t in self.targets)
 
     @property
     def scale(self) -> float:

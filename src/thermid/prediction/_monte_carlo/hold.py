@@ -59,14 +59,15 @@ def drivers_of(draws: Mapping[str, Array], result: Array) -> tuple[Driver, ...]:
     """Return the drivers of a result (members,), the largest first; empty where there are too few members or nothing varies.
 
     The share of an input is its standardised coefficient in a regression of ranks times its rank correlation with the result (Pratt 1987;
-    Thomas, Hughes and Zumbo, Social Indicators Research 45, 1998): also for correlated inputs these add up to R squared.
+    Thomas, Hughes and Zumbo, Social Indicators Research 45, 1998): also for correlated inputs these add up to R squared. Of more inputs
+    than a fifth of the members, those with the largest correlations are in the regression.
     """
     # inputs that share a value count once
     named: dict[bytes, tuple[str, Array]] = {}
     for name, values in draws.items():
         named.setdefault(values.tobytes(), (name, values))
     inputs = [(n, v) for n, v in named.values() if np.ptp(v) > 0.0]
-    if not inputs or np.ptp(result) == 0.0 or result.size < max(MIN_MEMBERS_PER_INPUT, 5 * len(inputs)):
+    if not inputs or np.ptp(result) == 0.0 or result.size < MIN_MEMBERS_PER_INPUT:
         return ()
     target = _standard(_ranks(result))
     columns = np.empty((target.size, len(inputs)))
@@ -75,9 +76,11 @@ def drivers_of(draws: Mapping[str, Array], result: Array) -> tuple[Driver, ...]:
             _, group = np.unique(values, return_inverse=True)
             values = (np.bincount(group, target) / np.bincount(group))[group]
         columns[:, k] = _standard(values if name in UNORDERED else _ranks(values))
-    weights, *_ = np.linalg.lstsq(columns, target, rcond=None)
     single = columns.T @ target / target.size
-    drivers = [Driver(n, float(w * r), 0.0 if n in UNORDERED else float(r)) for (n, _), w, r in zip(inputs, weights, single, strict=True)]
+    first = np.argsort(-np.abs(single))[: result.size // 5]
+    weights, *_ = np.linalg.lstsq(columns[:, first], target, rcond=None)
+    rows = [(inputs[k][0], float(w), float(single[k])) for k, w in zip(first, weights, strict=True)]
+    drivers = [Driver(name, w * r, 0.0 if name in UNORDERED else r) for name, w, r in rows]
     return tuple(sorted(drivers, key=lambda d: -d.share))
 
 
@@ -256,6 +259,8 @@ class Hold(Result):
             why = next((x.what.partition(", because ")[2] for x in self.left_out if x.what in (UNFITTED, SILENT)), "")
             why = why or ("it was switched off" if any(x.what.endswith(OFF) for x in self.left_out) else NO_MISFIT)
             return f"{also}the model's discrepancy is not included, because {why}"
+        if self.discrepancy == 0.0:
+            return f"counted: {', '.join(others)}"
         size = f"{self.discrepancy:.2g} K (one standard deviation), from the residuals of its fit"
         return f"{also}the model's discrepancy is included: {size}"
 

@@ -81,6 +81,37 @@ def test_what_is_proved_becomes_the_next_structure(tmp_path: Path, monkeypatch: 
         improve(path)
 
 
+UNIT = """
+title = "unit"
+needs = ["room"]
+[submodels]
+p = { use = "plate.toml", bind = { room = "room" } }  # the part
+"""
+LEVEL = """
+[[stages]]
+name = "unit"
+model = "{}.toml"
+records = ["test"]
+bind = {{ T_plate_C = {{ node = "{}.plate" }}, P_heater_W = {{ load = "{}.heater" }} }}
+inherit = {{ {} = {{ stage = "plate", as = "prior" }} }}
+free = ["{}.loss.conductance"]
+"""
+
+
+@pytest.mark.parametrize("levels", [1, 2])
+def test_stages_above_take_the_new_part(tmp_path: Path, levels: int) -> None:
+    path = project(tmp_path, 260.0)
+    (tmp_path / "unit.toml").write_text(UNIT)
+    (tmp_path / "whole.toml").write_text(UNIT.replace("plate.toml", "unit.toml").replace("p =", "u ="))
+    stage, name = ("unit", "p") if levels == 1 else ("whole", "u.p")
+    path.write_text(CAMPAIGN + LEVEL.format(stage, *[name] * 4).replace("{ u.p =", '{ "u.p" ='))
+    made = improve(path, "plate", evaluations=3000)
+    assert [f.name for f in made.files] == ["plate.toml", *["unit_next.toml", "whole_next.toml"][:levels], "campaign_next.toml"]
+    assert "# the part" in (tmp_path / "unit_next.toml").read_text()
+    again = td.run_stages(made.files[-1])
+    assert again.stages["unit"].sensors["T_plate_C"].rmse == pytest.approx(made.rows()[0]["after_K"], rel=0.05)
+
+
 def test_nothing_is_written_where_nothing_is_proved(tmp_path: Path) -> None:
     made = improve(project(tmp_path, 0.0), evaluations=3000)
     assert made.files == ()

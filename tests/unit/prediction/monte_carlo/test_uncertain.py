@@ -415,6 +415,16 @@ def test_drivers_share_what_a_line_through_the_ranks_explains() -> None:
     assert first.share + second.share + third.share == pytest.approx(1.0, abs=0.02)
 
 
+def test_more_inputs_than_a_fifth_of_the_members_still_have_drivers() -> None:
+    """A host with the departures of its parts had 60 inputs for 200 members, and no drivers without a word."""
+    rng = np.random.default_rng(1)
+    draws = {f"x{k}": rng.normal(size=200) for k in range(60)}
+    first, second, *rest = drivers_of(draws, 3.0 * draws["x7"] - 1.5 * draws["x30"] + 0.5 * rng.normal(size=200))
+    assert (first.name, second.name) == ("x7", "x30")
+    assert (first.share, second.share) == pytest.approx((0.78, 0.2), abs=0.12)  # 200 members: a correlation is known to 0.07
+    assert max(d.share for d in rest) < 0.03
+
+
 def test_too_few_members_have_no_drivers() -> None:
     rng = np.random.default_rng(1)
     assert drivers_of({"a": rng.normal(size=20)}, rng.normal(size=20)) == ()
