@@ -31,11 +31,11 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any, Final
 
-from thermid.base._units import DAY
 from thermid.base.errors import DeckError, OutputError, ThermidError, announced, cap, nearest, raising, refuse_unknown
 
 NETCDF_SOURCE: Final = "thermid"
 """Attribute `source` of a netCDF file."""
+_DAY: Final = 86400.0
 SILENCE: Final = 10.0
 """Time after which a pipe out of which nothing comes is given up. [s]"""
 _STARTED: Final = time.time()
@@ -439,7 +439,7 @@ def _abandoned(entry: os.DirEntry[str], name: re.Match[str]) -> bool:
     except OSError:
         return False
     if name["host"] != _HOST or os.name != "posix":
-        return time.time() - changed > DAY
+        return time.time() - changed > _DAY
     pid = int(name["pid"])
     if pid == os.getpid():  # left by an earlier process of the same number, as containers have them
         return changed < _STARTED - 1.0
@@ -449,7 +449,7 @@ def _abandoned(entry: os.DirEntry[str], name: re.Match[str]) -> bool:
         return True
     except OSError:
         return False
-    return time.time() - changed > DAY
+    return time.time() - changed > _DAY
 
 
 _END: Final = rb'(?:\s*|\s*-->\s*|"\s*\}\s*|.{4}\0\0\0\0IEND\xaeB`\x82)\Z'

@@ -299,7 +299,7 @@ def test_a_share_of_a_logged_power_goes_with_the_load_of_the_part_that_is_replac
     power = {"head.heat": (np.array([0.0, 60.0]), td.quantity(np.array([1.0, 3.0]), unit="W"))}
     shared = {"head.heat": "head.share"}
     bare = td.Scenario("log", boundaries={"air": "20 [degC]"}, loads=power, gains=shared, start="air", duration="60 [s]")
-    done = SimpleNamespace(experiments=[SimpleNamespace(bare=bare)])
+    done = SimpleNamespace(bare=bare)
     assert not _at_rest(done, "head").loads
     assert not _at_rest(done, "head").gains
     kept = _at_rest(done, "bay")

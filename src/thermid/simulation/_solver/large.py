@@ -115,8 +115,7 @@ def integrate(
     initial : array (nodes,)    Massless nodes are solved for; levels of nodes that store heat by a table. [K]
     where : str                 Title of the model and the scenario, for messages.
     name : callable             Place of a node -> its name, for messages.
-    outside : callable          Time [s] and temperatures (nodes,) [K] -> which tables end there, empty where none does; None where none
-                                is refused outside its points.
+    outside : callable          Time [s], temperatures (nodes,) [K] -> which tables end there; None where all may go beyond their points.
 
     Raises
     ------
