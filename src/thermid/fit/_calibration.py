@@ -15,7 +15,6 @@ import numpy as np
 from thermid.base.errors import DeckError
 from thermid.base.results import Named, PlottedTrace, Row
 from thermid.base.units import ICE_POINT, counted, digits, from_si, short, unit
-from thermid.fit._error_model.sizes import SIZES
 from thermid.fit._inputs import InputTable, input_lines
 from thermid.fit._minimisation import KeptFit
 from thermid.fit._problem.experiment import Experiment
@@ -62,6 +61,8 @@ MIN_RANGE_SHARE = 0.05
 """Part of the variance of a value from which a line says that stated ranges make it. [-]"""
 CONTRADICTION_DEVIATIONS = 10.0
 """Standard deviations from what was stated beyond which a fit is not believed; chance and a careless accuracy do not reach so far. [-]"""
+BETWEEN_RUNS = 0.027
+"""Relative standard deviation of a coefficient, mass or power from run to run, learned from public test sets: one of `SIZES`. [-]"""
 
 
 def contradicted(values: Mapping[str, FittedValue]) -> dict[str, str]:
@@ -77,7 +78,7 @@ def contradicted_powers(unknowns: Sequence[Unknown], at: Sequence[float]) -> dic
     and of what powers differ by from run to run: sqrt(stated^2 + run^2), relative.
     """
     means = [(u.name, x, u.prior.sd) for u, x in zip(unknowns, at, strict=True) if u.prior is not None and u.is_mean_of_power]
-    far = [(name, x, abs(x) / math.hypot(sd, SIZES["run"].value)) for name, x, sd in means]
+    far = [(name, x, abs(x) / math.hypot(sd, BETWEEN_RUNS)) for name, x, sd in means]
     return {
         name: f"{name} would be {100 * x:+.3g} %, {short(times)} times what is stated and what powers differ by between runs"
         for name, x, times in sorted(far, key=lambda item: -item[2])

@@ -9,6 +9,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Final
 
+from thermid.fit._calibration import BETWEEN_RUNS
+
 
 @dataclass(frozen=True)
 class SizePrior:
@@ -57,7 +59,7 @@ SIZES: Final = SizeTable(
         "prior; the sets ask for 0.83, which predicts others worse",
         "mass behind a node that no deck has, in parts of the node's own",
     ),
-    run=SizePrior(0.027, "1", LEARNED, "departure of a coefficient, conductance, mass or power from run to run", 9),
+    run=SizePrior(BETWEEN_RUNS, "1", LEARNED, "departure of a coefficient, conductance, mass or power from run to run", 9),
     room=SizePrior(0.17, "K", LEARNED, "drift of a room about its logged or stated temperature", 2),
     unlogged=SizePrior(0.72, "K", LEARNED, "drift of a room that no log follows, about the value that stands for it", 7),
     left=SizePrior(0.13, "K", LEARNED, "what no element explains, at a sensor", 9),
