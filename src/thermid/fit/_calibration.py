@@ -72,15 +72,16 @@ def contradicted(values: Mapping[str, FittedValue]) -> dict[str, str]:
 
 
 def contradicted_powers(unknowns: Sequence[Unknown], at: Sequence[float]) -> dict[str, str]:
-    """Return record and power -> what would have to be wrong of it there, of errors `at` (unknowns,) of means that reach too far.
+    """Return record and power -> what would have to be wrong of it there, where the error of its mean is above ten standard deviations.
 
-    A power of one record that was not logged as it changed has an error of its mean. It counts in standard deviations of what was stated
-    and of what powers differ by from run to run: sqrt(stated^2 + run^2), relative.
+    A power of one record that was sampled, and not logged as it changed, has an error x of its mean, the heat less what was logged over
+    that, among the unknowns `at` (unknowns,). It counts as |x| / sqrt(stated^2 + `BETWEEN_RUNS`^2), with its stated standard deviation. [-]
     """
     means = [(u.name, x, u.prior.sd) for u, x in zip(unknowns, at, strict=True) if u.prior is not None and u.is_mean_of_power]
     far = [(name, x, abs(x) / math.hypot(sd, BETWEEN_RUNS)) for name, x, sd in means]
     return {
-        name: f"{name} would be {100 * x:+.3g} %, {short(times)} times what is stated and what powers differ by between runs"
+        name: f"{name} ({100 * x:+.3g} % of the logged power) would be {short(times)} times what is stated of it and what powers differ by "
+        "from run to run"
         for name, x, times in sorted(far, key=lambda item: -item[2])
         if times > CONTRADICTION_DEVIATIONS
     }
@@ -359,8 +360,12 @@ class Calibration(Named[FittedValue]):
         A power counts as it was fitted too: where elements depart it may agree, since heat that comes late or a film that is another makes
         up for it, at the cost of the values that are expected. Sensors take up what a structure lacks, so they do not.
         """
-        shared = contradicted({n: v for n, v in self.values.items() if v.kind == INPUT and v.unit != "K"}) | contradicted(self.estimates)
-        return shared | (contradicted_powers(self.problem.unknowns, [*self.fitted.values()]) if self.problem is not None else {})
+        unknowns = self.problem.unknowns if self.problem is not None and self.end is not None else ()
+        return (
+            contradicted({n: v for n, v in self.values.items() if v.kind == INPUT and v.unit != "K"})
+            | contradicted(self.estimates)
+            | contradicted_powers(unknowns, [self.fitted[u.name] for u in unknowns])
+        )
 
     @property
     def contradicts_held(self) -> bool:
