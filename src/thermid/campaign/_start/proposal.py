@@ -224,8 +224,8 @@ FIRST_HEAT = 8
 
 FIXED, FIXED_SD = 0.2, "70 [%]"
 """What is fixed to a weighed part, over its heat capacity: boards in boxes are 5 to 50 %. [-]"""
-FITS_AS_WELL, THREEFOLD = 1.05, 3.0
-"""Structures whose residuals are within 5 % count as alike; a value that differs by a factor of three among them is not determined. [-]"""
+THREEFOLD = 3.0
+"""A value that differs by this factor among structures that the readings cannot separate is not determined. [-]"""
 FREE = ("capacitance", "mass", "conductance", "resistance", "htc", "effective_htc", "contact_conductance")
 """Fields of a deck that a first fit looks for, unless their source is a measurement or a data sheet."""
 STATED = ("measured", "published", "datasheet")
@@ -325,7 +325,7 @@ class Proposal:
 
     @property
     def depending(self) -> dict[str, tuple[float, float]]:
-        """Path -> its lowest and highest value [SI] in structures that leave no more than the proposed one, where they are far apart.
+        """Path -> its lowest and highest value [SI] in structures that the readings cannot separate from the proposed one, where far apart.
 
         A part that only its own thermometer shows can be a tenth of itself beside a hidden mass that takes its place, so it may have the
         largest hidden one too where that is more than ten times itself and nobody weighed the part.
@@ -334,10 +334,9 @@ class Proposal:
         parts = [f"{n}.capacitance" for n in self.roles.parts.values()]
         hidden = max((v for p, v in one.values.items() if p.endswith(".capacitance") and p not in parts), default=0.0)
         paths = [p for p in one.values if p in parts or p in self._between]
-        alike = [s for s in self.search.structures if (s.possible or not s.changes) and s.rmse <= FITS_AS_WELL * one.rmse]
         loose = [p for p in parts if p.rpartition(".")[0] not in self.known.masses]
         behind = {p: [one.values[p] + hidden] for p in paths if p in loose and hidden > MOST_BEHIND * one.values[p]}
-        values = {p: [s.values[p] for s in (one, *alike) if p in s.values] + behind.get(p, []) for p in paths}
+        values = {p: [s.values[p] for s in (one, *self.search.alike) if p in s.values] + behind.get(p, []) for p in paths}
         return {p: (min(v), max(v)) for p, v in values.items() if max(v) > THREEFOLD * min(v)}
 
     @property

@@ -296,16 +296,16 @@ class StructureSearch:
         return float((one.weighing.logs - self.start.weighing.logs)[_noise_of(self.structures)])
 
     @property
-    def ties(self) -> tuple[FittedStructure, ...]:
-        """Structures that the readings cannot separate from the proposed one: Bayes factors within two units of it, or above.
+    def alike(self) -> tuple[FittedStructure, ...]:
+        """Structures that the readings cannot separate from the proposed one: Bayes factors within `TIE` of it, or above."""
+        least = self.likelihood(self.proposed) - TIE
+        return tuple(s for s in self.structures if s is not self.proposed and s.possible and self.likelihood(s) >= least)
 
-        Of those with as many masses the likeliest stands for all.
-        """
-        likelihood = self.likelihood(self.proposed)
+    @property
+    def ties(self) -> tuple[FittedStructure, ...]:
+        """The likeliest of each number of masses among those that are alike."""
         best: dict[int, FittedStructure] = {}
-        for one in self.structures:
-            if one is self.proposed or not one.possible or self.likelihood(one) < likelihood - TIE:
-                continue
+        for one in self.alike:
             if one.masses not in best or self.likelihood(one) > self.likelihood(best[one.masses]):
                 best[one.masses] = one
         return tuple(best.values())

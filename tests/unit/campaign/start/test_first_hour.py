@@ -269,7 +269,7 @@ def test_a_part_that_is_only_what_follows_its_sensor_is_open(part: float, masses
     )
     roles, known = Roles({"T": "plate"}, "Tamb"), known_masses(masses, dict.fromkeys(masses, "aluminium"))
     assert not not_physical(one, roles, known)
-    proposal = Proposal(roles, SimpleNamespace(proposed=one, structures=()), {}, "", StatedFacts(masses=known))
+    proposal = Proposal(roles, SimpleNamespace(proposed=one, alike=()), {}, "", StatedFacts(masses=known))
     assert proposal.depending == ({"plate.capacitance": (38.0, 638.0)} if word else {})
 
 
@@ -296,20 +296,19 @@ def test_a_weighed_part_counts_what_is_fixed_to_it() -> None:
 
 
 def test_a_value_that_other_structures_have_otherwise_is_named() -> None:
-    def fitted(plate: float, rmse: float, possible: bool = True) -> Any:
+    def fitted(plate: float) -> Any:
         values = {"box.capacitance": 900.0, "plate.capacitance": plate, "box_to_plate.conductance": plate / 1000.0}
         ends = {"box_to_plate": SimpleNamespace(between=("box", "plate"))}
         request = SimpleNamespace(model=SimpleNamespace(conductors=ends))
-        return SimpleNamespace(values=values, rmse=rmse, possible=possible, changes=("x",), request=request)
+        return SimpleNamespace(values=values, request=request)
 
-    one = fitted(500.0, 0.050)
+    one = fitted(500.0)
 
     def found(*others: Any) -> Proposal:
-        return Proposal(Roles({"BOX": "box", "PLATE": "plate"}), SimpleNamespace(proposed=one, structures=(one, *others)), {}, "")
+        return Proposal(Roles({"BOX": "box", "PLATE": "plate"}), SimpleNamespace(proposed=one, alike=others), {}, "")
 
-    assert found(fitted(1400.0, 0.051)).depending == {}
-    assert found(fitted(1600.0, 0.060), fitted(1600.0, 0.051, False)).depending == {}  # one is worse, one cannot be
-    seen = found(fitted(1600.0, 0.051))
+    assert found(fitted(1400.0)).depending == {}
+    seen = found(fitted(1600.0))
     assert seen.depending == {"plate.capacitance": (500.0, 1600.0), "box_to_plate.conductance": (0.5, 1.6)}
 
 

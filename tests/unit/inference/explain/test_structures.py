@@ -169,6 +169,18 @@ def test_the_noise_is_that_of_the_structure_that_leaves_least() -> None:
     assert StructureSearch((first, better), first, (), 1, 9, True).likelihood(better) == 88.0
 
 
+def test_structures_are_alike_where_the_readings_cannot_separate_them_whatever_their_residuals() -> None:
+    """Residuals 5 % larger can be 20 units of likelihood less: such a structure says nothing of what a log leaves open."""
+    nothing = np.zeros((0, 0))
+    end: Any = SimpleNamespace(chi_square=100.0, fitted=(), jacobian=nothing, priors=nothing)
+    problem: Any = SimpleNamespace(unknowns=())
+    first, near, far = (
+        FittedStructure((), None, problem, end, CauseScore(np.array([log])), 2)  # type: ignore[arg-type]
+        for log in (0.0, 0.1 - TIE, -0.1 - TIE)
+    )
+    assert StructureSearch((first, near, far), first, (), 1, 9, True).alike == (near,)
+
+
 def test_air_inside_a_housing_is_not_tried_as_a_radiating_part() -> None:
     """It took one of five places of `criticise`, was refused when its time came, and no other candidate was refitted in its place."""
     skin = {"of": "case", "to": "air", "area": "200 [cm^2]", "htc": "6 [W/(m^2 K)]"}
