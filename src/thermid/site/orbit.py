@@ -9,7 +9,7 @@ from typing import Final
 
 import numpy as np
 
-from thermid.base.errors import ScenarioError, nearest
+from thermid.base.errors import ScenarioError, look_up, refuse_unknown
 from thermid.base.units import Array, amount
 from thermid.model.tree import Constant, Signal, TableSignal, degrees, multiplied
 from thermid.simulation.runs import Irradiation
@@ -155,11 +155,8 @@ class OrbitFluxes:
         """
         out = {}
         for surface, face in (surfaces or {f: f for f in self.faces}).items():
-            if face not in self.solar:
-                raise ScenarioError(
-                    f"no face '{face}'.{nearest(face, self.faces)} There are {', '.join(self.faces)}.", "orbit", code="name.unknown"
-                )
-            sun = multiplied(self._signal(self.solar[face]), self.lit)
+            shone = look_up(face, self.solar, "no face '{}'.{near} There are {known}.", "orbit", ScenarioError)
+            sun = multiplied(self._signal(shone), self.lit)
             out[surface] = Irradiation(direct=sun, albedo=self._signal(self.albedo[face]), infrared=self._signal(self.infrared[face]))
         return out
 
@@ -274,15 +271,9 @@ def _checked(
     ------
     ScenarioError   When planet or attitude is unknown, altitudes are not above zero and rising, or albedo or angle outside their ranges.
     """
-    body = planet if isinstance(planet, Planet) else PLANETS.get(str(planet).lower())
-    if body is None:
-        raise ScenarioError(
-            f"unknown planet '{planet}'.{nearest(str(planet), PLANETS)} There are {', '.join(PLANETS)}.", "orbit", code="name.unknown"
-        )
-    if attitude not in ATTITUDES:
-        raise ScenarioError(
-            f"unknown attitude '{attitude}'.{nearest(attitude, ATTITUDES)} There are {', '.join(ATTITUDES)}.", "orbit", code="name.unknown"
-        )
+    refusal = "unknown planet '{}'.{near} There are {known}."
+    body = planet if isinstance(planet, Planet) else look_up(str(planet).lower(), PLANETS, refusal, "orbit", ScenarioError)
+    refuse_unknown([attitude], ATTITUDES, "orbit", "unknown attitude '{}'.{near} There are {known}.", ScenarioError)
     low = amount(perigee, "m", "orbit, perigee")
     high = low if apogee is None else amount(apogee, "m", "orbit, apogee")
     if not 0.0 < low <= high < float("inf"):

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thermid import _kernel
-from thermid.base.errors import CodedText, ScenarioError, SolverError, nearest, refuse_unknown
+from thermid.base.errors import CodedText, ScenarioError, SolverError, refuse_unknown
 from thermid.base.units import ICE_POINT, Array, value_of
 from thermid.model.tree import Constant, Sine, TableSignal
 from thermid.simulation._network.controls import PHASE, state_of
@@ -344,11 +344,8 @@ class Engine(KernelProblem):
         ScenarioError   When the method does not exist, or cannot run this model.
         """
         method = options.method
-        if method not in LARGE_METHODS and method not in METHODS:
-            methods = tuple(dict.fromkeys((*METHODS, *LARGE_METHODS)))
-            raise ScenarioError(
-                f"unknown method '{method}'.{nearest(method, methods)} There are {', '.join(methods)}.", self.title, code="name.unknown"
-            )
+        methods = dict.fromkeys((*METHODS, *LARGE_METHODS))
+        refuse_unknown([method], methods, self.title, "unknown method '{}'.{near} There are {known}.", ScenarioError)
         if method not in LARGE_METHODS or (method == "auto" and len(self.nodes) < WITHOUT_LARGE):
             return False
         why = (
