@@ -9,7 +9,7 @@ from typing import Final
 
 import numpy as np
 
-from thermid.base.errors import ScenarioError, look_up, refuse_unknown
+from thermid.base.errors import ScenarioError, look_up, refuse_first, refuse_unknown
 from thermid.base.units import Array, amount
 from thermid.model.tree import Constant, Signal, TableSignal, degrees, multiplied
 from thermid.simulation.runs import Irradiation
@@ -276,12 +276,16 @@ def _checked(
     refuse_unknown([attitude], ATTITUDES, "orbit", "unknown attitude '{}'.{near} There are {known}.", ScenarioError)
     low = amount(perigee, "m", "orbit, perigee")
     high = low if apogee is None else amount(apogee, "m", "orbit, apogee")
-    if not 0.0 < low <= high < float("inf"):
-        raise ScenarioError(
-            f"no orbit has a perigee of {low:g} m and an apogee of {high:g} m above the ground.", "orbit", code="value.outside-range"
-        )
-    if not 0.0 <= albedo <= 1.0:
-        raise ScenarioError(f"the albedo is {albedo:g}. Give 0 to 1.", "orbit", code="value.outside-range")
+    refuse_first(
+        "orbit",
+        (
+            not 0.0 < low <= high < float("inf"),
+            f"no orbit has a perigee of {low:g} m and an apogee of {high:g} m above the ground.",
+            "value.outside-range",
+        ),
+        (not 0.0 <= albedo <= 1.0, f"the albedo is {albedo:g}. Give 0 to 1.", "value.outside-range"),
+        error=ScenarioError,
+    )
     tilt = degrees(beta, "orbit, beta")
     if not -90.0 <= tilt <= 90.0:
         raise ScenarioError(

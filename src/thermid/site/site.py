@@ -19,7 +19,16 @@ from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 import numpy as np
 
-from thermid.base.errors import MissingDataError, NameNotFoundError, RecordError, ScenarioError, ThermidError, optional, refuse_unknown
+from thermid.base.errors import (
+    MissingDataError,
+    NameNotFoundError,
+    RecordError,
+    ScenarioError,
+    ThermidError,
+    optional,
+    refuse_first,
+    refuse_unknown,
+)
 from thermid.base.files import was_read
 from thermid.base.results import Named
 from thermid.base.units import HOUR, TEMPERATURE, Array, amount, from_si, seconds, unit
@@ -78,10 +87,16 @@ class Site:
         object.__setattr__(self, "altitude", amount(self.altitude, "m", f"{self.name}, altitude"))
         if self.timezone is not None:
             object.__setattr__(self, "timezone", amount(self.timezone, "1", f"{self.name}, timezone"))
-        if not -450.0 <= self.altitude <= 9000.0:
-            raise ScenarioError(f"a site at {self.altitude:g} m is not on the ground.", self.name, code="value.outside-range")
-        if self.timezone is not None and not -12.0 <= self.timezone <= 14.0:
-            raise ScenarioError(f"a time zone of {self.timezone:g} h does not exist.", self.name, code="value.outside-range")
+        refuse_first(
+            self.name,
+            (not -450.0 <= self.altitude <= 9000.0, f"a site at {self.altitude:g} m is not on the ground.", "value.outside-range"),
+            (
+                self.timezone is not None and not -12.0 <= self.timezone <= 14.0,
+                f"a time zone of {self.timezone or 0.0:g} h does not exist.",
+                "value.outside-range",
+            ),
+            error=ScenarioError,
+        )
 
     @property
     def zone(self) -> Zone:

@@ -15,7 +15,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from thermid.base.errors import ScenarioError
+from thermid.base.errors import ScenarioError, refuse_first
 from thermid.base.units import ATMOSPHERE, STEFAN_BOLTZMANN, Array, Bools, amount, value_of
 from thermid.model.tree import FlatConductor, Signal, exposed_area
 from thermid.physics.air import (
@@ -69,10 +69,20 @@ class Volume:
         """Turn texts into numbers."""
         for name, slot in (("volume", "m^3"), ("exchange", "m^3/s"), ("humidity", "1")):
             object.__setattr__(self, name, amount(getattr(self, name), slot, name))
-        if not float(self.volume) > 0.0 or float(self.exchange) < 0.0:
-            raise ScenarioError("a volume of gas must be above zero, and its exchange zero or more.", code="value.outside-range")
-        if (float(self.exchange) > 0.0) != bool(self.to):
-            raise ScenarioError("exchange and to belong together. Give both for a volume that exchanges gas.", code="value.incomplete")
+        refuse_first(
+            "",
+            (
+                not float(self.volume) > 0.0 or float(self.exchange) < 0.0,
+                "a volume of gas must be above zero, and its exchange zero or more.",
+                "value.outside-range",
+            ),
+            (
+                (float(self.exchange) > 0.0) != bool(self.to),
+                "exchange and to belong together. Give both for a volume that exchanges gas.",
+                "value.incomplete",
+            ),
+            error=ScenarioError,
+        )
         _check_humidity(np.array([self.humidity]), "a volume")
 
 

@@ -13,7 +13,7 @@ from typing import Final, Generic, NamedTuple, TypeVar
 
 import numpy as np
 
-from thermid.base.errors import RecordError, look_up, nearest
+from thermid.base.errors import RecordError, look_up, nearest, refuse_first
 from thermid.base.units import HOUR, MINUTE, amount, duration_text, format_value, positive_seconds
 from thermid.measure._record._constants import STABILITY
 from thermid.measure._record.channel import Channel, FloatArray, Samples
@@ -121,16 +121,20 @@ class StabilityRule:
         """
         channel, end = record.channel(name), float(record.times[-1] if at is None else at)
         where = f"{record.name}, {name}"
-        if self.stored:
-            raise RecordError(
+        refuse_first(
+            where,
+            (
+                self.stored,
                 f"'{self.name}' is a rule on stored heat, which cannot be found from readings alone. Give a rule on the rate, or a model.",
-                where,
-                code="record.does-not-apply",
-            )
-        if channel.quantity != "temperature":
-            raise RecordError(
-                f"it is a {channel.quantity}; a rule of stability applies to temperatures only.", where, code="record.does-not-apply"
-            )
+                "record.does-not-apply",
+            ),
+            (
+                channel.quantity != "temperature",
+                f"it is a {channel.quantity}; a rule of stability applies to temperatures only.",
+                "record.does-not-apply",
+            ),
+            error=RecordError,
+        )
         first = max(since, float(record.times[0]))
         if self.window:
             if end - self.window < first - 0.5 * record.step:

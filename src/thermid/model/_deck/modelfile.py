@@ -13,7 +13,7 @@ from keyword import iskeyword
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from thermid.base.errors import DeckError, ThermidError, cap, errors_at, look_up, nearest, raising
+from thermid.base.errors import DeckError, ThermidError, cap, errors_at, look_up, nearest, raising, refuse_first
 from thermid.base.files import (
     FileKinds,
     Places,
@@ -29,7 +29,6 @@ from thermid.base.files import (
 )
 from thermid.base.units import RESERVED, Expression
 from thermid.model._deck.rows import written_out
-from thermid.model._laws.stores import refuse_first
 from thermid.model._parts.parameter import Parameter
 from thermid.model._tree.arrays import Instances, made_instances, merged
 from thermid.model._tree.flat import Flat

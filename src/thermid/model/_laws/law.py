@@ -7,10 +7,10 @@ from typing import Any, Final, Literal
 
 import numpy as np
 
-from thermid.base.errors import DeckError, errors_at, refuse_unknown
+from thermid.base.errors import DeckError, errors_at, refuse_first, refuse_unknown
 from thermid.base.units import Array, Indices, si_value
 from thermid.model._laws.options import Source
-from thermid.model._laws.stores import Curve, hermite, refuse_first
+from thermid.model._laws.stores import Curve, hermite
 
 MIN_POINT_DISTANCE: Final = 1e-3
 """Points stand no closer than this: a kink is rounded over it. [K]"""
