@@ -335,6 +335,25 @@ def refuse_unknown(
             raise error("".join(words.get(part, part) for part in _PLACES.split(text)), where, code="name.unknown")
 
 
+def refuse_first(where: str | Callable[[str], str], *rules: tuple[object, *tuple[str, ...]], error: type[ThermidError] = DeckError) -> None:
+    """Refuse what breaks some rules for the first of them; all their messages are made first, so that each must hold of what is right.
+
+    Parameters
+    ----------
+    where : str or callable     Place for the message, or key -> place.
+    rules : tuple               Whether it is broken, the message, the key that it is about where places differ, the code of the cause.
+    error : type                Kind of error.
+
+    Raises
+    ------
+    ThermidError   Of that kind.
+    """
+    for broken, *texts in rules:
+        if broken:
+            message, *key, code = texts
+            raise error(message, where if isinstance(where, str) else where(*key), code=code)
+
+
 def look_up(name: K, table: Mapping[K, V], refusal: str, where: str = "", error: type[ThermidError] = NameNotFoundError) -> V:
     """What a table holds under a name; a name that it does not have is refused as by `refuse_unknown`.
 

@@ -14,7 +14,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from thermid.base.errors import DeckError, missing, nearest, refuse_unknown
+from thermid.base.errors import DeckError, missing, nearest, refuse_first, refuse_unknown
 from thermid.base.units import Array
 from thermid.physics._number import Number
 from thermid.physics.plates import (
@@ -106,18 +106,19 @@ def correlation(name: str, orientation: str = "vertical", where: str = "") -> Nu
     """
     refuse_unknown([orientation], ORIENTATIONS, where, "the orientation '{}' is not one of {known}.", DeckError)
     row = CORRELATIONS.get(name or DEFAULTS[orientation]) or _ht_correlation(name, where)
-    if "vertical_plate" in row.name and orientation != "vertical":
-        raise DeckError(
+    refuse_first(
+        where,
+        (
+            "vertical_plate" in row.name and orientation != "vertical",
             f"'{row.name}' is for vertical plates, but the orientation is '{orientation}'. Change one of them.",
-            where,
-            code="value.excludes-another",
-        )
-    if row.facing and orientation == "vertical":
-        raise DeckError(
+            "value.excludes-another",
+        ),
+        (
+            row.facing and orientation == "vertical",
             f"'{row.name}' is for horizontal plates. Give orientation = 'up' or 'down', the direction that the surface faces.",
-            where,
-            code="value.incomplete",
-        )
+            "value.incomplete",
+        ),
+    )
     return row
 
 

@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from thermid.base.errors import IdentificationError, nearest, quoted
+from thermid.base.errors import IdentificationError, quoted, refuse_unknown
 from thermid.base.results import Named
 from thermid.base.units import Array, value_of
 from thermid.fit.calibration import Calibration
@@ -207,11 +207,7 @@ def parts_of(
     network = compile_network(model)
     effective = {c.path: c for c in network.flat.conductors if c.kind == "effective"}
     chosen = [model.canonical(w) for w in wanted] or list(effective)
-    for path in chosen:
-        if path not in effective:
-            raise IdentificationError(
-                f"'{path}' is not a surface with an effective coefficient.{nearest(path, effective)}", model.title, code="name.unknown"
-            )
+    refuse_unknown(chosen, effective, model.title, "'{}' is not a surface with an effective coefficient.", IdentificationError)
     if not chosen:
         raise IdentificationError(
             "no surface has an effective coefficient, so there is nothing to separate.", model.title, code="fit.not-determined"

@@ -9,10 +9,11 @@ from typing import Final
 
 import numpy as np
 
-from thermid.base.errors import ScenarioError, nearest
+from thermid.base.errors import ScenarioError, look_up, refuse_first, refuse_unknown
 from thermid.base.units import Array, amount
 from thermid.model.tree import Constant, Signal, TableSignal, degrees, multiplied
 from thermid.simulation.runs import Irradiation
+from thermid.site._constants import PLANET_FIGURES
 from thermid.site.exposure import planet_share
 
 SAMPLES_PER_ORBIT: Final = 720
@@ -37,17 +38,8 @@ class Planet:
     solar: float
 
 
-PLANETS: Final[Mapping[str, Planet]] = {
-    "mercury": Planet(2.4397e6, 2.2032e13, 9083.0),
-    "venus": Planet(6.0518e6, 3.24859e14, 2601.0),
-    "earth": Planet(6.371e6, 3.986004418e14, 1361.0),
-    "moon": Planet(1.7374e6, 4.9048695e12, 1361.0),
-    "mars": Planet(3.3895e6, 4.282837e13, 586.0),
-    "jupiter": Planet(6.9911e7, 1.26686534e17, 50.3),
-    "saturn": Planet(5.8232e7, 3.7931187e16, 14.8),
-}
-"""Mean radius, attraction and solar flux: NASA planetary fact sheets, from memory; that at the earth also Kopp and Lean, Geophys. Res.
-Lett. 38 (2011) L01706: 1360.8 +- 0.5 W/m^2."""
+PLANETS: Final[Mapping[str, Planet]] = {name: Planet(*figures) for name, figures in PLANET_FIGURES.items()}
+"""The planets and the moon by name."""
 
 Frame = Callable[[Array, Array], Array]
 """Direction from the planet (times, 3) and sun (3,) -> normal of a face (times, 3), in the frame of the orbit."""
@@ -163,11 +155,8 @@ class OrbitFluxes:
         """
         out = {}
         for surface, face in (surfaces or {f: f for f in self.faces}).items():
-            if face not in self.solar:
-                raise ScenarioError(
-                    f"no face '{face}'.{nearest(face, self.faces)} There are {', '.join(self.faces)}.", "orbit", code="name.unknown"
-                )
-            sun = multiplied(self._signal(self.solar[face]), self.lit)
+            shone = look_up(face, self.solar, "no face '{}'.{near} There are {known}.", "orbit", ScenarioError)
+            sun = multiplied(self._signal(shone), self.lit)
             out[surface] = Irradiation(direct=sun, albedo=self._signal(self.albedo[face]), infrared=self._signal(self.infrared[face]))
         return out
 
@@ -282,23 +271,21 @@ def _checked(
     ------
     ScenarioError   When planet or attitude is unknown, altitudes are not above zero and rising, or albedo or angle outside their ranges.
     """
-    body = planet if isinstance(planet, Planet) else PLANETS.get(str(planet).lower())
-    if body is None:
-        raise ScenarioError(
-            f"unknown planet '{planet}'.{nearest(str(planet), PLANETS)} There are {', '.join(PLANETS)}.", "orbit", code="name.unknown"
-        )
-    if attitude not in ATTITUDES:
-        raise ScenarioError(
-            f"unknown attitude '{attitude}'.{nearest(attitude, ATTITUDES)} There are {', '.join(ATTITUDES)}.", "orbit", code="name.unknown"
-        )
+    refusal = "unknown planet '{}'.{near} There are {known}."
+    body = planet if isinstance(planet, Planet) else look_up(str(planet).lower(), PLANETS, refusal, "orbit", ScenarioError)
+    refuse_unknown([attitude], ATTITUDES, "orbit", "unknown attitude '{}'.{near} There are {known}.", ScenarioError)
     low = amount(perigee, "m", "orbit, perigee")
     high = low if apogee is None else amount(apogee, "m", "orbit, apogee")
-    if not 0.0 < low <= high < float("inf"):
-        raise ScenarioError(
-            f"no orbit has a perigee of {low:g} m and an apogee of {high:g} m above the ground.", "orbit", code="value.outside-range"
-        )
-    if not 0.0 <= albedo <= 1.0:
-        raise ScenarioError(f"the albedo is {albedo:g}. Give 0 to 1.", "orbit", code="value.outside-range")
+    refuse_first(
+        "orbit",
+        (
+            not 0.0 < low <= high < float("inf"),
+            f"no orbit has a perigee of {low:g} m and an apogee of {high:g} m above the ground.",
+            "value.outside-range",
+        ),
+        (not 0.0 <= albedo <= 1.0, f"the albedo is {albedo:g}. Give 0 to 1.", "value.outside-range"),
+        error=ScenarioError,
+    )
     tilt = degrees(beta, "orbit, beta")
     if not -90.0 <= tilt <= 90.0:
         raise ScenarioError(

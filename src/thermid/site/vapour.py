@@ -15,7 +15,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from thermid.base.errors import ScenarioError
+from thermid.base.errors import ScenarioError, refuse_first
 from thermid.base.units import ATMOSPHERE, STEFAN_BOLTZMANN, Array, Bools, amount, value_of
 from thermid.model.tree import FlatConductor, Signal, exposed_area
 from thermid.physics.air import (
@@ -28,6 +28,7 @@ from thermid.physics.air import (
     vapour_pressure,
 )
 from thermid.simulation.runs import VACUUM_LIMIT, Solution
+from thermid.site._constants import RADAU_A, RADAU_C
 
 MAX_MISSING_WATER_SHARE: Final = 1e-6
 """Share of the water that may be missing at the end of a run without a remark. [-]"""
@@ -43,16 +44,6 @@ NOTHING: Final = 1e-12
 """Film over the size of vapour densities that counts as none [m], and the same of a rate [m/s]."""
 FILM_PIECES: Final = 8
 """Pieces of an interval over which a film beside a known gas is a polygon in its mean. [-]"""
-_ROOT = 6.0**0.5
-RADAU_C: Final = np.array([(4 - _ROOT) / 10, (4 + _ROOT) / 10, 1.0])
-RADAU_A: Final = np.array(
-    [
-        [(88 - 7 * _ROOT) / 360, (296 - 169 * _ROOT) / 1800, (-2 + 3 * _ROOT) / 225],
-        [(296 + 169 * _ROOT) / 1800, (88 + 7 * _ROOT) / 360, (-2 - 3 * _ROOT) / 225],
-        [(16 - _ROOT) / 36, (16 + _ROOT) / 36, 1 / 9],
-    ]
-)
-"""Nodes and weights of Radau IIA of order 5."""
 FOG: Final = 1.02
 """Relative humidity of a volume above which its own gas would form drops. [-]"""
 
@@ -78,10 +69,20 @@ class Volume:
         """Turn texts into numbers."""
         for name, slot in (("volume", "m^3"), ("exchange", "m^3/s"), ("humidity", "1")):
             object.__setattr__(self, name, amount(getattr(self, name), slot, name))
-        if not float(self.volume) > 0.0 or float(self.exchange) < 0.0:
-            raise ScenarioError("a volume of gas must be above zero, and its exchange zero or more.", code="value.outside-range")
-        if (float(self.exchange) > 0.0) != bool(self.to):
-            raise ScenarioError("exchange and to belong together. Give both for a volume that exchanges gas.", code="value.incomplete")
+        refuse_first(
+            "",
+            (
+                not float(self.volume) > 0.0 or float(self.exchange) < 0.0,
+                "a volume of gas must be above zero, and its exchange zero or more.",
+                "value.outside-range",
+            ),
+            (
+                (float(self.exchange) > 0.0) != bool(self.to),
+                "exchange and to belong together. Give both for a volume that exchanges gas.",
+                "value.incomplete",
+            ),
+            error=ScenarioError,
+        )
         _check_humidity(np.array([self.humidity]), "a volume")
 
 

@@ -50,10 +50,7 @@ def build_problem(request: Request) -> Problem:
     twice = sorted({n for n in names if names.count(n) > 1})
     if twice:
         raise RecordError(f"two records are named '{twice[0]}'.", where, code="name.taken")
-    for name in (n for n in request.scenarios if n not in (*names, "*")):
-        raise RecordError(
-            f"a scenario is given for '{name}', which is not a record of this fit.{nearest(name, names)}", where, code="name.unknown"
-        )
+    refuse_unknown(request.scenarios, (*names, "*"), where, "a scenario is given for '{}', which is not a record of this fit.")
     experiments = tuple(
         Experiment.bind(request.model, r, request.scenario(r), request.window, request.weights, request.held_errors)
         for r in request.records

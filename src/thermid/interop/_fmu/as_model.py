@@ -24,7 +24,7 @@ from weakref import finalize
 
 import numpy as np
 
-from thermid.base.errors import DeckError, ScenarioError, SolverError, ThermidError, UnitError, optional, quoted
+from thermid.base.errors import DeckError, ScenarioError, SolverError, ThermidError, UnitError, optional, quoted, refuse_first
 from thermid.base.files import scratch
 from thermid.base.units import DIMENSIONLESS, ICE_POINT, Array, Dimension, gradient_of, si_unit, unit, value_of
 from thermid.interop._fmu.archive import DESCRIPTION, check_archive, check_trust, digest_of
@@ -155,12 +155,20 @@ class FmuFile(FmuDescribed):
                 described = self.fmpy.read_model_description(file)
         except Exception as error:  # whatever FMPy finds wrong with it
             raise ThermidError(f"it is no FMU that FMPy reads: {error}", str(path), code="file.another-kind") from error
-        if str(described.fmiVersion)[:2] not in ("2.", "3."):
-            raise ThermidError(
-                f"it is an FMU of FMI {described.fmiVersion}; 2.0 and 3.0 are supported.", str(path), code="file.another-kind"
-            )
-        if described.modelExchange is None and described.coSimulation is None:
-            raise ThermidError("it offers neither model exchange nor co-simulation.", str(path), code="file.another-kind")
+        refuse_first(
+            str(path),
+            (
+                str(described.fmiVersion)[:2] not in ("2.", "3."),
+                f"it is an FMU of FMI {described.fmiVersion}; 2.0 and 3.0 are supported.",
+                "file.another-kind",
+            ),
+            (
+                described.modelExchange is None and described.coSimulation is None,
+                "it offers neither model exchange nor co-simulation.",
+                "file.another-kind",
+            ),
+            error=ThermidError,
+        )
         try:
             super().__init__(path, described)
         except AttributeError as error:

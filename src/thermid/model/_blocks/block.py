@@ -11,12 +11,11 @@ from typing import Any, Final
 import numpy as np
 
 from thermid.base.arguments import guard_methods
-from thermid.base.errors import DeckError, NameNotFoundError, cap, raising, refuse_unknown
+from thermid.base.errors import DeckError, NameNotFoundError, cap, raising, refuse_first, refuse_unknown
 from thermid.base.results import Shown
 from thermid.base.units import Array, Ints, amount
 from thermid.model._deck.modelfile import model_from_dict
 from thermid.model._laws.signal import Constant, Signal, signal
-from thermid.model._laws.stores import refuse_first
 from thermid.model._tree.model import Model
 
 FACES: Final = ("-x", "+x", "-y", "+y", "-z", "+z")

@@ -13,7 +13,7 @@ from typing import Annotated, Any, TypeAlias, get_args
 import numpy as np
 from pydantic import ConfigDict, Field, create_model
 
-from thermid.base.errors import DeckError, errors_at, nearest, refuse_unknown
+from thermid.base.errors import DeckError, errors_at, nearest, refuse_first, refuse_unknown
 from thermid.base.grammar import Real, StrictTable, reads
 from thermid.model._deck.assemblies import CoolerTable, FanTable, LadderTable, PackageTable
 from thermid.model._deck.fields import (
@@ -30,7 +30,7 @@ from thermid.model._deck.fields import (
 )
 from thermid.model._laws.options import Box, CarriedBy, StandsFor
 from thermid.model._laws.signal import literal
-from thermid.model._laws.stores import Curve, Rule, Supercooling, Where, limited, melting, refuse_first, tabulated
+from thermid.model._laws.stores import Curve, Rule, Supercooling, Where, limited, melting, tabulated
 from thermid.model._parts.controls import CONTROL_SLOTS, KINDS_OF_CONTROL, Control, ModeChange, check_modes, followed, of_difference
 from thermid.model._parts.elements import (
     CARRIED_BY,

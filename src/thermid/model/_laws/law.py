@@ -7,10 +7,10 @@ from typing import Any, Final, Literal
 
 import numpy as np
 
-from thermid.base.errors import DeckError, errors_at, nearest
+from thermid.base.errors import DeckError, errors_at, refuse_first, refuse_unknown
 from thermid.base.units import Array, Indices, si_value
 from thermid.model._laws.options import Source
-from thermid.model._laws.stores import Curve, hermite, refuse_first
+from thermid.model._laws.stores import Curve, hermite
 
 MIN_POINT_DISTANCE: Final = 1e-3
 """Points stand no closer than this: a kink is rounded over it. [K]"""
@@ -49,12 +49,7 @@ def law(
     ------
     DeckError   When the function fails, jumps, is not finite or swings too fast somewhere; the message says where.
     """
-    if over not in ("temperature", "difference"):
-        raise DeckError(
-            f"over = '{over}' is neither 'temperature' nor 'difference'.{nearest(over, ('temperature', 'difference'))}",
-            "law",
-            code="name.unknown",
-        )
+    refuse_unknown([over], ("temperature", "difference"), "law", "over = '{}' is neither 'temperature' nor 'difference'.", DeckError)
     low, high = (_end(b, "temperature" if over == "temperature" else "K") for b in between)
     refuse_first(
         "law, {}".format,

@@ -24,25 +24,13 @@ from typing import Any, Final, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from thermid.base.errors import DeckError
+from thermid.base.errors import DeckError, refuse_first
 from thermid.base.units import AMBIENT_DEFAULT, Array
 
 Where = Callable[[str], str]
 """Key below an element, or none for the element itself -> its place in the deck."""
 Rule: TypeAlias = tuple[object, str, str, str]
 """Whether it is broken, the message for that, the key that the message is about, and the code of the cause."""
-
-
-def refuse_first(where: Where, *rules: Rule) -> None:
-    """Refuse an element for the first of some rules that it breaks.
-
-    Raises
-    ------
-    DeckError   At the rule's key, with its message and code.
-    """
-    for broken, message, key, code in rules:
-        if broken:
-            raise DeckError(message, where(key), code=code)
 
 
 INTERPOLATIONS: Final = ("linear", "smooth")
@@ -358,14 +346,15 @@ def tabulated(name: str, curve: Curve, where: str) -> Curve:
     ------
     DeckError   When it is not over temperature, or holds values that no material has.
     """
-    if curve.over != "temperature":
-        raise DeckError(f"{name} must be a table over temperature.", where, code="model.law-refused")
-    if curve.x[0] <= MIN_PROPERTY_TEMPERATURE or curve.x[-1] >= MAX_PROPERTY_TEMPERATURE:
-        raise DeckError(
+    refuse_first(
+        where,
+        (curve.over != "temperature", f"{name} must be a table over temperature.", "model.law-refused"),
+        (
+            curve.x[0] <= MIN_PROPERTY_TEMPERATURE or curve.x[-1] >= MAX_PROPERTY_TEMPERATURE,
             f"the points of {name} must lie between {MIN_PROPERTY_TEMPERATURE:g} and {MAX_PROPERTY_TEMPERATURE:g} K.",
-            where,
-            code="value.outside-range",
-        )
+            "value.outside-range",
+        ),
+    )
     if name == "enthalpy" and (np.diff(curve.y) <= 0.0).any():
         k = int(np.argmax(np.diff(curve.y) <= 0.0))
         raise DeckError(
@@ -530,15 +519,19 @@ def _melt(curve: Curve, x: Array, y: Array, supercooling: Supercooling) -> Melt:
     """
     liquidus, nucleation = supercooling.liquidus, supercooling.nucleation
     k = int(np.searchsorted(x, liquidus, side="right")) - 1
-    if not (0 < k < x.size - 1 and x[k] == liquidus):
-        raise DeckError(
+    refuse_first(
+        "",
+        (
+            not (0 < k < x.size - 1 and x[k] == liquidus),
             f"melts_to = {liquidus:.6g} K is not a point of the enthalpy table. Add that point; supercooling is counted from it.",
-            code="model.law-refused",
-        )
-    if not (supercooling.degree > 0.0 and nucleation > MIN_PROPERTY_TEMPERATURE):
-        raise DeckError(
-            f"supercooling of {supercooling.degree:.6g} K below {liquidus:.6g} K cannot be; give some kelvin.", code="value.outside-range"
-        )
+            "model.law-refused",
+        ),
+        (
+            not (supercooling.degree > 0.0 and nucleation > MIN_PROPERTY_TEMPERATURE),
+            f"supercooling of {supercooling.degree:.6g} K below {liquidus:.6g} K cannot be; give some kelvin.",
+            "value.outside-range",
+        ),
+    )
     rate = (y[k + 1] - y[k]) / (x[k + 1] - x[k])
     xs, ys = np.r_[MIN_PROPERTY_TEMPERATURE, x[k:]], np.r_[y[k] - rate * (liquidus - MIN_PROPERTY_TEMPERATURE), y[k:]]
     freezes = float(y[k] - rate * supercooling.degree)

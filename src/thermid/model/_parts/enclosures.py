@@ -9,9 +9,8 @@ from typing import Any, Final
 
 import numpy as np
 
-from thermid.base.errors import DeckError
+from thermid.base.errors import DeckError, refuse_first
 from thermid.base.units import STEFAN_BOLTZMANN, Array, Memo, Number, gradient_of, value_of, values_of
-from thermid.model._laws.stores import refuse_first
 from thermid.model._parts.elements import Enclosure, Law, Surface, Take, exposed_area
 from thermid.physics.enclosure import absorbing_areas, check_view_factors, exchange_areas_of
 from thermid.physics.view_factors import SHAPES

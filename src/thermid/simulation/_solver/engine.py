@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thermid import _kernel
-from thermid.base.errors import CodedText, ScenarioError, SolverError, nearest, refuse_unknown
+from thermid.base.errors import CodedText, ScenarioError, SolverError, refuse_first, refuse_unknown
 from thermid.base.units import ICE_POINT, Array, value_of
 from thermid.model.tree import Constant, Sine, TableSignal
 from thermid.simulation._network.controls import PHASE, state_of
@@ -345,10 +345,8 @@ class Engine(KernelProblem):
         """
         method = options.method
         if method not in LARGE_METHODS and method not in METHODS:
-            methods = tuple(dict.fromkeys((*METHODS, *LARGE_METHODS)))
-            raise ScenarioError(
-                f"unknown method '{method}'.{nearest(method, methods)} There are {', '.join(methods)}.", self.title, code="name.unknown"
-            )
+            methods = dict.fromkeys((*METHODS, *LARGE_METHODS))
+            refuse_unknown([method], methods, self.title, "unknown method '{}'.{near} There are {known}.", ScenarioError)
         if method not in LARGE_METHODS or (method == "auto" and len(self.nodes) < WITHOUT_LARGE):
             return False
         why = (
@@ -578,18 +576,20 @@ class Engine(KernelProblem):
         unknown, start = np.isnan(a.initial), self.wiring.start
         if not unknown.any():
             return a
-        if self.runner is not None:
-            raise ScenarioError(
+        refuse_first(
+            self.wiring.scenario.title,
+            (
+                self.runner is not None,
                 "an FMU has no steady start here. Give a temperature as its start.",
-                self.wiring.scenario.title,
-                code="model.element-not-supported",
-            )
-        if not unknown.all():
-            raise ScenarioError(
+                "model.element-not-supported",
+            ),
+            (
+                not unknown.all(),
                 "a steady start gives the temperatures of all nodes. Leave 'initial' out.",
-                self.wiring.scenario.title,
-                code="value.excludes-another",
-            )
+                "value.excludes-another",
+            ),
+            error=ScenarioError,
+        )
         if start is None or start.kind == STEADY:
             temperatures, slopes = settle(self, a, start.time if start is not None else 0.0, gradients)
         else:

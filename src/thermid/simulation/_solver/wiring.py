@@ -10,7 +10,7 @@ from typing import Any, NamedTuple, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from thermid.base.errors import ScenarioError, errors_at, nearest, refuse_unknown
+from thermid.base.errors import ScenarioError, errors_at, nearest, refuse_first, refuse_unknown
 from thermid.base.units import TEMPERATURE, Array, Dual, Memo, Number, gradient_of, require, value_of, values_of
 from thermid.model.tree import (
     COMPLEMENT,
@@ -1004,7 +1004,8 @@ def check_start(start: Start, cycle: float | None, changing: Sequence[str], scen
     ScenarioError
     """
     seconds, period, open_ = scenario.seconds, cycle or 0.0, start.kind == PERIODIC and not cycle
-    for broken, message, code in (
+    refuse_first(
+        f"{scenario.title}, start",
         (
             start.time > seconds > 0.0,
             f"it takes the inputs at {start.time:g} s, after the end of the run at {seconds:g} s.",
@@ -1026,9 +1027,8 @@ def check_start(start: Start, cycle: float | None, changing: Sequence[str], scen
             "period may be at most 1000 times the shortest.",
             "run.no-periodic-state",
         ),
-    ):
-        if broken:
-            raise ScenarioError(message, f"{scenario.title}, start", code=code)
+        error=ScenarioError,
+    )
 
 
 def level_instants(signals: Mapping[str, Signal], length: float, title: str, most: int) -> list[float]:
