@@ -543,7 +543,10 @@ def _local_row(problem: Problem, k: int) -> Array:
 
 
 def correlations_of(problem: Problem, total: Array) -> dict[tuple[str, str], float]:
-    """Return (path, path) -> correlation in a covariance of all unknowns, those above 0.1."""
+    """Return (path, path) -> correlation C_ij / sqrt(C_ii C_jj) [-] of parameters, sensors and instruments, those beyond 0.1 by size.
+
+    `total` C (unknowns, unknowns) is the covariance of all unknowns, fitted form. A value without a finite error correlates with nothing.
+    """
     names = [(k, u.name) for k, u in enumerate(problem.unknowns) if u.kind in ("parameter", "sensor", "instrument")]
     out = {}
     for i, (k, first) in enumerate(names):
@@ -806,9 +809,10 @@ def _noise_apart(problem: Problem) -> list[str]:
 
 
 def _far_from_prior(problem: Problem, at: Sequence[float], inherited: bool = False) -> dict[str, float]:
-    """Return value -> how many standard deviations it lies from its prior, of those that lie far, the farthest first.
+    """Return value -> |x - m| / s, its distance from its prior in standard deviations [-], of those beyond `ASIDE`, the farthest first.
 
-    Of values that stages below found together it is the distance of each by itself, where they are asked for.
+    `at` x (unknowns,), the prior's mean m and s are in the fitted form. With `inherited` also of values that stages below found together:
+    each by itself, its s the root of the diagonal of (R'R)^-1, R the root of their information.
     """
     pairs = zip(problem.unknowns, at, strict=True)
     apart = {u.name: abs(x - u.prior.mean) / u.prior.sd for u, x in pairs if u.prior is not None}

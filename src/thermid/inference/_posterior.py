@@ -336,7 +336,7 @@ class _Density:
     def widths(self, fit: Calibration) -> Array:
         """Return the covariance (parameters, parameters) of proposals, fitted form: that of the fit, without a stretch its variances.
 
-        Where an error is not finite, a quarter of the box stands for it.
+        Where an error is not finite, a quarter of the width of the box stands for it.
         """
         errors = self.errors(fit)
         if self.stretch is None:

@@ -274,7 +274,16 @@ class PlacedFace:
         return np.where(on & (far > near) & np.isfinite(far), far, np.inf), falling < 0.0
 
     def _cylinder_hits(self, start: Array, ray: Array, near: float) -> tuple[Array, Flags]:
-        """Return `hit_distances` of a cylinder's side, for starts relative to its foot: the nearer root of a quadratic on its length."""
+        """Return distances (rays,) [m] along rays to a cylinder's side and whether they meet its front: the nearer root of a quadratic.
+
+        Of |p + s r|^2 = R^2 with start p and direction r less their parts along the axis, for s beyond `near` [m], at a height on the
+        cylinder's length; infinite where none.
+
+        Parameters
+        ----------
+        start : array (rays, 3)     Relative to the foot of the axis. [m]
+        ray : array (rays, 3)       Unit vectors.
+        """
         length, axis = float(np.linalg.norm(self.first)), _unit(np.array(self.first))
         flat, toward = start - np.outer(start @ axis, axis), ray - np.outer(ray @ axis, axis)
         a, b, c = np.sum(toward**2, axis=1), np.sum(flat * toward, axis=1), np.sum(flat**2, axis=1) - self.radius**2

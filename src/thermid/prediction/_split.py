@@ -477,9 +477,10 @@ class _Joint:
         self.cov = keep @ self.cov @ keep.T + doubt**2 * np.outer(gain, gain)
 
     def _gain(self, slope: Array, doubt: float) -> Array:
-        """Return the gain (positions,) C s / (s'C s + doubt^2), s the `slope` (positions,) of a reading [K] whose error is `doubt` [K].
+        """Return the gain (positions,) C s / (s'C s + d^2) of a known convection, in ln of the emissivities per unit of it.
 
-        It is zero for fitted parameters, which are only considered.
+        s is the `slope` (positions,) of the convective coefficient h - e h_black by each position, `doubt` d its standard deviation, both
+        in W/(m^2 K), and C the covariance. The gain is zero for fitted parameters, which are only considered (Schmidt).
         """
         gain = self.cov @ slope / float(slope @ self.cov @ slope + doubt**2)
         gain[: len(self.base)] = 0.0

@@ -342,7 +342,11 @@ class Before:
         return out
 
     def temperature(self, node: str, at: float) -> tuple[Array, float, dict[str, float]]:
-        """Return how a temperature responds (sources,), its value, and cause -> error that no test takes away. [K]"""
+        """Return how a node's temperature `at` a time [s] responds (sources,), its value, and cause -> error that no test takes away. [K]
+
+        The response is in K per standard deviation of a source, of the likeliest way, scaled so that its squares sum to the variance of
+        all ways.
+        """
         ways = WayAnswer.of_budget(self.budget, [node], prepared(self.budget, times=[at]))
         ways = [replace(w, linear=w.setting.secants(w.linear)) for w in ways]
         (columns,) = max(ways, key=lambda w: w.weight).linear.columns.values()

@@ -340,7 +340,11 @@ class _Path:
 
 
 def _dark(path: _Path, sun: Array, radius: float, times: Array) -> Array:
-    """Return how deep the craft is in the cylinder of shadow (times,): above zero inside. [m]"""
+    """Return R - r, how deep the craft is in the cylinder of shadow (times,): above zero inside. [m]
+
+    r is its distance from the axis through the planet away from the Sun; where the craft is on the Sun's side the value is below zero.
+    `sun` (3,) is the unit vector to the Sun, `radius` R that of the planet [m].
+    """
     out, far = path.at(times)
     toward = out @ sun
     beside = far * np.sqrt(np.maximum(1.0 - toward**2, 0.0))
@@ -348,7 +352,11 @@ def _dark(path: _Path, sun: Array, radius: float, times: Array) -> Array:
 
 
 def _shadow(path: _Path, sun: Array, radius: float) -> tuple[tuple[float, float], ...]:
-    """Return begin and end of each stretch of shadow within a period; one that holds time zero is in two parts. [s]"""
+    """Return begin and end of each stretch of shadow within a period; one that holds time zero is in two parts. [s]
+
+    The zeros of `_dark`: signs at samples of the period, then Brent's method. `sun` (3,) unit vector to the Sun, `radius` of the planet.
+    [m]
+    """
     from scipy.optimize import brentq
 
     times = np.linspace(0.0, path.period, 4 * SAMPLES_PER_ORBIT + 1)

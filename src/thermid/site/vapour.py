@@ -199,9 +199,11 @@ def _speed(conductance: Array, skin: Array, air: Array, area: float, emissivity:
 def follow(solution: Solution, parts: Sequence[FlatConductor], open_air: Mapping[str, Signal], volumes: Mapping[str, Volume]) -> Followed:
     """Return dew points, films, latent heat and water balance along a run, films never below zero.
 
-    Films are zero at the start. The run stays as it is: latent heat is returned, and moves no temperature.
-    Beside a gas of known humidity a film is integrated in closed form (`_film_in_known_gas`); volumes with vapour of their own are solved
-    together with the films on their walls (`_System`).
+    Arrays are (gases or parts, times). A dew point [K] is that of the vapour pressure rho R_v T, the margin [K] is skin less dew point,
+    latent heat [W] into the surface is the film's rate [kg/(m^2 s)] times area times the heat of vaporisation, positive while it
+    condenses. Films are zero at the start. The run stays as it is: latent heat is returned, and moves no temperature. Beside a gas of
+    known humidity a film is integrated in closed form (`_film_in_known_gas`); volumes with vapour of their own are solved together with
+    the films on their walls (`_System`).
 
     Parameters
     ----------
@@ -450,7 +452,11 @@ class _Interval:
             width = max(width, SHORTEST_STEP)
 
     def _doubled(self, state: _Water, share: float, width: float, wet: Bools) -> tuple[_Water, _Water, float]:
-        """Return the state after two half steps, the state between them, and their distance from one whole step over the tolerance [-]."""
+        """Return the state after two half steps of `width` / 2, the state between them, and their distance from one whole step. [-]
+
+        The distance is the largest over vapour densities [kg/m^3] and films [kg/m^2], over `MAX_STEP_ERROR` times their size. `share` is
+        where the step begins and `width` how long it is, both in parts of the interval.
+        """
         whole = self.step(state, share, width, wet)
         middle = self.step(state, share, 0.5 * width, wet)
         after = self.step(middle, share + 0.5 * width, 0.5 * width, wet)

@@ -544,9 +544,17 @@ def base_deck(roles: Roles, capacity: float, loss: float, contact: float = 0.3, 
 def request_of(
     roles: Roles, records: Sequence[Record], capacity: float, loss: float, contact: float = 0.3, facts: StatedFacts = StatedFacts()
 ) -> Request:
-    """Return the fit of the parts alone, or of the deck to begin with.
+    """Return the fit of a proposal: of the deck in `facts` where there is one, else of parts (masses and conductances) made from the roles.
 
-    Without a power in watts and without a known mass the first heat capacity is assumed and not fitted.
+    Free are each mass's capacitance [J/K] and each link's conductance [W/K], powers that were not logged in watts and the shares of
+    powers; of a deck the free values that nothing states. Without a power in watts and without a known mass only ratios are seen, so the
+    first capacitance is assumed and not fitted. Surroundings that no log and no fact gives are fitted for each record, from the lowest
+    first reading.
+
+    Parameters
+    ----------
+    capacity, loss : float      Starts of a mass [J/K] and of a link to the surroundings. [W/K]
+    contact : float             Start of a link between two parts, over `loss`. [-]
     """
     if facts.deck is not None:
         # the values of a deck that a first fit looks for

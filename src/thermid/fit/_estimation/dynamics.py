@@ -213,7 +213,11 @@ class Dynamics:
         return out
 
     def local(self, at: At, state: Array, time: float) -> RatesAt:
-        """Return rates and Jacobian at a state (states,) and a time [s]."""
+        """Return rates and Jacobian at a `state` x (states,) and a time [s]: node temperatures [K], then states of the process noise [W].
+
+        dT/dt = (heat into a node) / C [K/s]. Massless nodes are where their heat is zero, and follow by -J_mm^-1 J_mk. Autocorrelated
+        noise falls as dw/dt = -w / tau; a heat w of its target enters with its share.
+        """
         count, coefficients = self.massive.size, self._coefficients_at(state, at)
         outer = np.zeros(len(self.nodes))
         into = np.zeros((len(self.nodes), self.size))

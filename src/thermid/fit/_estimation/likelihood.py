@@ -179,7 +179,8 @@ class Likelihood:
     def _observed(self, fitted: Array, score: LikelihoodScore) -> tuple[Array, bool]:
         """Return the observed information (unknowns, unknowns), fitted form, and True; the expected one and False where it is not positive.
 
-        By central differences of the gradient, of `CURVED` standard errors, at most a tenth of each scale.
+        H_ij = (g_j(x + h_i) - g_j(x - h_i)) / (2 h_i), made symmetric, g the gradient of minus the log likelihood at `fitted` x
+        (unknowns,). h_i is `CURVED` standard errors, at most a tenth of each scale.
         """
         errors = Maximum(fitted, 0.0, score.information, False, True, 0).errors()
         scale = np.array([u.scale for u in self.unknowns])

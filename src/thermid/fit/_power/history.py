@@ -74,9 +74,9 @@ class PowerHistory(Result):
         return np.asarray(np.sqrt(np.maximum(np.diag(self.covariance), 0.0)))
 
     def weights(self, window: str) -> tuple[Array, Array]:
-        """Return the middle of every whole window [s], and the weights (windows, knots) of the knots in its mean power. [-]
+        """Return the middle of every whole window [s], and the weights W (windows, knots) of the knots in its mean power. [-]
 
-        The power is straight between knots: weights are the integral of a knot's hat over the window, over its width.
+        The power is straight between knots, so W_ik is the integral of knot k's hat over window i, over the window's width: P_mean = W P.
 
         Raises
         ------
@@ -341,7 +341,10 @@ def _exponential(h: PowerHistory) -> PowerLaw | None:
 
 
 def _vee(h: PowerHistory) -> PowerLaw | None:
-    """Return a V-shaped law fitted to a power, `b0 + b1 |T - b2|`: a thermoelectric cooler works on both sides of a temperature b2."""
+    """Return a V-shaped law P = b0 + b1 |T - b2| [W] fitted to a power, T in degC: a cooler of Peltier elements works on both sides of b2.
+
+    None where no start leads to a fit.
+    """
     low, high, mean, top = _spread(h)
     wide = max(high - low, 0.1)
 
@@ -357,7 +360,10 @@ def _vee(h: PowerHistory) -> PowerLaw | None:
 
 
 def _proportional(h: PowerHistory) -> PowerLaw | None:
-    """A heater that asks for power in proportion to what is missing to a set point, between zero and its largest power."""
+    """Return a proportional heater fitted to a power: P = b0 (b1 - T) [W], cut to 0 .. b2, gain b0 [W/K], set point b1 and T in degC.
+
+    None where no start leads to a fit, or the gain is not positive.
+    """
     low, high, _, top = _spread(h)
     wide = max(high - low, 0.1)
 

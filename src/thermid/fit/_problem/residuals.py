@@ -599,10 +599,12 @@ class Problem:
 
     @np.errstate(over="ignore", invalid="ignore")  # what overflows is refused
     def compressed(self, fitted: Array, loss: str = "linear", loss_scale: float = 1.0, meshes: Sequence[Array] = ()) -> Compressed:
-        """Return the weighted residuals of all data with their derivatives, from one run of each record.
+        """Return the weighted residuals r of all data with their derivatives J by `fitted` (unknowns,), from one run of each record.
 
-        Each record gives a triangle with one row per free name and constant error, and one row for what no unknown can change. With the
-        `meshes` of another evaluation the steps are the same, and the difference of both is smooth.
+        A record gives Q'r and R of J = Q R, a triangle with a row per free name and constant error, and one row sqrt(r'r - |Q'r|^2) for
+        what no unknown can change: J'J, J'r and r'r are those of all readings. R comes by free names of the record [SI]; the chain rule
+        turns it into the fitted form. With the `meshes` of another evaluation the steps are the same, and the difference of both is
+        smooth. `loss_scale` is in units of the noise.
 
         Raises
         ------

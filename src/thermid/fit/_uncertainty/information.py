@@ -395,7 +395,11 @@ def _fixed(request: Request, unknowns: tuple[Unknown, ...]) -> list[State]:
 
 
 def _consider(table: _Table, request: Request, problem: Problem, minimum: Fit, fixed: list[State], gain: Array) -> None:
-    """Add the responses to the errors of what was fixed; an instrument of which nothing is known counts with its accuracy."""
+    """Add the responses to the errors of what was fixed; an instrument of which nothing is known counts with its accuracy.
+
+    A fixed value that is off by d moves the unknowns by -G J'K d (Schmidt's consider filter), J the derivatives of the weighted residuals
+    by the unknowns, K those by what was fixed, and `gain` G (unknowns, unknowns) the inverse of the information, all in the fitted form.
+    """
     here = covering(problem.unknowns)
     groups = {s.path: tuple(p for p in s.acts if p not in here) for s in fixed if s.kind == "parameter"}
     named = {group[0]: request.store[path] for path, group in groups.items()} | {s.path: s for s in fixed if s.kind != "parameter"}

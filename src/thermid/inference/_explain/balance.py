@@ -203,7 +203,10 @@ class _Case:
         self.network = network
 
     def parts(self, x: Array) -> _Parts:
-        """Return the balance at values `x` (inputs,): for each measured node loads less heat to neighbours less C dT/dt. [W]"""
+        """Return the balance at values `x` (inputs,), in SI: residual = loads - heat to neighbours - C dT/dt of each measured node. [W]
+
+        Heat flows count positive out of the node. Nodes that were not measured stand where they settle with the measured ones held.
+        """
         by = {slot: float(value) for slot, value in zip(self.slots, x, strict=True)}
         boundaries = {p: Constant(v) for (role, p), v in by.items() if role == "boundary"}
         loads = {p: Constant(v) for (role, p), v in by.items() if role == "load"}

@@ -317,7 +317,10 @@ def _with_weak_prior(model: Model, u: Unknown) -> Unknown:
 
 
 def _stretches(times: Array) -> tuple[Array, Array]:
-    """Return the middle of every stretch of a record, and the edges between them; each holds readings. [s]"""
+    """Return the middle of every stretch of a record (stretches,), and the edges between them (stretches + 1,); each holds readings. [s]
+
+    At most `STRETCHES_PER_RECORD`, of equal counts where samples are evenly spaced in `times` (samples,), else of equal length.
+    """
     if times.size <= STRETCHES_PER_RECORD:
         parts = list(times[:, None])
     elif np.ptp(np.diff(times)) < 0.5 * float(np.median(np.diff(times))):

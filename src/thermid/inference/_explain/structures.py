@@ -818,10 +818,11 @@ def _with_loose_priors(problem: Problem, sizes: Mapping[str, SizedValue]) -> Pro
 
 
 def telling_test(one: FittedStructure, other: FittedStructure) -> str:
-    """Return in words which test would separate two structures: the one in which their fits differ most, in noises of the readings.
+    """Return in words which test would separate two structures: the one in which their fits differ most, in units (ln of the odds).
 
-    Tests from rest, with every logged power at its highest: on for half of the log and off for the other half; on and off in turns of a
-    twentieth; on for twice the log. Readings are those of the first record, as often as there.
+    Three tests are simulated with both fits, each from rest and with all logged powers together at their highest [W]: on for half of the
+    log's duration and off for the other half; on and off in turns of a twentieth of it; on for twice the duration. Readings are those of
+    the first record, as often as there. A difference below `TIE` decides nothing.
     """
     experiment = one.problem.experiments[0]
     record = experiment.record

@@ -171,7 +171,10 @@ class RootForm:
         return cls(order, base, np.array(columns).reshape(-1, size, size))
 
     def start(self, omega: Array) -> Array:
-        """Return t (free,) whose L L' is near an Omega (values, values), fitted form: by least squares of its Cholesky factor."""
+        """Return t (free,) whose L L' is near `omega` (values, values), fitted form.
+
+        By least squares of ``base + sum t_k columns_k`` to the Cholesky factor L of `omega` in the order of this form.
+        """
         size = omega.shape[0]
         there = omega[np.ix_(self.order, self.order)]
         lower = np.linalg.cholesky(there + 1e-12 * np.diag(np.diag(there)) + 1e-300 * np.eye(size))

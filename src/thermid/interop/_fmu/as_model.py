@@ -260,7 +260,9 @@ class FmuFile(FmuDescribed):
         return run
 
     def _difference(self, setting: FmuSetting, times: Array, wanted: Sequence[int], way: FmuSetting, base: Array) -> Array:
-        """Return derivatives (times, wanted) in a direction `way` by central differences; one-sided from `base` where a side cannot be run.
+        """Return derivatives (times, wanted) in a direction `way` by central differences (y(p + h) - y(p - h)) / (2 h), h from `stride`.
+
+        One-sided from `base` where a side cannot be run. The unit is that of the outputs per unit of length of `way`.
 
         Parameters
         ----------

@@ -287,7 +287,10 @@ def _disagreement(effect: LogCourse, cause: LogCourse, responses: Explanation, o
 
 
 def _quarter_time(course: LogCourse) -> float:
-    """Return the shortest time in which a temperature changes by a quarter of its range: what one place may lag another by. [s]"""
+    """Return the shortest time s with max |T(t + s) - T(t)| >= `QUARTER` of the range of T: what one place may lag another by. [s]
+
+    It is one of 32 times in geometric steps, from a hundredth of the log's duration to all of it.
+    """
     for length in np.geomspace(0.01 * course.times[-1], course.times[-1], 32):
         later = np.interp(course.times + length, course.times, course.values)
         if float(np.max(np.abs(later - course.values))) >= QUARTER * float(np.ptp(course.values)):

@@ -100,11 +100,19 @@ class Condensed:
 
 
 def part_of(network: Network, run: Solution, inside: str, shown: frozenset[str], points: Sequence[str]) -> Subnetwork:
-    """Return the part of a network whose paths begin with a prefix, linearised at the mean temperatures of a run.
+    """Return the part of a network whose paths begin with `inside`, with conductances [W/K] and capacitances [J/K] at the mean of a run.
+
+    Parameters
+    ----------
+    run : Solution              Whose mean temperatures are where conductors are made linear.
+    inside : str                Prefix of the paths, with its dot.
+    shown : frozenset           Nodes that stay as nodes of their own.
+    points : sequence           Nodes whose temperatures judge a reduction.
 
     Raises
     ------
-    DeckError   When a conductor of the part changes with its gas in the run, a node of it stores latent heat, or nothing is outside it.
+    DeckError   When controls of the part follow temperatures, a conductor of it changes with its gas or a schedule, a node of it stores
+                latent heat, or nothing is outside it.
     """
     numbers = network.numbers()
     nodes = tuple(n for n in network.nodes if n.startswith(inside))

@@ -676,7 +676,10 @@ def _why_declined(final: IntervalEstimate, within: float, slow: float, span: flo
 
 
 def _time_rule_holds(curve: Approach, rule: StabilityRule, probability: float, span: float) -> float | None:
-    """Return the time at which the rule will hold with a probability; None beyond a hundred times `span` from now. [s]"""
+    """Return the time at which the rule will hold with a probability; None beyond a hundred times `span` from now. [s]
+
+    It holds where |T(t) - T(t - window)| <= rate times window for curves of that weight together; doubled steps ahead, then bisection.
+    """
     window = rule.window or RATE_WINDOW
 
     def holds(at: float) -> bool:

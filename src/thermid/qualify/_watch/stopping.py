@@ -219,7 +219,8 @@ class _Fit:
     def _residuals(self, z: Array) -> tuple[list[Array], list[Array]]:
         """Return residuals measured - predicted - offset (samples,) of every sensor, and derivatives (samples, unknowns). [K]
 
-        The derivatives are those of prediction plus offset by the unknowns.
+        `z` (unknowns,) are the free values in their fitted form, then an offset per sensor [K]; the derivatives are those of prediction
+        plus offset by z.
         """
         x, scale = self._values(z)
         read, slopes = self.bench.temperatures(x, True, Options())
@@ -320,7 +321,11 @@ class _Fit:
         return out
 
     def _temperatures_about(self, x: Array, last: float, window: float) -> tuple[Array, Array]:
-        """Return times [s] from `window` [s] before `last` [s] on, and the temperatures of the sensors' nodes then (times, sensors). [K]"""
+        """Return times [s] from `window` [s] before `last` [s] on, and the temperatures of the sensors' nodes then (times, sensors). [K]
+
+        At the values `x` (free,) [SI]: `INSTANTS_AHEAD` times up to `last`, as many in geometric steps after it, to `MAX_STRETCHES_AHEAD`
+        of it.
+        """
         times = np.concatenate(
             [
                 np.linspace(max(last - window, 0.0), last, INSTANTS_AHEAD),

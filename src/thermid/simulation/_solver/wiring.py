@@ -1034,6 +1034,8 @@ def check_start(start: Start, cycle: float | None, changing: Sequence[str], scen
 def level_instants(signals: Mapping[str, Signal], length: float, title: str, most: int) -> list[float]:
     """Return one instant for each combination of levels that signals take from zero to `length` [s], in order of time. [s]
 
+    The instants are middles of the stretches between knots of the signals; of equal combinations the first.
+
     Raises
     ------
     ScenarioError   When one does not stay on levels, or there are more than `most`.
