@@ -283,7 +283,9 @@ def strange_powers(problem: Problem) -> tuple[str, ...]:
 def exchanged_sensors(problem: Problem) -> tuple[str, ...]:
     """Return questions about pairs of sensors that the deck, before any fit, reproduces at each other's node and not at their own.
 
-    Fitted values may absorb such an exchange, so the values of the deck are used: by chance they meet no exchanged readings.
+    That is where the root mean square of both sensors' residuals, exchanged, is below `EXCHANGED` of that as read, and the latter above
+    `MISSED_BY_DECK` of the noise [K]. Fitted values may absorb such an exchange, so the values of the deck are used: by chance they meet
+    no exchanged readings.
     """
     try:
         blocks = problem.blocks(starting_point(problem.unknowns))

@@ -229,9 +229,9 @@ def _bend_after(bend: Array, step: Array, before: tuple[Array, Array], after: tu
 
 
 def _with_bend(rows: Array, slopes: Array, bend: Array, scale: Array) -> tuple[Array, Array]:
-    """Return rows (unknowns,) and slopes (unknowns, unknowns) of the gradient J'r and of the curvature J'J + bend, made positive.
+    """Return rows g (unknowns,) and slopes S (unknowns, unknowns) with S'g the gradient J'r and S'S the curvature J'J + bend. [-]
 
-    Eigenvalues of the curvature in units of `scale` (unknowns,) count by their size.
+    S'S is made positive: its eigenvalues in units of `scale` (unknowns,), fitted form, count by their size.
     """
     sizes, ways = np.linalg.eigh((slopes.T @ slopes + bend) * np.outer(scale, scale))
     sizes = np.maximum(np.abs(sizes), np.finfo(float).eps * np.abs(sizes).max() + np.finfo(float).tiny)

@@ -228,7 +228,7 @@ def vapour_pressure(temperature: Any, humidity: Any) -> Array:
 
 
 def dew_point(pressure: Any) -> Array:
-    """Temperature below which vapour settles on a surface: dew, or frost below 0 degC [K].
+    """Return the temperature below which vapour settles on a surface: dew, or frost below 0 degC. Any shape. [K]
 
     Parameters
     ----------
@@ -304,7 +304,7 @@ def vapour_diffusivity(temperature: Any, pressure: Any = ATMOSPHERE) -> Array:
 
 
 def mass_transfer_coefficient(htc: Any, temperature: Any, pressure: Any = ATMOSPHERE) -> Array:
-    """Speed at which vapour reaches a surface for each unit of difference in vapour density [m/s].
+    """Return the speed at which vapour reaches a surface for each unit of difference in vapour density, shaped as the arguments. [m/s]
 
     Heat and vapour cross the same boundary layer: h_m = h / (rho c_p) Le^(-2/3), with Le the thermal diffusivity over that of vapour.
 

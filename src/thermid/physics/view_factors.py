@@ -361,9 +361,10 @@ def placed_factors(faces: tuple[PlacedFace, ...], names: tuple[str, ...], rays: 
 
 
 def _cosine_directions(normal: Array, u: Array, v: Array) -> Array:
-    """Return unit directions (rays, 3) about normals (rays, 3), as dense as the cosine of their angle, for u, v from 0 to 1 (rays,).
+    """Return unit directions (rays, 3) about normals (rays, 3), as dense as the cosine of their angle, for u, v from 0 to 1 (rays,). [-]
 
-    Points lie evenly in the unit disc and are raised to the hemisphere (Malley).
+    sqrt(u) (cos(2 pi v) a + sin(2 pi v) b) + sqrt(1 - u) n, with a and b across the normal n: points that lie evenly in the unit disc are
+    raised to the hemisphere (Malley).
     """
     helper = np.eye(3)[np.argmin(np.abs(normal), axis=1)]
     across = np.cross(normal, helper)

@@ -767,10 +767,13 @@ def drawn_members(
 ) -> tuple[dict[str, Members], dict[str, Array], str]:
     """Return node -> members that reached the end, thermostat -> their duty cycles as of an `Ensemble`, and a remark on those that failed.
 
+    Members are temperatures (times, members) and where they settle (members,) [K]; where straight lines do, those are the run plus c'z, c
+    its derivatives by the sources z.
+
     Parameters
     ----------
     chosen : array (members,)           Which way each has.
-    sources : array (sources, members)  Values of the sources.
+    sources : array (sources, members)  Values of the sources, in their standard deviations.
     straight : bool                     Whether straight lines do.
     executor : see `Workers`            Who runs members otherwise.
     """

@@ -755,7 +755,10 @@ def _informed_alike(rows: Array, excess: Array, rounding: Array) -> Array:
 
 
 def _with_departures_of_run(before: Before, problem: Problem, at: Array) -> tuple[Problem, dict[str, float]]:
-    """Return a planned run with what of it differs from other runs as further unknowns, and the standard deviation of each."""
+    """Return a planned run with what of it differs from other runs as further unknowns, and name -> standard deviation [-] of each.
+
+    `at` (unknowns,), fitted form, is where the heats of the departures are taken.
+    """
     way = before.departing
     if way is None:
         return problem, {}

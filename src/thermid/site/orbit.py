@@ -323,7 +323,12 @@ class _Path:
         return float(2.0 * np.pi * np.sqrt((0.5 * (self.near + self.far)) ** 3 / self.attraction))
 
     def at(self, times: Array) -> tuple[Array, Array]:
-        """Return the direction from the planet (times, 3) and the distance (times,) [m]."""
+        """Return the direction from the planet (times, 3) and the distance (times,) [m] at `times` (times,) [s].
+
+        Kepler's equation M = E - e sin E with M = M_0 + 2 pi t / period, by Newton's method; tan(v / 2) = sqrt((1 + e) / (1 - e)) tan(E /
+        2), r = a (1 - e cos E), with the eccentricity e, the anomalies E and v, and the semi-major axis a. The orbit lies in the plane z =
+        0.
+        """
         axis, e = 0.5 * (self.near + self.far), (self.far - self.near) / (self.far + self.near)
         shrink = np.sqrt((1.0 - e) / (1.0 + e))
         first = 2.0 * np.arctan2(shrink * np.sin(0.5 * self.begin), np.cos(0.5 * self.begin))
@@ -370,7 +375,7 @@ def _shadow(path: _Path, sun: Array, radius: float) -> tuple[tuple[float, float]
 
 
 def _light(shadow: tuple[tuple[float, float], ...], period: float) -> Signal:
-    """Return 1 in the sun and 0 in the shadow, over and over."""
+    """Return 1 in the sun and 0 in the shadow, over and over, from the stretches of shadow (begin, end) in one `period` [s]."""
     if not shadow:
         return Constant(1.0)
     changes: dict[float, float] = {0.0: 1.0}

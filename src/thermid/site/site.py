@@ -549,7 +549,12 @@ def read_columns(path: Path, columns: Mapping[str, str] | None, begin: str | Non
 
 
 def _read_typical_year(path: Path, year: int, epw: bool) -> Columns:
-    """Return an EPW or TMY3 file as columns; pvlib reads it."""
+    """Return an EPW or TMY3 file as columns; pvlib reads it. Rows of several years are dated in `year`.
+
+    Raises
+    ------
+    RecordError   When it is not such a file, or time does not go on.
+    """
     iotools = optional("pvlib.iotools", "an EPW or TMY3 file", path.name)
     try:
         data, meta = iotools.read_epw(path) if epw else iotools.read_tmy3(path, map_variables=True)

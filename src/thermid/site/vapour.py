@@ -186,7 +186,8 @@ def _surfaces(solution: Solution, parts: Sequence[FlatConductor]) -> _Surfaces:
 def _speed(conductance: Array, skin: Array, air: Array, area: float, emissivity: float, pressure: Array) -> Array:
     """Return the mass transfer coefficient (times,) of a surface, zero where there is no gas. [m/s]
 
-    From h = G / A - 4 e sigma T_m^3, T_m the mean of `skin` and `air` [K], by the analogy of heat and mass transfer.
+    From h = G / A - 4 e sigma T_m^3, at least zero, by the analogy of heat and mass transfer: `conductance` G [W/K], `area` A [m^2],
+    `emissivity` e, and T_m the mean of `skin` and `air` [K]; gas is where `pressure` exceeds `VACUUM_LIMIT` [Pa]. All arrays are (times,).
     """
     if area <= 0.0:
         return np.zeros(skin.size)
@@ -338,7 +339,12 @@ class _System:
     def of_volumes(
         cls, solution: Solution, order: Sequence[str], volumes: Mapping[str, Volume], s: _Surfaces, at: NDArray[np.int_], held: Array
     ) -> _System:
-        """Return the equations of the volumes `volumes`, which come last in `order`."""
+        """Return the equations of the volumes, which come last in `order`.
+
+        With the flows q [m^3/s] of exchanges, the laplacian (volumes, volumes) has their sums on its diagonal and -q off it; fresh
+        (volumes, open gases) has those with open air. `at` (surfaces,) is each surface's gas, `held` (gases, times) the vapour density.
+        [kg/m^3]
+        """
         start = len(order) - len(volumes)
         laplacian, fresh = np.zeros((len(volumes), len(volumes))), np.zeros((len(volumes), start))
         for (a, b), flow in _exchanges(solution, order, volumes).items():

@@ -349,13 +349,14 @@ def _said_of(
 ) -> dict[str, tuple[float, float]]:
     """Return assumed value -> variance that the readings leave it with all else open, and how far away they ask it to be; SI units.
 
-    Without a word of the deck's range: with other assumed values open too, so that what they can only say of several together counts for
-    none of them. Values of which they say nothing are left out.
+    With the information A = J'J / level + P'P the step is -A^-1 (J'r / level + P'p), its covariance A^-1 + A^-1 B A^-1 / level^2, B what
+    autocorrelated noise adds to the scores. Without a word of the deck's range: with other assumed values open too, so that what they can
+    only say of several together counts for none of them. Values of which they say nothing are left out.
 
     Parameters
     ----------
     paths : sequence    The assumed values, the last unknowns.
-    residuals, priors   Of the priors of the unknowns, and their derivatives (priors, unknowns).
+    residuals, priors   Of the priors of the unknowns, and their derivatives (priors, unknowns). [-]
     """
     level, size = noise.variance_factor, priors.shape[1] - len(paths)
     rows = np.concatenate([*(np.sqrt(b.count / level)[:, None] * b.slopes for b in pieces.values()), priors])

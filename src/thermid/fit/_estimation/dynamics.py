@@ -160,7 +160,7 @@ class Dynamics:
         return out
 
     def _grid(self) -> Array:
-        """Return the times at which steps end: readings, and knots of inputs. [s]"""
+        """Return the times (times,) at which steps end: readings, and knots of inputs, less those within 1e-9 of the log of another. [s]"""
         last = float(self.experiment.times[-1])
         knots = [np.zeros(1), self.experiment.times]
         signals = (self.wiring.signals[name] for name in self.wiring.used)
@@ -372,7 +372,11 @@ class Dynamics:
         return read, rows
 
     def _recovered(self, traces: Traces, recover: dict[str, object], node: str, state: Array) -> tuple[float, Array]:
-        """Return temperature [K] and row (states,) of a node that was eliminated, or of a boundary."""
+        """Return temperature [K] and its derivatives by the state (states,) of a node that was eliminated, or of a boundary.
+
+        An eliminated node is T = sum w_k T_k over the nodes and boundaries of `recover`, its derivatives the same sum. A boundary whose
+        error is a state adds that state [K].
+        """
         if node in self.nodes:
             place = self.nodes.index(node)
             return float(traces.stored[0, place]), traces.slopes[0, place]

@@ -294,7 +294,10 @@ def _as_object(e: Estimator) -> dict[str, Any]:
 
 
 def whiteness_of(likelihood: Likelihood, fitted: Array) -> tuple[Whiteness, ...]:
-    """Return whether the innovations of every sensor of every record are white."""
+    """Return whether the innovations are white, of every sensor of every record with more than ten readings.
+
+    They are those of the filter at the values `fitted` (unknowns,), fitted form, over their standard deviations.
+    """
     out = []
     for i, d in enumerate(likelihood.dynamics):
         filter_innovations = likelihood.passing(i, [fitted]).run().innovations

@@ -199,7 +199,11 @@ class Likelihood:
 
 
 def likelihood_of(problem: Problem, noises: Sequence[ProcessNoise], start_sd: Mapping[str, float]) -> Likelihood:
-    """Return the likelihood of a problem's records with noises on its model."""
+    """Return the likelihood of a problem's records with noises on its model.
+
+    Unknown besides those of the problem are sizes and times of process noises that are free, and the noise [K] of sensors that state none.
+    `start_sd` is node -> standard deviation of its temperature at the start [K].
+    """
     dynamics = tuple(Dynamics(b, noises, dict(start_sd)) for b in problem.benches())
     observation_of_sensor = {o.sensor: o for e in problem.experiments for o in e.observations}
     stated = {s: o.noise for s, o in observation_of_sensor.items() if o.noise is not None}

@@ -137,7 +137,10 @@ class Passing:
         return later, tuple(legs)
 
     def readings(self, belief: Belief, place: int, time: float) -> list[ReadingRow]:
-        """Return the readings of one time in the grid, ready to update with."""
+        """Return the readings due at number `place` of the grid, at `time` [s], ready to update with: y = H x + v.
+
+        The known part h(x_0) - H x_0 of the reading that the model expects at the belief's mean x_0 is taken off each. [K]
+        """
         due = self.dynamics.due[place]
         if not due:
             return []

@@ -834,7 +834,8 @@ def _in_rounds(problem: Problem, x: Array, knots: Array, pins: Pins, base: float
     """Return the unknowns (unknowns,), fitted form, by Gauss and Newton's method from `x`, the prior's strength anew in every round.
 
     The strength is that of the largest marginal likelihood. It has converged where no unknown moves by more than a hundredth of its
-    standard error; `MAX_HISTORY_ITERATIONS` rounds at most. Where no noise is stated, its level is chi^2 per degree of freedom.
+    standard error; `MAX_HISTORY_ITERATIONS` rounds at most. Where no noise is stated, its level is chi^2 / (n - tr(H^-1 A'A)). `knots`
+    (knots,) are times [s], `base` is the standard deviation of a knot before [W].
     """
     low, high = (np.array(b) for b in zip(*(u.fitted_bounds() for u in problem.unknowns), strict=True))
     levelled = colour is None and any(o.noise is None for o in problem.observations())

@@ -482,7 +482,10 @@ def _balance_temperatures(engine: Engine, loose: Sequence[int]) -> tuple[Array, 
 
 
 def _groups(jacobian: Array, loose: Sequence[int]) -> list[list[int]]:
-    """Return the loose nodes in groups that exchange heat among themselves."""
+    """Return the loose nodes (positions) in groups that exchange heat among themselves.
+
+    Two nodes exchange heat where the `jacobian` (nodes, nodes) [W/K] has an entry other than zero between them, in either direction.
+    """
     linked = (jacobian != 0.0) | (jacobian.T != 0.0)
     is_loose, out = np.zeros(jacobian.shape[0], dtype=bool), []
     is_loose[list(loose)] = True

@@ -704,7 +704,11 @@ class Problem:
         return self._blocks(i, fitted, columns), slopes
 
     def _slopes(self, i: int, fitted: Array, times: Array | None) -> tuple[Array, Array]:
-        """Return the temperatures (times, sensors) of the sensors' nodes [K], and `slopes`."""
+        """Return the temperatures (times, sensors) of the sensors' nodes [K], and the derivatives (times, sensors, unknowns) of residuals.
+
+        Those are of (measured - predicted - bias) / noise by `fitted` (unknowns,), of record `i`: -dT/dx dx/dfitted, less 1 for the
+        sensor's own bias, over the noise. At the times of the record where `times` [s] is None.
+        """
         x, chain = self.inputs(i, fitted)
         clocks = [(k, f"{CLOCK} {number} {place}") for k, number, place in self.ticking(i)]
         bench, inner = self.bench(i, fitted, [name for _, name in clocks]), x.size

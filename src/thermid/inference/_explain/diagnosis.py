@@ -56,7 +56,10 @@ class Case:
     starts: Mapping[str, tuple[str, ...]]
 
     def run(self, values: Mapping[str, float], only: str = "") -> tuple[Array, dict[str, Array], Array]:
-        """Return temperatures (sensors, bins), their derivatives by free name (one, or all), and temperatures of the room (bins,)."""
+        """Return temperatures (sensors, bins) [K], name -> their derivatives (sensors, bins), and temperatures of the room (bins,). [K]
+
+        At `values` (name -> SI); derivatives are in K per SI unit of the name, `only` of one name or of all where it is empty.
+        """
         run = self.ready.run(self.ready.with_units(values), sensitivities=True)
         at = np.array([np.interp(self.centres, run.times, run[n].kelvin) for n in self.nodes])
         several = [run.slopes(n) for n in self.nodes]

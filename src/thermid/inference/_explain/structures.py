@@ -632,7 +632,8 @@ def _laid_together(
 ) -> Iterator[tuple[Problem, Array, list[tuple[MissingElement, Collection[str], Mapping[str, float]]], Collection[str]]]:
     """Yield problems over which small elements lie together, where they are looked at, which they are, and all unknowns that they add.
 
-    They are so small that they do not act: a derivative says what each would do. Those that cannot be laid over it so are left out.
+    Where they are looked at are the unknowns (unknowns,), fitted form; an element comes with its free names and their starts. They are so
+    small that they do not act: a derivative says what each would do. Those that cannot be laid over it so are left out.
     """
     together: list[MissingElement] = []
     names: set[str] = set()
@@ -766,7 +767,17 @@ def _ended(
     rounds: int = MOST_EVALUATIONS,
     noise: int | None = None,
 ) -> tuple[Fit, CauseScore]:
-    """Return where a fit ended, and how likely readings are there."""
+    """Return where a fit ended, and how likely readings are there.
+
+    Parameters
+    ----------
+    sizes : dict            Name -> likely size of what an added element holds.
+    chosen : float          Taken off the logarithm of the likelihood: that this structure was chosen among others. [-]
+    values_before : dict    Name -> value, fitted form, where a fit before ended.
+    start : dict            Name -> start of values that are new, SI.
+    rounds : int            Most evaluations of the descent; none where 0.
+    noise : int or None     Number of the noise model that is kept; searched for where None.
+    """
     begun, at = time.process_time(), starting_values(problem, values_before, start)
     loss = request.loss, request.loss_scale
     if noise is not None or not rounds:

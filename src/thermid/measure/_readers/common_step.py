@@ -393,10 +393,11 @@ def _fitted(rows: FloatArray, target: FloatArray) -> tuple[FloatArray, FloatArra
 
 
 def _error(effect: LogCourse, responses: Explanation, best: float, step: float) -> float:
-    """Return the standard error of an offset: where the logarithm of the squares rises by one over the independent points.
+    """Return the standard error of an offset `best` [s]: where ln of the sum of squares rises by 1 / n, n the independent points. [s]
 
-    Points of residuals that wander are not independent. Of n points that follow each other with a correlation r, n (1 - r) / (1 + r) count,
-    at least four, and the sign changes acos(r) / pi times a point (Rice), which wandering of a few points does not disturb. [s]
+    Points of residuals that are autocorrelated are not independent. Of m points with a correlation r between neighbours m (1 - r) / (1 +
+    r) count, at least `MIN_INDEPENDENT`, r from the sign changes acos(r) / pi times a point (Rice), which slow changes of a few points do
+    not disturb. At least `step` / sqrt(12), `step` [s] that of the coarser log.
     """
     residuals, _ = _fitted(*_rows(effect, responses, best))
     changes = np.count_nonzero(np.diff(np.sign(residuals)))

@@ -375,7 +375,10 @@ def condensed(part: Subnetwork, choice: Partition) -> Condensed:
 
 
 def _schur(whole: Array, stay: Sequence[int]) -> Array:
-    """Return the Schur complement K_ss - K_sg K_gg^-1 K_gs: conductances between nodes that stay, the others eliminated. [W/K]"""
+    """Return the Schur complement K_ss - K_sg K_gg^-1 K_gs (stay, stay): conductances between nodes that stay, the others eliminated. [W/K]
+
+    `whole` K (nodes, nodes) is symmetric, with the sum of a node's conductances on its diagonal and -G_ij off it.
+    """
     gone = [k for k in range(whole.shape[0]) if k not in set(stay)]
     if not gone:
         return whole[np.ix_(stay, stay)]

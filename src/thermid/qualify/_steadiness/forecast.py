@@ -610,7 +610,9 @@ def forecast(
 
 
 def _readings(record: Record, channel: str, since: str | float, until: str | float, level: float) -> tuple[str, Bools, Array, Array]:
-    """Return the name of a temperature, the only one by default, the samples of a stretch, times and valid readings there. [s], [K]
+    """Return the name of a temperature, the only one by default, the samples of a stretch (samples,), times [s] and valid readings [K].
+
+    The stretch is from `since` to `until` [s or text]; times and readings are (readings,), `level` is that of a band [-].
 
     Raises
     ------

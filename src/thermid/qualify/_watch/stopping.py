@@ -258,10 +258,11 @@ class _Fit:
         self.inverse = np.linalg.inv(np.diag(1.0 / self.prior**2) + sum(j.T @ j / s**2 for j, s in zip(rows, self.sizes, strict=True)))
 
     def _set_noise_from_residuals(self, residuals: Sequence[Array], rows: Sequence[Array]) -> None:
-        """Set the standard deviation by which each sensor's readings are weighed, from its residuals.
+        """Set the standard deviation by which each sensor's readings are weighed, from its residuals r (samples,). [K]
 
-        It is the residuals' scatter, at least step / sqrt(12), times sqrt(n / effective n); degrees of freedom that the fit took are
-        counted off.
+        s = max(sqrt(r'r / f), step / sqrt(12)) sqrt(n / m), m the effective samples of n, f = n - p n / m the degrees of freedom left, at
+        least n / 4. p is what the fit took, trace(J C J') / s_0^2 with J of `rows` (samples, unknowns), C the covariance and s_0 the
+        weight before.
         """
         self.worth, self.wander = 0.0, {}
         for k, (r, j) in enumerate(zip(residuals, rows, strict=True)):
@@ -277,7 +278,8 @@ class _Fit:
     def ends(self, rule: StabilityRule, within: float, level: float) -> dict[str, ModelForecast]:
         """Return sensor -> forecast of its end, declined where the half-width of its interval exceeds `within` [K].
 
-        The variance is s'Cs + (0.03 (end - now))^2 + step^2 / 12 with the sensitivities s of the steady state and the covariance C.
+        The variance is s'Cs + (0.03 (end - now))^2 + step^2 / 12 with the sensitivities s of the steady state and the covariance C; the
+        interval of probability `level` [-] is of Student's t with the effective samples less the free values as degrees of freedom.
         """
         from scipy.special import stdtrit
 

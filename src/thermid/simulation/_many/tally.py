@@ -99,7 +99,11 @@ class Tally:
 
     @classmethod
     def of_values(cls, grid: CountGrid, values: Array) -> Tally:
-        """Return the counts and moments of values (rows, members), all finite. [K]"""
+        """Return the counts and moments of values (rows, members), all finite. [K]
+
+        A bin is floor(T / 2^exponent). Moments are sums of integers x = (T - centre) 2^`MOMENT_BITS` and of x^2, in halves of `HALF_BITS`
+        bits, so that sums over members come out the same in any order.
+        """
         at = np.floor(values * np.ldexp(1.0, -grid.exponents)[:, None]).astype(np.int64)
         place = at - grid.first[:, None]
         inside = (place >= 0) & (place < grid.bins[:, None])

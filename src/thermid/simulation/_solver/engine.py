@@ -264,9 +264,9 @@ class Modal:
     def _roughness(self, name: str, a: Assembled, capacity: Array, rates: Array) -> float:
         """Return how many steps a second an input's noise asks of the integrator. [1/s]
 
-        12 (b k^2 r sqrt(d))^(2/5), where a node of rate k is moved by the input at a rate b, r is the size of the noise [K] and d the
-        time between samples: fitted to steps counted over noises from 2 mK to 0.5 K, right within 2.5 times
-        (docs/design/simulation.md).
+        12 (b k^2 r sqrt(d))^(2/5), where a node of rate k [1/s] is moved by the input at a rate b, r is the size of the noise [K] and d
+        the time between samples [s]: fitted to steps counted over noises from 2 mK to 0.5 K, right within 2.5 times
+        (docs/design/simulation.md). `capacity` (nodes,) [J/K]; `rates` (nodes, nodes) [1/s].
         """
         signal, s = self.wiring.signals[name], self.wiring.structure
         if not isinstance(signal, TableSignal) or ends_steps(signal):
@@ -749,8 +749,9 @@ class _Balance:
     def leaving(self, temperatures: Array, jacobian: Array, outside: Sequence[float]) -> Array | None:
         """Return the heat per kelvin (nodes,) that each node loses to boundaries [W/K]; None where that is not all that the network loses.
 
-        The columns of the Jacobian sum to it, but only to rounding of their largest entry: a weak path to a boundary beside a strong one
-        between nodes would be lost. So the conductors that end at a boundary are asked by themselves. What follows temperatures, what goes
+        The columns of the `jacobian` J (nodes, nodes) [W/K] of the heat into nodes sum to minus it, but only to rounding of their largest
+        entry: a weak path to a boundary beside a strong one between nodes would be lost. So the conductors that end at a boundary are
+        asked by themselves, by central differences; `outside` are the temperatures of boundaries [K]. What follows temperatures, what goes
         one way and powers that depend on temperature are left to the Jacobian as it is.
         """
         s, size = self.problem.wiring.structure, temperatures.size

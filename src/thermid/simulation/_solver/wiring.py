@@ -838,7 +838,7 @@ class Wiring:
         return PlacedControl(row.control, index[row.sensor], places, row.name)
 
     def _loads(self, numbers: Numbers, make: _Builder, index: Mapping[str, int], values: Mapping[str, Number]) -> tuple[PlacedLoad, ...]:
-        """Add the coefficients of all loads into free nodes, and return where each stands."""
+        """Add the coefficients of all loads into free nodes, and return where each stands; `index` is node -> its position."""
         out, controls = [], [row.name for row in self._controlled(numbers)]
         for row, position in _numbered(numbers.loads):
             if row.node in self.network.boundaries:
