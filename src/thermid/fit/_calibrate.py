@@ -772,7 +772,10 @@ def held_emissivities(request: Request, problem: Problem, minimum: Fit, total: A
 
 
 def differing(problem: Problem) -> list[str]:
-    """Return one remark on sensors of one node that differ by more than what is said of their noise and accuracy."""
+    """Return one remark on sensors of one node that differ by more than what is said of their noise and accuracy.
+
+    That is |mean(a - b)| above `DIFFER` times sqrt((s_a^2 + s_b^2) / n + A_a^2 + A_b^2), noise s, accuracy A and n readings of both. [K]
+    """
     out = []
     for e in problem.experiments:
         for a, b in combinations(e.observations, 2):

@@ -209,10 +209,11 @@ def _tried(local: Callable[[Array], LocalCost], x: Array) -> LocalCost:
 
 
 def _bend_after(bend: Array, step: Array, before: tuple[Array, Array], after: tuple[Array, Array]) -> Array:
-    """Return what the curvature (unknowns, unknowns) of the cost has beside J'J, by how a step (unknowns,) changed the gradient.
+    """Return S (unknowns, unknowns), what the curvature of the cost has beside J'J, by how a step s (unknowns,) changed the gradient.
 
-    A secant update that keeps what is known of other directions: Dennis, Gay and Welsch, ACM Trans. Math. Softw. 7 (1981) 348, with
-    ``y - J'J s`` for the change that the bend makes.
+    `before` and `after` are rows r (rows,) and slopes J (rows, unknowns). With y = J'r after - before and u = y - J'J s the update is S +
+    (v y' + y v') / y's - (v's) y y' / (y's)^2, v = u - S s, S times min(1, |s'u| / |s'S s|) first. It keeps what is known of other
+    directions: Dennis, Gay and Welsch, ACM Trans. Math. Softw. 7 (1981) 348.
     """
     with np.errstate(over="ignore", invalid="ignore"):  # far off, slopes may be so large that their products are no floats
         turned = after[1].T @ after[0] - before[1].T @ before[0]

@@ -693,7 +693,8 @@ class _Walk:
     ) -> tuple[float, list[tuple[float, float]], bool]:
         """Return the value between the distances `low` and `high` where the growth reaches the threshold, the points, and True.
 
-        `place` are the unknowns from which the others are fitted anew; new points are added to `points`.
+        By Brent's method on the root of the growth; the value is best + `sign` times the distance, in the fitted form. `place` are the
+        unknowns from which the others are fitted anew; new points are added to `points`.
         """
         from scipy.optimize import brentq
 

@@ -57,7 +57,7 @@ class Posterior(Result):
     warnings: tuple[str, ...] = ()
 
     def interval(self, path: str, share: float = 0.95) -> tuple[float, float]:
-        """Return the interval that holds a share of the draws, as much left out below as above. [SI]
+        """Return the interval that holds a share of the draws, quantiles (1 - share) / 2 and (1 + share) / 2. [SI]
 
         Raises
         ------

@@ -318,7 +318,10 @@ def _shown(u: Unknown, value: float, variance: float) -> tuple[float, float]:
 
 
 def _opened_in(request: Request, problem: Problem, at: Array, runs: Sequence[int]) -> tuple[list[RangedValue], dict[str, Unknown]]:
-    """Return the ranged values of the model of some runs that nothing gives, and an unknown for each of them and each assumed value."""
+    """Return the ranged values of the model of some runs that nothing gives, and path -> unknown for each of them and each assumed value.
+
+    `at` (unknowns,), fitted form, is where the fit stands.
+    """
     experiments = [problem.experiments[i] for i in runs]
     network, deck = experiments[0].network, experiments[0].network.flat.parameters
     acting = {t.name: u.to_value(float(x)) for u, x in zip(problem.unknowns, at, strict=True) for t in u.targets if t.experiment in runs}

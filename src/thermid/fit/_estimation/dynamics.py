@@ -431,9 +431,9 @@ class Dynamics:
 
 
 def _units(places: Sequence[int], count: int) -> tuple[NDArray[np.int32], NDArray[np.int32], Array, int] | None:
-    """Return the derivatives of `count` coefficients by those at some places, unit vectors, as CSR: starts, columns, values, width.
+    """Return the derivatives (count, places) of `count` coefficients by those at some places, as CSR: starts, columns, values, width.
 
-    None without places.
+    Row `places[k]` has a 1 in column k; all else is 0. None without places.
     """
     if not places:
         return None

@@ -155,7 +155,10 @@ class Passing:
         return out
 
     def _foreseen(self, belief: Belief, time: float, sensors: Sequence[int]) -> tuple[Array, Array, Array]:
-        """Return readings (members, sensors) at a state (members, states), their rows (members, sensors, states), and that state."""
+        """Return readings (members, sensors) [K] at a state (members, states), their rows (members, sensors, states), and that state.
+
+        The state is the belief's mean at `time` [s]; of a linear model any state does, and a kept one is taken.
+        """
         d = self.dynamics
         if d.linear and self.still:
             return self.read[:, sensors], self.rows[:, sensors], self.about

@@ -41,7 +41,7 @@ class NoisyStep:
 
 
 def lower(rows: Array) -> Array:
-    """Return the lower triangular L (..., n, n), no diagonal below zero, with ``L L' = rows rows'`` of matrices (..., n, m); by QR."""
+    """Return the lower triangular L (..., n, n), no diagonal below zero, with ``L L' = rows rows'`` of `rows` (..., n, m), by QR."""
     size = rows.shape[-2]
     if rows.shape[-1] < size:
         rows = np.concatenate([rows, np.zeros((*rows.shape[:-1], size - rows.shape[-1]))], axis=-1)

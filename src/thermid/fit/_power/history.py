@@ -643,7 +643,7 @@ def _shown(unknown: Unknown, fitted: float) -> float:
 def _half_width(row: Array, at: int) -> float:
     """Return the full width at half maximum [knots] of a smoothing kernel, `row` (knots,), about its knot `at`, straight between knots.
 
-    Of a side that does not fall to half the knots up to its end count.
+    Where a side does not fall to half, the knots up to its end count.
     """
     half, out = 0.5 * row[at], 0.0
     for side in (row[at:], row[at::-1]):
@@ -698,7 +698,10 @@ class Colour:
     logdet: float
 
     def rows(self, pieces: Mapping[tuple[str, str], Binned]) -> tuple[Array, Array]:
-        """Return derivatives and residuals of the data in stretches of time, weighed so that their noise is white and of size 1."""
+        """Return derivatives L^-1 J (stretches, unknowns) and residuals L^-1 r (stretches,), L L' the covariance: their noise has size 1.
+
+        All traces of `pieces`, one after the other.
+        """
         from scipy.linalg import solve_triangular
 
         slopes, means = np.concatenate([b.slopes for b in pieces.values()]), np.concatenate([b.mean for b in pieces.values()])
@@ -751,7 +754,10 @@ def _with_heat(problem: Problem, knots: Array, pins: Pins, base: float, prior: s
 
 
 def _residual_noise(problem: Problem, solution: Solved) -> dict[str, float]:
-    """Return sensor -> noise: as stated, or the scatter of its residuals, what the history took of their freedom given back. [K]"""
+    """Return sensor -> noise: the scatter of its residuals, what the history took of their freedom given back. [K]
+
+    sqrt(mean r^2 n / (n - p)), p = tr(C A'A) the unknowns that n readings determine, C their covariance.
+    """
     worth = float(np.trace(solution.covariance @ solution.seen))
     grown = np.sqrt(problem.samples / max(problem.samples - worth, 1.0))
     sizes: dict[str, list[Array]] = {}

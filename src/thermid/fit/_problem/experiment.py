@@ -361,7 +361,14 @@ def first_readings(record: Record, observations: Sequence[Observation], window: 
 def starts_of(
     record: Record, base: Scenario, network: Network, first: Mapping[str, float], begun: Mapping[str, Mapping[str, float]], window: float
 ) -> tuple[Any, dict[str, Any], dict[str, str], dict[str, tuple[str, ...]]]:
-    """Return start, initial temperatures, nodes that start at a channel's first reading, and those at their own with its sensors."""
+    """Return start, node -> initial temperature, node -> channel whose first reading it is, and node -> sensors that it starts at.
+
+    Parameters
+    ----------
+    first : dict        Node -> first reading of its own sensors. [K]
+    begun : dict        Node -> sensor -> first reading. [K]
+    window : float      Of which a first reading is the mean. [s]
+    """
     initial: dict[str, Any] = {}
     readings: dict[str, str] = {}
 

@@ -434,7 +434,8 @@ def clock_at(problem: Problem, i: int, fitted: Array) -> ClockPlaces:
 def slopes_of_clock(problem: Problem, i: int, fitted: Array, times: Array | None = None) -> dict[int, Array]:
     """Return position of an unknown -> what offset or rate of a clock does to readings (times, sensors), but for steps of inputs.
 
-    By differences; none for a clock that nothing but steps are on.
+    (T(x + h) - T(x - h)) / (2 h) at `fitted` x (unknowns,), in K per s of an offset, K per unit of a rate; none for a clock that nothing
+    but steps are on.
     """
     out: dict[int, Array] = {}
     experiment, here = problem.experiments[i], clock_at(problem, i, fitted)
@@ -458,7 +459,10 @@ def slopes_of_clock(problem: Problem, i: int, fitted: Array, times: Array | None
 def compressed_in_full(
     problem: Problem, i: int, fitted: Array, loss: str, loss_scale: float
 ) -> tuple[Array, Array, float, list[tuple[str, str, Sums]]]:
-    """Return what `Problem.compressed` takes of experiment `i`, from all its residuals at `fitted` (unknowns,): as `as_triangle`."""
+    """Return what `Problem.compressed` takes of experiment `i`, from all its residuals at `fitted` (unknowns,): as `as_triangle`.
+
+    `loss_scale` is in units of the noise. [-]
+    """
     experiment = problem.experiments[i]
     blocks, slopes = problem.blocks_and_slopes(i, fitted)
     full = np.concatenate([slopes[o.index, k, :] for k, o in enumerate(experiment.observations)])
@@ -560,7 +564,7 @@ class Problem:
         return [(k, target) for k, target in there if clock_target(target.name) is None]
 
     def _bias(self, sensor: str, fitted: Array) -> tuple[float, int | None]:
-        """Return the constant error of a sensor and its position among the unknowns."""
+        """Return the constant error of a sensor [K] at `fitted` (unknowns,), and its position among these; None where it is fixed."""
         for k, u in enumerate(self.unknowns):
             if u.kind == "sensor" and u.name == f"sensor {sensor}":
                 return float(fitted[k]), k
@@ -736,7 +740,10 @@ class Problem:
 
 
 def _chain_product(derivatives: Array, chain: Array) -> Array:
-    """Return the product of derivatives (times, sensors, names) and slopes (names, unknowns), most of which act on one name alone."""
+    """Return the product D C (times, sensors, unknowns) of `derivatives` D (times, sensors, names) and `chain` C (names, unknowns).
+
+    Most columns of C act on one name alone, which is faster than a product. [K per fitted form]
+    """
     places, several = np.abs(chain).argmax(axis=0), np.count_nonzero(chain, axis=0) > 1
     out: Array = np.take(derivatives, places, axis=2)
     out *= chain[places, np.arange(places.size)]
@@ -747,12 +754,14 @@ def _chain_product(derivatives: Array, chain: Array) -> Array:
 def prior_rows(
     unknowns: Sequence[Unknown], coupled: Sequence[tuple[NDArray[np.int64], Array, Array]], fitted: Array
 ) -> tuple[Array, Array]:
-    """Return the residuals of priors and their derivatives (residuals, unknowns). [-]
+    """Return the residuals (rows,) of priors and their derivatives (rows, unknowns). [-]
+
+    (x - m) / s of each normal prior, R (x - m) of those known together.
 
     Parameters
     ----------
-    coupled : sequence          Positions, means and the root of the information of what stages below found together.
-    fitted : array (unknowns,)  In the fitted form.
+    coupled : sequence          Positions, means m and the root R of the information of what stages below found together.
+    fitted : array (unknowns,)  Values x, in the fitted form.
     """
     values, slopes = [], []
     below = {int(k) for at, _, _ in coupled for k in at}

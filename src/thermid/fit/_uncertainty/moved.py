@@ -169,7 +169,10 @@ def _detectable_shift(weights: Array, errors: Array, tests: int) -> float:
 
 
 def holm(chances: Sequence[float]) -> list[float]:
-    """Return probabilities adjusted for their number, (n - rank) p made monotone (Holm, Scand. J. Statist. 6 (1979) 65); NaN stays."""
+    """Return probabilities `chances` adjusted for their number, (n - rank) p made monotone (Holm, Scand. J. Statist. 6 (1979) 65). [-]
+
+    `rank` counts from 0 for the least; 1 is the most, and NaN stays.
+    """
     out, worst = [math.nan] * len(chances), 0.0
     order = sorted((k for k, p in enumerate(chances) if math.isfinite(p)), key=lambda k: chances[k])
     for rank, k in enumerate(order):
@@ -668,7 +671,7 @@ def moved_instruments(before: Store, after: Store) -> MovedGroup:
 
 
 def _covariance_difference(below: Array, here: Array) -> Array:
-    """Return `below` - `here`, both covariances (values, values); `below` alone in directions where less than a tenth of it is left.
+    """Return `below` - `here`, both covariances (values, values), fitted form; of directions with less than a tenth of it left, `below`.
 
     Directions are those of the shares of the variance below that stand here: eigenvectors of L^-1 here L'^-1, below = L L'.
     """

@@ -288,9 +288,10 @@ def _errors_of_means(noise: InputNoise, times: Array, values: Array, place: Indi
 
 
 def score_of_inputs(pieces: Mapping[tuple[str, str], Binned], inputs: Mapping[tuple[str, str], Array]) -> Array:
-    """Return what the noise of logged boundaries and powers adds to the covariance of J'r (unknowns, unknowns).
+    """Return what the noise of logged boundaries and powers adds to the covariance of J'r (unknowns, unknowns). [-]
 
     A cause that moves the residuals by h moves J'r by J'h, summed over the sensors of its record: covariance ``sum (J'h) (J'h)'``.
+    `inputs` is (record, sensor) -> h (stretches, causes), in units of the noise.
     """
     size = next((b.slopes.shape[1] for b in pieces.values()), 0)
     moved: dict[str, Array] = {}
@@ -755,7 +756,11 @@ class _TraceBasis:
 
     @classmethod
     def of_trace(cls, b: Binned, scale: Array) -> _TraceBasis:
-        """Return a trace in the eigenbases of its correlations, one for each time of the grid; slopes in units of `scale` (unknowns,)."""
+        """Return a trace in the eigenbases of its correlations, one for each time of the grid; slopes in units of `scale` (unknowns,).
+
+        With N the counts of stretches, sqrt(N) R sqrt(N) = U L U' for R = exp(-|dt| / time); kept are 1 / (1 + ratio L) (times, ratios,
+        stretches), U' sqrt(N) r and U' sqrt(N) J. [-]
+        """
         root = np.sqrt(b.count)
         sizes, vectors = _bases(b.times.tobytes(), b.count.tobytes())
         turned = np.swapaxes(vectors, 1, 2)

@@ -118,9 +118,10 @@ def energy_balance(
 
 
 def _by_values(fit: Calibration, case: _Case, moved: Callable[[Model], _Case]) -> Array:
-    """Return the change of each node's balance by one standard deviation of each source of errors (sources, nodes). [W]
+    """Return the change (sources, nodes) of each node's balance by one standard deviation of each source of errors. [W]
 
-    By differences over `BALANCE_STEP` of each fitted value; `moved` makes the case of another model.
+    R'D, with the differences D (values, nodes) over `BALANCE_STEP` of each fitted value, and R R' the covariance of the values; `moved`
+    makes the case of another model.
     """
     states = [s for s in fit.store.states.values() if s.kind == "parameter" and s.known]
     here, out = case.parts(case.given).left, []

@@ -123,7 +123,10 @@ class FaultBench:
         return np.concatenate(parts)
 
     def moved(self, c: Fault, amount: float) -> tuple[Array, Array]:
-        """Return the change of the simulated readings (readings,) by an amount of a candidate [K], and its response there."""
+        """Return the change of the simulated readings (readings,) by an amount of a candidate [K], and its response there [K per amount].
+
+        A capacitance is multiplied by 1 + amount, any other value is moved by it; a fault of a sensor is linear.
+        """
         if not c.free:
             s = self.response(c, self.nominal)
             return amount * s, s

@@ -584,9 +584,10 @@ def linearised(problem: Problem, at: Array) -> tuple[Array, Array]:
 
 
 def _systems(problem: Problem, at: Array, noise: int | None, like: Sequence[Binned]) -> list[tuple[Array, Array]]:
-    """Return residuals (rows,) and derivatives (rows, unknowns), priors below the readings: in white noise, and in `noise` where given.
+    """Return residuals (rows,) and derivatives (rows, unknowns) at `at` (unknowns,), fitted form, priors below the readings. [-]
 
-    `like` are the traces of the structure before, by which white noise is as large as it is inside their stretches.
+    In white noise, and in `noise`, a column of a score, where given. `like` are the traces of the structure before, by which white noise
+    is as large as it is inside their stretches.
     """
     if noise is None:
         compressed = problem.compressed(at)

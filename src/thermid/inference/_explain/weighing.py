@@ -78,8 +78,9 @@ def weighed_in_noise(
 ) -> tuple[CauseScore, Array]:
     """Return the score of a problem at the values that are likeliest in one noise, the column `noise` of a score, and these (unknowns,).
 
-    White noise, by which fits are made, and noise that wanders have other ends. A descent from `fitted` in that noise leads to the other;
-    what the linearisation promises beyond it does not count, for no run confirms it.
+    White noise, by which fits are made, and autocorrelated noise have other ends. A descent from `fitted` (fitted form) in that noise
+    leads to the other; what the linearisation promises beyond it does not count, for no run confirms it. `loss_scale` is in units of the
+    noise.
 
     Raises
     ------

@@ -283,10 +283,11 @@ class PopulationFit:
 
 
 def _begun(summaries: Summaries, together: Bools) -> Array:
-    """Return an Omega (values, values) to begin at: how far what units say is apart, and steps of expectation and maximisation from there.
+    """Return an Omega (values, values), fitted form, to begin at: how far units are apart, then steps of expectation and maximisation.
 
-    A step is ``Omega + Omega slope Omega / units`` (Laird and Ware, Biometrics 38 (1982) 963); it never lowers R (Dempster, Laird
-    and Rubin, J. R. Stat. Soc. B 39 (1977) 1).
+    A unit says score / information of each value; its weight is that information, at most the upper quartile. A step is ``Omega + Omega
+    slope Omega / units`` (Laird and Ware, Biometrics 38 (1982) 963), within the correlations in `together`; it never lowers R (Dempster,
+    Laird and Rubin, J. R. Stat. Soc. B 39 (1977) 1).
     """
     size = summaries.score.shape[1]
     diagonal = np.diagonal(summaries.information, axis1=1, axis2=2)

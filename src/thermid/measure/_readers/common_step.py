@@ -129,9 +129,10 @@ class LogCourse:
         return self.values.size >= 8 and float(np.ptp(self.values)) > 0.0
 
     def responses(self, fine: float, count: int, longest: float) -> Explanation:
-        """Return first-order responses to a power less its first value, on a grid of step `fine` [s].
+        """Return first-order responses (times, constants) to a power less its first value, on a grid of step `fine` [s]. [W]
 
-        Their `count` time constants run from `fine` to `longest` by equal factors. [s], [W]
+        y_i = d y_(i-1) + (1 - d) x_(i-1), d = exp(-fine / constant): what `count` lags would show of the power x held between samples.
+        Their time constants run from `fine` to `longest` by equal factors. [s]
         """
         from scipy.linalg import solve_banded
 
@@ -211,7 +212,10 @@ def common_step(first: Sequence[LogCourse], second: Sequence[LogCourse]) -> Comm
 
 
 def _as_pairs_agree(offsets: Sequence[CommonStep]) -> list[CommonStep]:
-    """Return offsets; errors of those from a power get the between-pair variance added (DerSimonian and Laird 1986)."""
+    """Return offsets; errors of those from a power get the between-pair variance added (DerSimonian and Laird 1986). [s]
+
+    (Q - (n - 1)) / (sum w - sum w^2 / sum w) with w = 1 / error^2 and Q = sum w (offset - mean)^2, at least zero.
+    """
     sure = [f for f in offsets if not (f.lags or f.candidate)]
     weights, values = np.array([f.error**-2.0 for f in sure]), np.array([f.offset for f in sure])
     if len(sure) < 2:
