@@ -725,7 +725,10 @@ def _taken_as_switched(problem: Problem, minimum: Fit, total: Array) -> list[str
 
 
 def without_lags(problem: Problem, minimum: Fit, total: Array) -> list[str]:
-    """Return one remark on sensors without a stated lag, where one that the readings allow would move a value by more than its error."""
+    """Return one remark on sensors without a stated lag, where one that the readings allow would move a value by more than its error.
+
+    `total` (unknowns, unknowns) is the covariance of the unknowns, fitted form; more is `HALF_WIDTH_95` standard errors.
+    """
     names, lag, shifts = shifts_by_lags(problem, minimum, UNSTATED_LAG)
     ratios = {
         u.name: abs(float(shifts[k])) / (float(np.sqrt(total[k, k])) or np.inf)
@@ -745,7 +748,8 @@ def without_lags(problem: Problem, minimum: Fit, total: Array) -> list[str]:
 def held_emissivities(request: Request, problem: Problem, minimum: Fit, total: Array) -> list[str]:
     """Return one remark on the held emissivity without a range that moves a value most, where 5 % of it are more than the value's error.
 
-    An error dq of what is held moves the fit by -C A'B dq (`opened_jacobian`).
+    An error dq of what is held moves the fit by -C A'B dq (`opened_jacobian`), C the covariance of the fit alone; `total` (unknowns,
+    unknowns), fitted form, has the errors that are stated.
     """
     flat = problem.experiments[0].network.flat
     parameters, inherited = flat.parameters, {q for state in request.store.states.values() for q in state.acts}

@@ -200,7 +200,7 @@ def descend(
 
 
 def _tried(local: Callable[[Array], LocalCost], x: Array) -> LocalCost:
-    """Return cost, residuals and slopes at a point; an infinite cost where the run fails."""
+    """Return cost, residuals (rows,) and slopes (rows, unknowns) at `x` (unknowns,), fitted form; an infinite cost where the run fails."""
     try:
         cost, rows, slopes = local(x)
     except SolverError:
@@ -346,7 +346,7 @@ class _CountedRuns:
         return compressed
 
     def local(self, x: Array) -> LocalCost:
-        """Return the cost beside some values.
+        """Return the cost r'r / 2, residuals r (rows,) and slopes (rows, unknowns) at `x` (unknowns,), fitted form, priors below. [-]
 
         Raises
         ------

@@ -258,7 +258,7 @@ def dew_point(pressure: Any) -> Array:
 
 
 def vapour_density(pressure: Any, temperature: Any) -> Array:
-    """Density of vapour as an ideal gas [kg/m^3].
+    """Return the density p / (R_v T) of vapour as an ideal gas, of the arguments' common shape. [kg/m^3]
 
     Parameters
     ----------
@@ -269,7 +269,9 @@ def vapour_density(pressure: Any, temperature: Any) -> Array:
 
 
 def latent_heat(temperature: Any) -> Array:
-    """Heat that vapour gives when it settles: as dew, or as frost below 0 degC [J/kg].
+    """Return the heat that vapour gives when it settles, as dew, or as frost below 0 degC; of the temperature's shape. [J/kg]
+
+    2.501e6 - 2361 (T - 273.15 K) for dew, 2.834e6 for frost.
 
     Parameters
     ----------

@@ -237,7 +237,11 @@ class PlacedFace:
         return math.pi * self.radius**2 if self.kind == "disc" else 2.0 * math.pi * self.radius * float(np.linalg.norm(self.first))
 
     def sample_points(self, u: Array, v: Array) -> tuple[Array, Array]:
-        """Return points spread evenly over the face [m] and the normals there, each (rays, 3), for coordinates u, v from 0 to 1 (rays,)."""
+        """Return points spread evenly over the face (rays, 3) [m] and the normals there (rays, 3), for u, v from 0 to 1 (rays,).
+
+        A rectangle is o + u a + v b, a disc o + R sqrt(u) e(2 pi v), a cylinder o + u a + R e(2 pi v), with the origin o, the sides or
+        axis a and b, and e a unit vector across the axis; a cylinder's normal is e, or -e where its inside radiates.
+        """
         origin, first = np.array(self.at), np.array(self.first)
         if self.kind == "rectangle":
             second = np.array(self.second)
@@ -255,7 +259,8 @@ class PlacedFace:
     def hit_distances(self, start: Array, ray: Array, near: float) -> tuple[Array, Flags]:
         """Return the distance (rays,) [m] at which rays hit the face, infinite where they miss it, and whether they hit its radiating side.
 
-        Rays begin at `start` (rays, 3) [m] in the unit directions `ray` (rays, 3); hits nearer than `near` [m] do not count.
+        s = n.(o - p) / n.r of a plane through o with the normal n, where the point lies on the face; n.r < 0 is its radiating side. Rays
+        begin at `start` p (rays, 3) [m] in the unit directions `ray` r (rays, 3); hits nearer than `near` [m] do not count.
         """
         origin, first = np.array(self.at), np.array(self.first)
         if self.kind == "cylinder":

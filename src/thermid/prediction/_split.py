@@ -492,7 +492,12 @@ class _Joint:
         return math.log(room / part.black), part.effective_error / room
 
     def _cut_at_ceiling(self, part: Part) -> None:
-        """Cut off emissivities that leave less than the conduction of gas at rest: moments of a normal that is cut softly."""
+        """Cut off emissivities that leave less than the conduction of gas at rest: moments of a normal that is cut softly.
+
+        ln e with mean m and variance v is cut at a top of standard deviation l: with w^2 = v + l^2, z = (top - m) / w and g = phi(z) /
+        Phi(z) the mean falls by g v / w, the variance by (v^2 / w^2) g (g + z); the others follow along their covariance, but for fitted
+        parameters. [-]
+        """
         k = self.at[part.emissivity]
         top, loose = self._ceiling(part)
         v = float(self.cov[k, k])

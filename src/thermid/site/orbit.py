@@ -253,7 +253,18 @@ def orbit_fluxes(
 
 
 def _fluxes(path: _Path, radius: float, tilt: float, attitude: str, strength: float, albedo: float, glow: float) -> OrbitFluxes:
-    """Return what falls on the faces along a path, by the sun's strength [W/m^2], tilt to its plane [deg] and the planet's glow [W/m^2]."""
+    """Return what falls on the faces along a path: by the sun S max(n.s, 0), by albedo S a F max(r.s, 0), by the planet's infrared E F.
+
+    n, r and s are unit vectors of the face, from the planet to the craft, and to the sun; F is the view of the planet. Shadow comes in as
+    its own signal.
+
+    Parameters
+    ----------
+    radius : float              Of the planet. [m]
+    tilt : float                Of the sun to the orbit's plane. [deg]
+    strength, glow : float      S of the sun and E that leaves the planet. [W/m^2]
+    albedo : float              a of the planet. [-]
+    """
     sun = np.array([np.cos(np.radians(tilt)), 0.0, np.sin(np.radians(tilt))])
     shadow = _shadow(path, sun, radius)
     edges = np.array(sorted({t for span in shadow for t in span if 0.0 < t < path.period}))

@@ -415,7 +415,11 @@ class _Interval:
         return np.asarray(self._at(s.speed, at)[:, 0] * (state.vapour[s.at] - self._at(s.wall, at)[:, 0]))
 
     def step(self, state: _Water, share: float, width: float, wet: Bools) -> _Water:
-        """Return the state after one Radau step from `share` over `width`, both parts of the interval, with the walls in `wet` wet."""
+        """Return the state after one Radau IIA step of three stages from `share` over `width`, both parts of the interval.
+
+        Volumes: V dc/dt = sum over walls A v (w - c) + fresh c_out - laplacian c, films df/dt = v (c - w), v the speed [m/s] of walls in
+        `wet` (none of the others), c and w the vapour density of the gas and at the wall [kg/m^3].
+        """
         s, n, h = self.system, self.system.size.size, width * self.span
         at = share + width * RADAU_C
         speed, wall, known_density = self._at(s.speed, at) * wet[:, None], self._at(s.wall, at), self._at(s.known, at)
@@ -487,7 +491,10 @@ class _Interval:
         return np.asarray(np.where(wet, (state.film <= NOTHING * self.scale) & (gain < 0.0), gain > -NOTHING * self.scale))
 
     def _width_to_switch(self, state: _Water, share: float, width: float, wet: Bools, middle: _Water) -> float:
-        """Return the width of the step, in parts of the interval, until the first wall dries or passes the dew point; Brent's method."""
+        """Return the width of the step, in parts of the interval, until the first wall dries or passes the dew point; Brent's method.
+
+        The step begins at `share`; `width` is one in which that happens, and `middle` the state after half of it.
+        """
         from scipy.optimize import brentq
 
         high = 0.5 * width if self._crossed(middle, share + 0.5 * width, wet).any() else width

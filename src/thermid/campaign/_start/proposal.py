@@ -470,13 +470,13 @@ class Rest:
 
 
 def beginning_rest(record: Record, roles: Roles, noise: Mapping[str, float], accuracy: float = ACCURACY) -> Rest:
-    """Return how a record begins without power, and whether that shows offsets.
+    """Return how a record begins without power: how long, how much parts drift, whether that shows offsets, and starts of parts.
 
     Without power are samples of 1 % of the largest at most. Changes are those of the mean from the first half to the second; noise
     explains one up to 3 noise / sqrt(readings of a half) + 0.02 K. A part that follows drifting surroundings changes between not at all
     and as they do; one that cools changes otherwise. How far it is behind them at the beginning depends on how they drifted before, which
-    no reading shows: as much again, twice the change, is one standard deviation. In simulated rooms, of parts with time constants of 10
-    min to 5 h, 4 % were farther than two of them.
+    no reading shows: as much again, twice the change, is one standard deviation of its start. In simulated rooms, of parts with time
+    constants of 10 min to 5 h, 4 % were farther than two of them.
 
     Parameters
     ----------

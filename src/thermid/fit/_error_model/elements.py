@@ -103,7 +103,7 @@ class SurfaceLaw:
         return out | {SHARE_OF: radiated / self.share - convected / max(whole - self.share, 1.0 - LARGEST_SHARE)}
 
     def moved(self, by: Mapping[str, float]) -> SurfaceLaw:
-        """Return the law with another exponent and share, kept to what is possible."""
+        """Return the law with `by` added to its exponent and its share of radiation [-], kept to what is possible."""
         if not self.share:
             return replace(self, exponent=max(self.exponent + by.get(EXPONENT_OF, 0.0), 0.0))
         share = float(np.clip(self.share + by.get(SHARE_OF, 0.0), LEAST_SHARE, LARGEST_SHARE))

@@ -337,9 +337,10 @@ class Dynamics:
         return self.memo.value(("loads", times.tobytes(), a.coefficients[places].tobytes()), make, MAX_CACHED_COURSES)
 
     def _balance_massless(self, coefficients: Array, temperatures: Array, outer: Array, time: float) -> tuple[Array, Array, Array | None]:
-        """Return heat (nodes,) [W], Jacobian [W/K] and slopes with massless nodes in balance, by Newton's method to 1e-10 K.
+        """Return heat (nodes,) [W], Jacobian (nodes, nodes) [W/K] and slopes with massless nodes in balance, by Newton's method to 1e-10 K.
 
-        Their `temperatures` (nodes,) [K] are put in place; `outer` (nodes,) [W] is heat of the noises, added to it.
+        At `time` [s] with the `coefficients` of laws. Their `temperatures` (nodes,) [K] are put in place; `outer` (nodes,) [W] is heat of
+        the noises, added to it.
         """
         loose = self.massless
         for _ in range(BALANCES if loose.size else 0):
@@ -396,7 +397,10 @@ class Dynamics:
         return total, row
 
     def start(self, at: At) -> tuple[Array, Array]:
-        """Return mean (states,) and standard deviations (states,) of the state at the start."""
+        """Return mean (states,) and standard deviations (states,) of the state at the start: temperatures [K], then noises [W or K].
+
+        A noise begins at zero: with its stationary size where it has a time, else with that of a level that stays.
+        """
         mean, sd = np.zeros(self.size), np.zeros(self.size)
         count = self.massive.size
         mean[:count] = at.assembled.initial[self.massive]

@@ -122,7 +122,7 @@ def _rows_after(passing: Passing, filtered: Pass, root: Array, origin: float, ho
 
 
 def _by_sensor(likelihood: Likelihood, i: int, rows: list[tuple[int, float, float, float]]) -> list[OpenLoopTrace]:
-    """Return the open-loop errors of an experiment by sensor, from rows (observation, time, predicted, standard error)."""
+    """Return the open-loop errors of experiment `i` by sensor, from rows (observation, time [s], foreseen less measured, its error [K])."""
     experiment = likelihood.problem.experiments[i]
     out = []
     for k, o in enumerate(experiment.observations):

@@ -72,7 +72,7 @@ THETA: Final = 5.371920351148152
 
 
 def exponential(matrices: Array) -> Array:
-    """Return exp(A) of matrices A (..., n, n) [-]: Pade approximant of degree 13 with scaling and squaring, all scaled alike.
+    """Return exp(A) (..., n, n) of matrices A (..., n, n) [-]: Pade approximant of degree 13 with scaling and squaring, all scaled alike.
 
     Many small ones cost one call each of numpy's. Higham, SIAM J. Matrix Anal. Appl. 26 (2005) 1179: `PADE`, `THETA`.
     """

@@ -214,7 +214,10 @@ def _misses(h: PowerHistory, model: Model) -> tuple[dict[str, float], float]:
 
 
 def _means(h: PowerHistory) -> tuple[Array, Array, Array, Array]:
-    """Return temperature [degC] and power at the knots where it was unknown, the weights of means over the resolution, their covariance."""
+    """Return temperature [degC] and power [W] (knots,) where it was unknown, weights A (means, knots) over the resolution, and A C A' [W^2].
+
+    C is the covariance of the knots. Windows in which the power was known are left out.
+    """
     open_ = ~h.known
     weights = h.weights(f"{max(h.resolution, float(np.median(np.diff(h.times))))!r} [s]")[1]
     clear = weights[:, h.known].sum(axis=1) < 1e-9

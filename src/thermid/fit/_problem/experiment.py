@@ -339,9 +339,10 @@ def first_reading(record: Record, name: str, window: float = 0.0) -> float:
 
 
 def first_readings(record: Record, observations: Sequence[Observation], window: float = 0.0) -> dict[str, dict[str, float]]:
-    """Return observed node -> the sensors that read its start, with their first readings; the node starts at their mean. [SI]
+    """Return observed node -> the sensors that read its start, with their first readings; the node starts at their mean. [K]
 
-    They are those that have read when the first one reads again: one that begins later says where the node is by then.
+    They are those that have read when the first one reads again: one that begins later says where the node is by then. `window` [s] is
+    that of a first reading, as of `first_reading`.
 
     Raises
     ------

@@ -243,7 +243,8 @@ def pooled(parts: list[Sums]) -> Sums:
 def loss_of(squares: Array, loss: str, loss_scale: float) -> tuple[Array, Array]:
     """Return the loss c^2 rho(z) and its derivative rho'(z) by r^2 of squared residuals r^2 of any shape, z = r^2 / c^2. [-]
 
-    r is in units of the noise and c is `loss_scale`, as in the kernel; rho as of `scipy.optimize.least_squares`.
+    Soft L1 rho = 2 (sqrt(1 + z) - 1), Huber z or, above 1, 2 sqrt(z) - 1, Cauchy ln(1 + z), else z: as of `scipy.optimize.least_squares`
+    and in the kernel. r is in units of the noise and c is `loss_scale`.
     """
     # c^2 rho(z) and rho'(z), z = (r/c)^2: soft L1 rho = 2 (sqrt(1 + z) - 1), Huber z or 2 sqrt(z) - 1, Cauchy ln(1 + z)
     z = squares / loss_scale**2
@@ -424,7 +425,7 @@ def _parts(node: str, recover: Mapping[str, Mapping[str, Number]]) -> dict[str, 
 
 
 def clock_at(problem: Problem, i: int, fitted: Array) -> ClockPlaces:
-    """Return `Ticks.at` of every unknown clock of an experiment at some values of the unknowns."""
+    """Return offset [s] and rate [-] of every unknown clock of experiment `i` at `fitted` (unknowns,), as `Ticks.at` holds them."""
     at = [[*ticks.at] for ticks in problem.experiments[i].ticks]
     for k, number, place in problem.ticking(i):
         at[number][place] = float(fitted[k])

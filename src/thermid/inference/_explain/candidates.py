@@ -561,8 +561,9 @@ def _adding(name: str, free: tuple[str, ...], **tables: Mapping[str, Any]) -> Ca
 def _started(request: Request, node: str, channels: Sequence[str]) -> Request:
     """Return a request in which a new node starts beside the readings there, where nothing else says how.
 
-    Where records begin at a given temperature, and not at rest, the new node has a start of its own in each: about the mean of the first
-    readings, within half their range.
+    Where records begin at rest or as measured, it begins at the first reading of the one channel in `channels`. Where they begin at a
+    given temperature, and first readings differ by more than 3 K, it has a start of its own in each record: at the lowest first reading,
+    with half their range as standard deviation, 1 K at least.
     """
     scenarios = dict(request.scenarios)
     local = {name: dict(table) for name, table in request.record_local.items()}

@@ -119,6 +119,10 @@ def _prior_rows(problem: Problem, fitted: Array, sizes: Mapping[str, SizedValue]
 def _weighed(problem: Problem, fitted: Array, sizes: Mapping[str, SizedValue], pieces: Sequence[Binned]) -> tuple[CauseScore, Array, Array]:
     """Return the logarithms (noises,) of the evidence of a problem: all unknowns integrated out, readings linear about `fitted`.
 
+    ``ln Z = ln|P|/2 - ln|A|/2 + b'A^-1 b / 2 - r'W r / 2 - p'p / 2`` and the noise's own terms, as of `evidences`: A = J'W J + P, P the
+    information of the priors, b = -(J'W r + P_rows' p). A size whose prior is about nothing counts its upper half alone: ln 2 + ln Phi((1
+    + move) / error) more.
+
     Parameters
     ----------
     problem : Problem           Its own priors count for unknowns without an entry in `sizes`.

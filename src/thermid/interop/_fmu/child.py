@@ -118,7 +118,7 @@ class _FmuRun(ABC):
             self.fmu.freeInstance()
 
     def _begin(self) -> None:
-        """Set up the experiment and enter initialisation with the values and inputs of the setting."""
+        """Set up the experiment and pass through initialisation, with the values and inputs of the setting at time zero."""
         if self.file.second:
             self.fmu.setupExperiment(tolerance=CVODE_TOLERANCE, startTime=0.0, stopTime=None)
         if self.setting.values:

@@ -132,7 +132,7 @@ def board_restarts(times: FloatArray, columns: Mapping[str, FloatArray]) -> Iter
 
 
 def hidden_switches(times: FloatArray, powers: Mapping[str, FloatArray]) -> Iterator[str]:
-    """Yield a sentence for each change of a power within a gap between its readings.
+    """Yield a sentence for each change of a power, by more than `SWITCH` of its range, within a gap between its readings.
 
     Parameters
     ----------

@@ -248,7 +248,10 @@ class _Fit:
         return compressed.chi_square
 
     def run(self) -> None:
-        """Fit, estimate the noise from the residuals, and fit again; `inverse` becomes the covariance of the unknowns."""
+        """Fit, estimate the noise from the residuals, and fit again; `inverse` becomes the covariance (P + sum J_k'J_k / s_k^2)^-1.
+
+        P is the information of the priors, J_k (samples, unknowns) and s_k [K] are the derivatives and the noise of sensor k.
+        """
         for _ in range(2):
             minimum = minimise(self, start=self.z, done=DONE_STEP)
             self.z = minimum.fitted
@@ -344,9 +347,9 @@ class _Fit:
 
 
 def unknowns_with_priors(experiment: Experiment) -> tuple[tuple[str, ...], Array, Array, Array]:
-    """Return the names of free values, the model's numbers, prior standard deviations, and whether these are of the logarithm.
+    """Return the names of free values, the model's numbers (free,) [SI], prior deviations (free,), and whether these are of the logarithm.
 
-    Free are values that a fault would change, capacitances, and starts that are not known; values that are not positive stay fixed.
+    Free are values that a fault would change, capacitances, and starts that are not known [K]; values that are not positive stay fixed.
     """
     network = experiment.network
     values = network.numbers().values

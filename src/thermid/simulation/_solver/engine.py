@@ -609,9 +609,10 @@ def settle(problem: KernelProblem, a: Assembled, time: float, gradients: bool = 
 
 
 def at_rest(problem: KernelProblem, a: Assembled, time: float, gradients: bool = False) -> tuple[Array, Array, NDArray[np.int32]]:
-    """Return what `settle` does, and the states (controls,) of thermostats, -1 for those by temperature, and of controls with modes.
+    """Return what `settle` does with the inputs at `time` [s], and the states (controls,) of thermostats and of controls with modes.
 
-    Controls with modes begin in their first and go on to those that the temperatures found ask for, until they rest.
+    The state of a thermostat that goes by temperature is -1. Controls with modes begin in their first and go on to those that the
+    temperatures found ask for, until they rest.
 
     Raises
     ------
@@ -787,7 +788,10 @@ class _Balance:
         return levels
 
     def moves(self, temperatures: Array, moves: Array) -> Array:
-        """Return the derivatives of the states (states, free) from those of the temperatures (nodes, free)."""
+        """Return the derivatives of the states (states, free) from `moves` dT/dx (nodes, free), both in K per SI unit.
+
+        A node with a store has its level as state: du/dx = c(T) / c_ref dT/dx.
+        """
         changes = moves[self.place]
         for k, store, liquid in self.held:
             changes[k] *= float(store.share(temperatures[self.place[k]], liquid))
