@@ -214,7 +214,7 @@ def _misses(h: PowerHistory, model: Model) -> tuple[dict[str, float], float]:
 
 
 def _means(h: PowerHistory) -> tuple[Array, Array, Array, Array]:
-    """Return temperature [degC] and power [W] (knots,) where it was unknown, weights A (means, knots) over the resolution, and A C A' [W^2].
+    """Return temperature [degC] and power [W] (knots,) where it was unknown, weights A (means, knots) of means, and A C A' [W^2].
 
     C is the covariance of the knots. Windows in which the power was known are left out.
     """

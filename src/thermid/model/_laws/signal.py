@@ -515,7 +515,8 @@ class Sine(_Endless):
     def mean_over(self, begin: float, end: float) -> float:
         """Return its mean over `begin` .. `end` [s].
 
-        m + A (cos(w begin + phase) - cos(w end + phase)) / (w (end - begin)), w = 2 pi / period; its value at `begin` where the length is zero. [SI]
+        m + A (cos(w begin + phase) - cos(w end + phase)) / (w (end - begin)), w = 2 pi / period; its value at `begin` where the length is
+        zero. [SI]
         """
         if end <= begin:
             return float(self.at(np.array([begin]))[0])
