@@ -572,7 +572,7 @@ class Margin(Result):
 
     @property
     def undecided(self) -> str:
-        """Why it is not decided; empty where it is."""
+        """Why it is not decided, as text; empty where it is: below zero, or with a known error above it even by assumed values."""
         if self.mark == "memory":
             return CodedText("a number quoted from memory", "verdict.from-memory")
         if self.margin < 0:

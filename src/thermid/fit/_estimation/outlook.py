@@ -122,7 +122,10 @@ def _rows_after(passing: Passing, filtered: Pass, root: Array, origin: float, ho
 
 
 def _by_sensor(likelihood: Likelihood, i: int, rows: list[tuple[int, float, float, float]]) -> list[OpenLoopTrace]:
-    """Return the open-loop errors of experiment `i` by sensor, from rows (observation, time [s], foreseen less measured, its error [K])."""
+    """Return the open-loop errors of experiment `i` by sensor.
+
+    `rows` are (number of the observation, time [s], foreseen less measured [K], its standard error [K]).
+    """
     experiment = likelihood.problem.experiments[i]
     out = []
     for k, o in enumerate(experiment.observations):

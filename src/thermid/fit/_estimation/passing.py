@@ -127,7 +127,11 @@ class Passing:
         return time_update(belief, root.transition, mean, root.noise), [FilterStep(root.transition, root.noise, belief, mean)]
 
     def ahead(self, belief: Belief, place: int) -> tuple[Belief, tuple[FilterStep, ...]]:
-        """Return the belief at the next time of the grid after `place`, no reading in between, and the legs to it."""
+        """Return the belief at the next time of the grid after `place`, no reading in between, and the legs to it.
+
+        Of a linear network x+ = F (x - a) + f, with the transition F over the step, the states a (members, states) about which it was made
+        linear, and f what inputs bring from there, exact for inputs that are straight in time; else `_bent_step`. [K]
+        """
         if self.dynamics.linear:
             s = self._steps[self.dynamics.lengths[place]]
             mean = np.asarray(np.einsum("mij,mj->mi", s.transition, belief.mean - self.about) + self._forced[:, place])

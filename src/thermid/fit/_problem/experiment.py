@@ -765,7 +765,11 @@ class Experiment:
 
     @property
     def jumps(self) -> dict[str, tuple[Jump, ...]]:
-        """Name in the wiring -> the jumps of inputs that it moves: an instant its own, offset and rate of a clock all of its steps."""
+        """Name in the wiring -> the jumps of inputs that it moves: an instant its own, offset and rate of a clock all of its steps.
+
+        A jump has the table, path and row of its input, and by how many seconds it moves per unit of the name: the interval before its
+        sample of an instant, 1 of an offset, the sample's own time of a rate. Of a clock with more than `MAX_JUMPS` steps there are none.
+        """
         rates = {n: ticks.at[RATE] for ticks in self.ticks for n in ticks.clock.channels}
         out: dict[str, tuple[Jump, ...]] = {
             x.name: (Jump(x.table, x.path, x.row, x.interval * rates.get(x.channel, 1.0)),) for x in self.instants

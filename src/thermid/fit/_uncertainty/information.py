@@ -206,7 +206,10 @@ def opened_at(
 
 
 def _alike(parameters: ParameterSet, group: Sequence[str]) -> tuple[str, ...]:
-    """Return the paths of a group that hold its value here; none where its first one is derived from others, or is not there."""
+    """Return those paths of a group that state one number here, that of its first path to 1e-9.
+
+    None where the first one is derived from others, or is not in these parameters.
+    """
     table = parameters.table
     here = [p for p in group if p in table and table[p].parameter.is_literal]
     if here[:1] != list(group[:1]):

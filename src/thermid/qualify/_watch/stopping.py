@@ -516,7 +516,10 @@ class Stopping:
         self.last = self._advice(record, ends, why or self._model_contradicts(ends, settles), late, level, doubt)
 
     def _advice_now(self, record: Record, names: tuple[str, ...], last: StopAdvice, doubt: str) -> StopAdvice:
-        """Return the last decision as it holds now: declined by a doubt, or a stop where the readings meet the plan's rule."""
+        """Return the last decision as it holds now: declined by a doubt, or a stop where the readings meet the plan's rule.
+
+        The latter only after the time at which it was expected, and with no limit undecided.
+        """
         now = float(record.times[-1])
         if doubt:
             return replace(last, word=DECLINED, because=doubt)
