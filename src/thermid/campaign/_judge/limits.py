@@ -720,7 +720,9 @@ class HeaterDuty:
 def heater_duty(
     run: Foresight, load: str, full: float, *, window: tuple[float, float] | None = None, name: str = "", policy: Policy | str = SMC
 ) -> HeaterDuty:
-    """Return the duty of a heater: its mean power over its full power, at the lowest bus voltage of the coldest case.
+    """Return the duty of a heater: its mean power over its full power, at the lowest bus voltage of the coldest case. [-]
+
+    The mean is (integral of the power by trapezoids) / (end - begin) over stored times in the window.
 
     Parameters
     ----------

@@ -545,7 +545,9 @@ def steady_point(
 
 
 def _value(where: str, channel: Channel, times: FloatArray, inside: np.ndarray, tau: float, most: float, corrected: bool) -> SteadyValue:
-    """Return one channel over the stretch: level + tau rate, with its error.
+    """Return one channel over the stretch: level + tau rate, with its error: the root of the sum of squares of its parts.
+
+    Parts are the line's error tau ahead, `TAU_ERROR` of the correction and, where nothing is corrected, |rate| times half the stretch.
 
     Parameters
     ----------

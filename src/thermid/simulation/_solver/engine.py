@@ -851,10 +851,15 @@ def _no_steady(problem: KernelProblem, a: Assembled) -> CodedText:
 
 
 def _periodic(engine: Engine, a: Assembled, guess: Array, slopes: Array, gradients: bool) -> tuple[Array, Array]:
-    """Return the state (nodes,) that comes back after every period of the inputs [K], and its derivatives (nodes, free).
+    """Return the state x (nodes,) that comes back after every period P of the inputs [K], and its derivatives (nodes, free).
 
-    Newton's method on T(P) - T(0) with the monodromy matrix exp(P C^-1 J) of the network linearised at the mean, mended after Broyden
-    (Math. Comp. 19 (1965) 577) where it is not linear. A linear network takes one step, and one more that shows it.
+    Newton's method on T(P) - T(0), x+ = x + (1 - M)^-1 (T(P) - x), with the monodromy matrix M = exp(P C^-1 J) of the network linearised
+    at the mean, mended after Broyden (Math. Comp. 19 (1965) 577) where it is not linear. A linear network takes one step, and one more
+    that shows it. It begins at `guess` (nodes,) [K] and `slopes` (nodes, free), those of the mean.
+
+    Raises
+    ------
+    SolverError   When something switches at its own period, or no such state is found.
     """
     from scipy.linalg import expm
 
