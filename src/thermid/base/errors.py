@@ -256,7 +256,12 @@ def cap(name: str) -> float:
 
 @lru_cache(maxsize=8)
 def _caps(setting: str) -> dict[str, float]:
-    """Return every cap, with those that the variable gives."""
+    """Return cap -> its number, each as the variable's text `setting` gives it ("name=number" apart by commas or spaces) or by default.
+
+    Raises
+    ------
+    ThermidError   When there is no such cap, or its number is not above zero.
+    """
     out = {name: most for name, (most, _) in CAPS.items()}
     for word in setting.replace(",", " ").split():
         name, _, text = word.partition("=")

@@ -452,9 +452,9 @@ def conductance_text(row: ConductorRow, coefficients: Sequence[str], a: str, b: 
 
 
 def table_points(curve: Curve) -> tuple[list[float], list[float], bool]:
-    """Return abscissae and ordinates of a table of straight lines, or of the integrand of a potential, as far as it reaches.
+    """Return abscissae [K] and ordinates of a table of straight lines, or of the integrand of a potential, as far as it reaches.
 
-    Third: whether it is held outside; a table that is refused has no values there.
+    Ordinates are in the SI unit of the table. Third: whether it is held outside; a table that is refused has no values there.
     """
     if curve.film:
         return curve.x.tolist(), curve.slopes.tolist(), curve.limits is None

@@ -586,7 +586,12 @@ class _Stepper:
         return np.full(state.size, np.nan)
 
     def _step(self, state: Array, begin: float, end: float, last: float) -> Array:
-        """Return temperatures (nodes,) [K] after one step from `begin` to `end` [s]; inputs are those of `last` [s] at the latest."""
+        """Return temperatures (nodes,) [K] after one step from `state` (nodes,) at `begin` to `end` [s], h long, by a Rosenbrock method.
+
+        (C / (g h) - J) k_s = q(T + sum a_sj k_j, t + c_s h) + C sum c_sj k_j / h + d_s h dq/dt for the six stages, J the Jacobian of the
+        heat q at the beginning, with the coefficients of `fixed_step.h`; T of the last stage + k_6 is the result. Inputs are those of
+        `last` [s] at the latest.
+        """
         h = end - begin
         state = self._settled(state, begin)
         early, late = (self._balance(state, begin + s * h)[0] for s in (0.0, DRIFT_INTERVAL))

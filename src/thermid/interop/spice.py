@@ -128,7 +128,10 @@ class _Netlist:
             yield "+ )"
 
     def _points(self, table: TableSignal) -> Iterator[tuple[float, float]]:
-        """Yield the corners of a table; a jump becomes a steep ramp that ends where the jump is."""
+        """Yield the corners (time [s], value) of a table; a jump becomes a steep ramp that ends where the jump is.
+
+        The ramp takes `JUMP_SHARE_OF_RUN` of the run. Values are in the SI unit of the signal.
+        """
         before: float | None = None
         for time, value in zip(table.times.tolist(), table.values.tolist(), strict=True):
             if table.hold and before is not None and value != before:

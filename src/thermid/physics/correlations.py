@@ -328,9 +328,9 @@ def _upright_gap(rayleigh: float, aspect: float, prandtl: float) -> float:
 
 @lru_cache(maxsize=256)
 def gap_nusselt_table(tilt: float, aspect: float, prandtl: float) -> tuple[Array, Array]:
-    """Return the table of Nu - 1 of a closed gap over x = sign(T_first - T_second) Ra^(1/4), as x and values [-].
+    """Return the table of Nu - 1 of a closed gap: x = sign(T_first - T_second) Ra^(1/4) (points,), and values (points,) at it. [-]
 
-    `tilt` [deg] and `aspect` [-] as in `GapLaw`; Ra on the thickness.
+    `tilt` [deg] and `aspect` [-] as in `GapLaw`, which has the formulas; `prandtl` [-] of the gas; Ra on the thickness.
     """
     law = GapLaw(tilt, aspect)
     root = np.unique(np.concatenate((np.geomspace(0.05, 2.0, 12), np.geomspace(2.0, 120.0, 500), np.geomspace(120.0, 3000.0, 60))))

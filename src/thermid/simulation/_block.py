@@ -115,6 +115,8 @@ class BlockSolution(Solution):
     def heat_balance(self) -> HeatBalance:
         """Return heat put in by heaters, heat into boundaries and heat stored over the run, by the integrator's own weights. [J]
 
+        Stored is sum C (T_end - T_start); the residual is heaters - boundaries - stored, and its share that of the largest sum of sizes.
+
         Raises
         ------
         SolverError   For a steady state, which stores no heat.

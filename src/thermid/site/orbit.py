@@ -242,7 +242,18 @@ def orbit_fluxes(
 
 
 def _fluxes(path: _Path, radius: float, tilt: float, attitude: str, strength: float, albedo: float, glow: float) -> OrbitFluxes:
-    """Return what falls on the faces along a path, by the sun's strength [W/m^2], tilt to its plane [deg] and the planet's glow [W/m^2]."""
+    """Return what falls on the faces along a path: by the sun S max(n.s, 0), by albedo S a F max(r.s, 0), by the planet's infrared E F.
+
+    n, r and s are unit vectors of the face, from the planet to the craft, and to the sun; F is the view of the planet. Shadow comes in as
+    its own signal.
+
+    Parameters
+    ----------
+    radius : float              Of the planet. [m]
+    tilt : float                Of the sun to the orbit's plane. [deg]
+    strength, glow : float      S of the sun and E that leaves the planet. [W/m^2]
+    albedo : float              a of the planet. [-]
+    """
     sun = np.array([np.cos(np.radians(tilt)), 0.0, np.sin(np.radians(tilt))])
     shadow = _shadow(path, sun, radius)
     edges = np.array(sorted({t for span in shadow for t in span if 0.0 < t < path.period}))
@@ -310,7 +321,12 @@ class _Path:
         return float(2.0 * np.pi * np.sqrt((0.5 * (self.near + self.far)) ** 3 / self.attraction))
 
     def at(self, times: Array) -> tuple[Array, Array]:
-        """Return the direction from the planet (times, 3) and the distance (times,) [m]."""
+        """Return the direction from the planet (times, 3) and the distance (times,) [m] at `times` (times,) [s].
+
+        Kepler's equation M = E - e sin E with M = M_0 + 2 pi t / period, by Newton's method; tan(v / 2) = sqrt((1 + e) / (1 - e)) tan(E /
+        2), r = a (1 - e cos E), with the eccentricity e, the anomalies E and v, and the semi-major axis a. The orbit lies in the plane z =
+        0.
+        """
         axis, e = 0.5 * (self.near + self.far), (self.far - self.near) / (self.far + self.near)
         shrink = np.sqrt((1.0 - e) / (1.0 + e))
         first = 2.0 * np.arctan2(shrink * np.sin(0.5 * self.begin), np.cos(0.5 * self.begin))
@@ -327,7 +343,11 @@ class _Path:
 
 
 def _dark(path: _Path, sun: Array, radius: float, times: Array) -> Array:
-    """Return how deep the craft is in the cylinder of shadow (times,): above zero inside. [m]"""
+    """Return R - r, how deep the craft is in the cylinder of shadow (times,): above zero inside. [m]
+
+    r is its distance from the axis through the planet away from the Sun; where the craft is on the Sun's side the value is below zero.
+    `sun` (3,) is the unit vector to the Sun, `radius` R that of the planet [m].
+    """
     out, far = path.at(times)
     toward = out @ sun
     beside = far * np.sqrt(np.maximum(1.0 - toward**2, 0.0))
@@ -335,7 +355,11 @@ def _dark(path: _Path, sun: Array, radius: float, times: Array) -> Array:
 
 
 def _shadow(path: _Path, sun: Array, radius: float) -> tuple[tuple[float, float], ...]:
-    """Return begin and end of each stretch of shadow within a period; one that holds time zero is in two parts. [s]"""
+    """Return begin and end of each stretch of shadow within a period; one that holds time zero is in two parts. [s]
+
+    The zeros of `_dark`: signs at samples of the period, then Brent's method. `sun` (3,) unit vector to the Sun, `radius` of the planet.
+    [m]
+    """
     from scipy.optimize import brentq
 
     times = np.linspace(0.0, path.period, 4 * SAMPLES_PER_ORBIT + 1)
@@ -349,7 +373,7 @@ def _shadow(path: _Path, sun: Array, radius: float) -> tuple[tuple[float, float]
 
 
 def _light(shadow: tuple[tuple[float, float], ...], period: float) -> Signal:
-    """Return 1 in the sun and 0 in the shadow, over and over."""
+    """Return 1 in the sun and 0 in the shadow, over and over, from the stretches of shadow (begin, end) in one `period` [s]."""
     if not shadow:
         return Constant(1.0)
     changes: dict[float, float] = {0.0: 1.0}

@@ -323,7 +323,12 @@ class Weather(Named[WeatherSeries]):
         return replace(self, begin=None if self.begin is None else self.begin + timedelta(seconds=first), series=moved), length
 
     def _seconds(self, begin: str | datetime) -> float:
-        """Return an instant as seconds from its beginning."""
+        """Return an instant as seconds from the weather's beginning; a time of day without a zone is in the zone of the weather. [s]
+
+        Raises
+        ------
+        RecordError   When the weather has no date, or no zone for an instant that has one.
+        """
         if isinstance(begin, str) and "[" in begin:
             return amount(begin, "s", self.name)
         if self.begin is None:
@@ -463,7 +468,12 @@ def _in_usual_unit(value: float, unit_text: str) -> str:
 
 
 def _physical_values(columns: Columns, name: str, series: WeatherSeries, file: str) -> Array:
-    """Return the values, radiation just below zero at night as zero; values that do not exist are refused."""
+    """Return the values (samples,) in SI, radiation just below zero at night as zero; values outside `RANGES` are refused.
+
+    Raises
+    ------
+    RecordError   Names the first such value and when it was.
+    """
     low, high, unit_text = RANGES[name]
     values = (
         np.where((series.values < 0.0) & (series.values > MIN_NIGHT_READING), 0.0, series.values) if name in RADIATION else series.values
@@ -535,7 +545,12 @@ def read_columns(path: Path, columns: Mapping[str, str] | None, begin: str | Non
 
 
 def _read_typical_year(path: Path, year: int, epw: bool) -> Columns:
-    """Return an EPW or TMY3 file as columns; pvlib reads it."""
+    """Return an EPW or TMY3 file as columns; pvlib reads it. Rows of several years are dated in `year`.
+
+    Raises
+    ------
+    RecordError   When it is not such a file, or time does not go on.
+    """
     iotools = optional("pvlib.iotools", "an EPW or TMY3 file", path.name)
     try:
         data, meta = iotools.read_epw(path) if epw else iotools.read_tmy3(path, map_variables=True)

@@ -187,7 +187,8 @@ def _surfaces(solution: Solution, parts: Sequence[FlatConductor]) -> _Surfaces:
 def _speed(conductance: Array, skin: Array, air: Array, area: float, emissivity: float, pressure: Array) -> Array:
     """Return the mass transfer coefficient (times,) of a surface, zero where there is no gas. [m/s]
 
-    From h = G / A - 4 e sigma T_m^3, T_m the mean of `skin` and `air` [K], by the analogy of heat and mass transfer.
+    From h = G / A - 4 e sigma T_m^3, at least zero, by the analogy of heat and mass transfer: `conductance` G [W/K], `area` A [m^2],
+    `emissivity` e, and T_m the mean of `skin` and `air` [K]; gas is where `pressure` exceeds `VACUUM_LIMIT` [Pa]. All arrays are (times,).
     """
     if area <= 0.0:
         return np.zeros(skin.size)
@@ -200,9 +201,11 @@ def _speed(conductance: Array, skin: Array, air: Array, area: float, emissivity:
 def follow(solution: Solution, parts: Sequence[FlatConductor], open_air: Mapping[str, Signal], volumes: Mapping[str, Volume]) -> Followed:
     """Return dew points, films, latent heat and water balance along a run, films never below zero.
 
-    Films are zero at the start. The run stays as it is: latent heat is returned, and moves no temperature.
-    Beside a gas of known humidity a film is integrated in closed form (`_film_in_known_gas`); volumes with vapour of their own are solved
-    together with the films on their walls (`_System`).
+    Arrays are (gases or parts, times). A dew point [K] is that of the vapour pressure rho R_v T, the margin [K] is skin less dew point,
+    latent heat [W] into the surface is the film's rate [kg/(m^2 s)] times area times the heat of vaporisation, positive while it
+    condenses. Films are zero at the start. The run stays as it is: latent heat is returned, and moves no temperature. Beside a gas of
+    known humidity a film is integrated in closed form (`_film_in_known_gas`); volumes with vapour of their own are solved together with
+    the films on their walls (`_System`).
 
     Parameters
     ----------
@@ -337,7 +340,12 @@ class _System:
     def of_volumes(
         cls, solution: Solution, order: Sequence[str], volumes: Mapping[str, Volume], s: _Surfaces, at: NDArray[np.int_], held: Array
     ) -> _System:
-        """Return the equations of the volumes `volumes`, which come last in `order`."""
+        """Return the equations of the volumes, which come last in `order`.
+
+        With the flows q [m^3/s] of exchanges, the laplacian (volumes, volumes) has their sums on its diagonal and -q off it; fresh
+        (volumes, open gases) has those with open air. `at` (surfaces,) is each surface's gas, `held` (gases, times) the vapour density.
+        [kg/m^3]
+        """
         start = len(order) - len(volumes)
         laplacian, fresh = np.zeros((len(volumes), len(volumes))), np.zeros((len(volumes), start))
         for (a, b), flow in _exchanges(solution, order, volumes).items():
@@ -408,7 +416,11 @@ class _Interval:
         return np.asarray(self._at(s.speed, at)[:, 0] * (state.vapour[s.at] - self._at(s.wall, at)[:, 0]))
 
     def step(self, state: _Water, share: float, width: float, wet: Bools) -> _Water:
-        """Return the state after one Radau step from `share` over `width`, both parts of the interval, with the walls in `wet` wet."""
+        """Return the state after one Radau IIA step of three stages from `share` over `width`, both parts of the interval.
+
+        Volumes: V dc/dt = sum over walls A v (w - c) + fresh c_out - laplacian c, films df/dt = v (c - w), v the speed [m/s] of walls in
+        `wet` (none of the others), c and w the vapour density of the gas and at the wall [kg/m^3].
+        """
         s, n, h = self.system, self.system.size.size, width * self.span
         at = share + width * RADAU_C
         speed, wall, known_density = self._at(s.speed, at) * wet[:, None], self._at(s.wall, at), self._at(s.known, at)
@@ -451,7 +463,11 @@ class _Interval:
             width = max(width, SHORTEST_STEP)
 
     def _doubled(self, state: _Water, share: float, width: float, wet: Bools) -> tuple[_Water, _Water, float]:
-        """Return the state after two half steps, the state between them, and their distance from one whole step over the tolerance [-]."""
+        """Return the state after two half steps of `width` / 2, the state between them, and their distance from one whole step. [-]
+
+        The distance is the largest over vapour densities [kg/m^3] and films [kg/m^2], over `MAX_STEP_ERROR` times their size. `share` is
+        where the step begins and `width` how long it is, both in parts of the interval.
+        """
         whole = self.step(state, share, width, wet)
         middle = self.step(state, share, 0.5 * width, wet)
         after = self.step(middle, share + 0.5 * width, 0.5 * width, wet)
@@ -476,7 +492,10 @@ class _Interval:
         return np.asarray(np.where(wet, (state.film <= NOTHING * self.scale) & (gain < 0.0), gain > -NOTHING * self.scale))
 
     def _width_to_switch(self, state: _Water, share: float, width: float, wet: Bools, middle: _Water) -> float:
-        """Return the width of the step, in parts of the interval, until the first wall dries or passes the dew point; Brent's method."""
+        """Return the width of the step, in parts of the interval, until the first wall dries or passes the dew point; Brent's method.
+
+        The step begins at `share`; `width` is one in which that happens, and `middle` the state after half of it.
+        """
         from scipy.optimize import brentq
 
         high = 0.5 * width if self._crossed(middle, share + 0.5 * width, wet).any() else width

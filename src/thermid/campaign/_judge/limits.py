@@ -568,7 +568,7 @@ class Margin(Result):
 
     @property
     def undecided(self) -> str:
-        """Why it is not decided; empty where it is."""
+        """Why it is not decided, as text; empty where it is: below zero, or with a known error above it even by assumed values."""
         if self.mark == "memory":
             return CodedText("a number quoted from memory", "verdict.from-memory")
         if self.margin < 0:
@@ -716,7 +716,9 @@ class HeaterDuty:
 def heater_duty(
     run: Foresight, load: str, full: float, *, window: tuple[float, float] | None = None, name: str = "", policy: Policy | str = SMC
 ) -> HeaterDuty:
-    """Return the duty of a heater: its mean power over its full power, at the lowest bus voltage of the coldest case.
+    """Return the duty of a heater: its mean power over its full power, at the lowest bus voltage of the coldest case. [-]
+
+    The mean is (integral of the power by trapezoids) / (end - begin) over stored times in the window.
 
     Parameters
     ----------

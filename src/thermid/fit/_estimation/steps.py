@@ -42,7 +42,7 @@ class NoisyStep:
 
 
 def lower(rows: Array) -> Array:
-    """Return the lower triangular L (..., n, n), no diagonal below zero, with ``L L' = rows rows'`` of matrices (..., n, m); by QR."""
+    """Return the lower triangular L (..., n, n), no diagonal below zero, with ``L L' = rows rows'`` of `rows` (..., n, m), by QR."""
     size = rows.shape[-2]
     if rows.shape[-1] < size:
         rows = np.concatenate([rows, np.zeros((*rows.shape[:-1], size - rows.shape[-1]))], axis=-1)
@@ -52,7 +52,7 @@ def lower(rows: Array) -> Array:
 
 
 def exponential(matrices: Array) -> Array:
-    """Return exp(A) of matrices A (..., n, n) [-]: Pade approximant of degree 13 with scaling and squaring, all scaled alike.
+    """Return exp(A) (..., n, n) of matrices A (..., n, n) [-]: Pade approximant of degree 13 with scaling and squaring, all scaled alike.
 
     Many small ones cost one call each of numpy's. Higham, SIAM J. Matrix Anal. Appl. 26 (2005) 1179: `PADE`, `THETA`.
     """

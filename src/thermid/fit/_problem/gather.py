@@ -178,7 +178,10 @@ def _locals(request: Request, experiments: Sequence[Experiment]) -> list[Unknown
 
 
 def _mean(i: int, experiment: Experiment, name: str, sd: float, instrument: bool) -> Unknown:
-    """Return the error of the mean of a boundary [K] or power (relative) in one record; that of an `instrument` may act there too."""
+    """Return the error of the mean of a boundary [K] or power (relative) in one record; that of an `instrument` may act there too.
+
+    `sd` is its standard deviation, in the same unit.
+    """
     power = name.startswith(SCALE)
     target = Influence(i, name, 1.0 if power and not instrument else 0.0, 1.0)
     label = f"{experiment.record.name}: error of the mean of {name.removeprefix(SCALE)}"

@@ -723,9 +723,10 @@ SWITCHED: Final = 8
 
 
 def _step_of(channel: Channel) -> float:
-    """Return the step that the readings of a sensor show, zero where they show none. [SI]
+    """Return the step that the readings of a sensor show, zero where they show none, in the channel's SI unit.
 
-    It is the distance of levels of which nine tenths, by readings, lie whole numbers of steps apart, within `ON_GRID`.
+    It is the distance s of levels of which nine tenths, by readings, lie whole numbers of s apart, within `ON_GRID` of s; tried are the
+    lower quartile of the distances of neighbouring levels, then the least.
     """
     readings = channel.values[channel.valid]
     levels, count = np.unique(np.round(readings, 6), return_counts=True)

@@ -316,10 +316,10 @@ TRIED_MEANS, TRIED_CORRELATION_TIMES, TRIED_VARIANCE_RATIOS = 60, 8, 10
 def _with_autocorrelation(t: FloatArray, y: FloatArray, line: _Line, at: float) -> _Line:
     """Return a line with errors averaged over models of its autocorrelated noise; never smaller than before.
 
-    A stretch of a few correlation times does not show its own autocorrelation, so each of a grid of models, with a covariance 1 + k R of
-    bins, R = exp(-|dt| / time), counts by its restricted likelihood (Patterson and Thompson, Biometrika 58 (1971) 545): k of 0 and 0.05 to
-    1000, times from a bin to a quarter of the stretch. The mean is of ln(variance), so that an unlikely time of hours does not decide.
-    Parameters as of `_line`.
+    A stretch of a few correlation times does not show its own autocorrelation, so each of a grid of models, with a covariance s^2 (1 + k
+    R) of the means of bins, R = exp(-|dt| / time), counts by its restricted likelihood (Patterson and Thompson, Biometrika 58 (1971) 545):
+    k of 0 and 0.05 to 1000, times from a bin to a quarter of the stretch. The mean is of ln(variance), so that an unlikely time of hours
+    does not decide. `t` [s] and `y` (samples,) are the readings, `at` [s] is where the line's value is asked for.
     """
     edges = np.linspace(t[0], t[-1], min(TRIED_MEANS, t.size) + 1)
     place = np.clip(np.searchsorted(edges, t, side="right") - 1, 0, edges.size - 2)
@@ -538,7 +538,9 @@ def steady_point(
 
 
 def _value(where: str, channel: Channel, times: FloatArray, inside: np.ndarray, tau: float, most: float, corrected: bool) -> SteadyValue:
-    """Return one channel over the stretch: level + tau rate, with its error.
+    """Return one channel over the stretch: level + tau rate, with its error: the root of the sum of squares of its parts.
+
+    Parts are the line's error tau ahead, `TAU_ERROR` of the correction and, where nothing is corrected, |rate| times half the stretch.
 
     Parameters
     ----------

@@ -446,7 +446,11 @@ def _nodes(block: Block, names: list[str], parameters: dict[str, Any]) -> dict[s
 
 
 def _between(block: Block, names: list[str], parameters: dict[str, Any]) -> dict[str, Any]:
-    """Return the deck's conductors between neighbouring cells; a uniform conductivity goes to `parameters`."""
+    """Return the deck's conductors between neighbouring cells, as table name -> fields.
+
+    Conductances G [W/K] are those of the block's links; a uniform conductivity k [W/(m K)] goes to `parameters`, and a link then has the
+    area A = G d / k [m^2] over its step d [m].
+    """
     uniform = not isinstance(block.conductivity, np.ndarray)
     if uniform:
         parameters["conductivity"] = f"{block.conductivity!r} [W/(m K)]"

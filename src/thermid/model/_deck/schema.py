@@ -127,7 +127,10 @@ class NodeTable(ElementTable):
         return Node(fields, self.reference_point, self.test_only, next(iter(tables.items()), None), self.stands_for or "", cools)
 
     def _supercooling(self, melts: Mapping[str, float], where: Where) -> Supercooling | None:
-        """Return liquidus, degree of supercooling [K] and start of a node that supercools; None without supercooling."""
+        """Return liquidus [K], degree of supercooling [K] and start ("solid" or "liquid") of a node that supercools, None of any other.
+
+        `melts` holds the temperatures of melting as the keys of the table name them: "melts_from" and, where it was given, "melts_to". [K]
+        """
         cools = self.supercooling is not None
         refuse_first(
             where,

@@ -120,7 +120,10 @@ class _CheckedFunction:
             ) from error
 
     def slopes(self, at: Array, low: float, high: float) -> Array:
-        """Return the slopes (points,) by central differences of `SLOPE_STEP`; at the ends one-sided ones of second order. [SI/K]"""
+        """Return the slopes (points,) at temperatures `at` (points,) [K], in the function's unit per K.
+
+        (f(T + h) - f(T - h)) / (2 h) with h = `SLOPE_STEP`; within h of `low` and `high` [K] the one-sided slope of second order, by f''.
+        """
         middle = np.clip(at, low + SLOPE_STEP, high - SLOPE_STEP)
         below, right = middle - SLOPE_STEP, middle + SLOPE_STEP
         before, here, after = self(below), self(middle), self(right)
@@ -185,7 +188,15 @@ def _interval(x: Array, at: Array) -> Indices:
 
 
 def _refuse_jumps(checked: _CheckedFunction, x: Array, sharp: Indices, largest: float) -> None:
-    """Refuse a function that jumps in one of the intervals `sharp`: the change across it does not shrink as it is bisected 24 times."""
+    """Refuse a function that jumps in one of the intervals `sharp` between points `x` (points,): the change across it does not shrink.
+
+    Each interval is halved 24 times, towards the half with the larger change. A jump keeps more than half of the change and is above 1e-9
+    of the `largest` value, in the unit of the function.
+
+    Raises
+    ------
+    DeckError   Names the temperature of the jump.
+    """
     for k in sharp.tolist():
         ends = np.array([x[k], x[k + 1]])
         values = checked(ends)

@@ -442,7 +442,10 @@ def _integral(curve: Curve) -> tuple[Array, Array, Array]:
 
 
 def _inverse(curve: Curve, x: Array, y: Array, d: Array | None) -> Curve:
-    """Return the temperatures x over the levels y, and behind them the identity and the table as written; d: slopes over the levels."""
+    """Return the temperatures x over the levels y (points,) [K], and behind them the identity and the table as written.
+
+    `d` (points,) are the slopes dx/dy of a smooth table; None for straight lines. Limits of the table [K] become limits of the levels.
+    """
     identity = Curve(
         "temperature",
         np.array([0.5 * MIN_PROPERTY_TEMPERATURE, 2.0 * MAX_PROPERTY_TEMPERATURE]),
@@ -511,11 +514,15 @@ def store(name: str, curve: Curve, supercooling: Supercooling | None = None) -> 
 
 
 def _melt(curve: Curve, x: Array, y: Array, supercooling: Supercooling) -> Melt:
-    """Return the liquid branch of temperatures x over levels y: the line above the liquidus, carried on below it.
+    """Return the liquid branch of temperatures x [K] over levels y [K] (points,): the line above the liquidus, carried on below it.
 
-    Freezing begins where the melt has reached its nucleation temperature; the heat that it holds then belongs to the table, so that its
-    temperature rises at once to the one that the table gives (recalescence, in no time and without a loss; Günther, Mehling and Hiebler,
-    Modelling Simul. Mater. Sci. Eng. 15 (2007) 879).
+    Freezing begins at the level y_liquidus - r degree, r = dy/dx of the liquid: there the melt has its nucleation temperature. The heat
+    that it holds then belongs to the table, so that its temperature rises at once to the one that the table gives (recalescence, in no
+    time and without a loss; Günther, Mehling and Hiebler, Modelling Simul. Mater. Sci. Eng. 15 (2007) 879).
+
+    Raises
+    ------
+    DeckError   When the liquidus is no point of the table, the degree is not possible, or the melt has lost more than its latent heat.
     """
     liquidus, nucleation = supercooling.liquidus, supercooling.nucleation
     k = int(np.searchsorted(x, liquidus, side="right")) - 1

@@ -125,7 +125,10 @@ class FaceExchange:
         return out
 
     def _factors(self, size: Array, names: list[str], areas: list[Number]) -> tuple[Array, Array, list[Number]]:
-        """Return the view factors (faces, faces), the areas that they are of, and these as numbers with derivatives."""
+        """Return the view factors F_ij (faces, faces) [-], the areas (faces,) that they are of [m^2], and these with derivatives.
+
+        Of a shape they are computed, and its own areas replace `size` (faces,), those of the deck.
+        """
         if not self.enclosure.shape:
             return np.array(self.enclosure.view_factors), size, areas
         factors, size = self._of_shape(size, names)

@@ -838,7 +838,7 @@ class Wiring:
         return PlacedControl(row.control, index[row.sensor], places, row.name)
 
     def _loads(self, numbers: Numbers, make: _Builder, index: Mapping[str, int], values: Mapping[str, Number]) -> tuple[PlacedLoad, ...]:
-        """Add the coefficients of all loads into free nodes, and return where each stands."""
+        """Add the coefficients of all loads into free nodes, and return where each stands; `index` is node -> its position."""
         out, controls = [], [row.name for row in self._controlled(numbers)]
         for row, position in _numbered(numbers.loads):
             if row.node in self.network.boundaries:
@@ -1033,6 +1033,8 @@ def check_start(start: Start, cycle: float | None, changing: Sequence[str], scen
 
 def level_instants(signals: Mapping[str, Signal], length: float, title: str, most: int) -> list[float]:
     """Return one instant for each combination of levels that signals take from zero to `length` [s], in order of time. [s]
+
+    The instants are middles of the stretches between knots of the signals; of equal combinations the first.
 
     Raises
     ------
