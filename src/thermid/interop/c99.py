@@ -17,6 +17,7 @@ import numpy as np
 
 from thermid.base.errors import DeckError, SolverError
 from thermid.base.units import Array
+from thermid.interop._constants import COUPLED, DRIFT, GAMMA, STAGES, TIMES
 from thermid.interop._wired import Text, Wired, Writer, distinct, exported, file_and_name, identifiers, one_line, resting, wired
 from thermid.model.tree import Curve, Drawn, Model, Sine, TableSignal
 from thermid.simulation.runs import Engine, Options, Scenario, Wiring, curve_arrays, tables_behind
@@ -55,26 +56,6 @@ DRIFT_INTERVAL = 1e-3
 MOST_CUTS = 16
 SWITCHING_TOLERANCE = 1e-9
 """Switching temperatures are met to this. [K]"""
-STAGES = (
-    (),
-    (1.544,),
-    (0.9466785280815826, 0.2557011698983284),
-    (3.314825187068521, 2.896124015972201, 0.9986419139977817),
-    (1.221224509226641, 6.019134481288629, 12.53708332932087, -0.6878860361058950),
-    (1.221224509226641, 6.019134481288629, 12.53708332932087, -0.6878860361058950, 1.0),
-)
-COUPLED = (
-    (),
-    (-5.6688,),
-    (-2.430093356833875, -0.2063599157091915),
-    (-0.1073529058151375, -9.594562251023355, -20.47028614809616),
-    (7.496443313967647, -10.24680431464352, -33.99990352819905, 11.70890893206160),
-    (8.083246795921522, -7.981132988064893, -31.52159432874371, 16.31930543123136, -6.058818238834054),
-)
-TIMES = (0.0, 0.386, 0.21, 0.63, 1.0, 1.0)
-DRIFT = (0.25, -0.1043, 0.1035, -0.03620000000000023, 0.0, 0.0)
-GAMMA = 0.25
-"""RODAS: E. Hairer, G. Wanner, Solving Ordinary Differential Equations II, 2nd edition, section IV.7; order 4, stiffly accurate."""
 
 
 HEAD = """\

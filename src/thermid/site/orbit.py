@@ -13,6 +13,7 @@ from thermid.base.errors import ScenarioError, nearest
 from thermid.base.units import Array, amount
 from thermid.model.tree import Constant, Signal, TableSignal, degrees, multiplied
 from thermid.simulation.runs import Irradiation
+from thermid.site._constants import PLANET_FIGURES
 from thermid.site.exposure import planet_share
 
 SAMPLES_PER_ORBIT: Final = 720
@@ -37,17 +38,8 @@ class Planet:
     solar: float
 
 
-PLANETS: Final[Mapping[str, Planet]] = {
-    "mercury": Planet(2.4397e6, 2.2032e13, 9083.0),
-    "venus": Planet(6.0518e6, 3.24859e14, 2601.0),
-    "earth": Planet(6.371e6, 3.986004418e14, 1361.0),
-    "moon": Planet(1.7374e6, 4.9048695e12, 1361.0),
-    "mars": Planet(3.3895e6, 4.282837e13, 586.0),
-    "jupiter": Planet(6.9911e7, 1.26686534e17, 50.3),
-    "saturn": Planet(5.8232e7, 3.7931187e16, 14.8),
-}
-"""Mean radius, attraction and solar flux: NASA planetary fact sheets, from memory; that at the earth also Kopp and Lean, Geophys. Res.
-Lett. 38 (2011) L01706: 1360.8 +- 0.5 W/m^2."""
+PLANETS: Final[Mapping[str, Planet]] = {name: Planet(*figures) for name, figures in PLANET_FIGURES.items()}
+"""The planets and the moon by name."""
 
 Frame = Callable[[Array, Array], Array]
 """Direction from the planet (times, 3) and sun (3,) -> normal of a face (times, 3), in the frame of the orbit."""

@@ -26,6 +26,7 @@ from thermid.base.units import HOUR, TEMPERATURE, Array, amount, from_si, second
 from thermid.measure.readers import read_plain
 from thermid.model.tree import degrees
 from thermid.site._atmosphere import standard_atmosphere
+from thermid.site._constants import EPW, TMY3
 
 if TYPE_CHECKING:
     import pandas
@@ -219,36 +220,6 @@ QUANTITIES: Final = {
 """Quantity -> its unit: air, wind, radiation on the horizontal (`direct_normal` on a plane that follows the sun)."""
 USUAL: Final = {"dry_bulb": "degC", "dew_point": "degC", "humidity": "%", "cloud": "%", "rain": "mm/h"}
 """Units of a table's columns whose header names none; SI otherwise."""
-
-# column of pvlib -> quantity, its unit (clouds in tenths), and what the format writes where a value is missing
-_EPW: Final = {
-    "temp_air": ("dry_bulb", "degC", 99.9),
-    "temp_dew": ("dew_point", "degC", 99.9),
-    "relative_humidity": ("humidity", "%", 999.0),
-    "atmospheric_pressure": ("pressure", "Pa", 999999.0),
-    "wind_speed": ("wind", "m/s", 999.0),
-    "wind_direction": ("wind_direction", "1", 999.0),
-    "dni": ("direct_normal", "W/m^2", 9999.0),
-    "dhi": ("diffuse", "W/m^2", 9999.0),
-    "ghi": ("global", "W/m^2", 9999.0),
-    "ghi_infrared": ("infrared", "W/m^2", 9999.0),
-    "total_sky_cover": ("cloud", "dm/m", 99.0),
-    "liquid_precipitation_depth": ("rain", "mm/h", 999.0),
-}
-_TMY3_MISSING: Final = -9900.0
-_TMY3: Final = {
-    "temp_air": ("dry_bulb", "degC", _TMY3_MISSING),
-    "temp_dew": ("dew_point", "degC", _TMY3_MISSING),
-    "relative_humidity": ("humidity", "%", _TMY3_MISSING),
-    "pressure": ("pressure", "hPa", _TMY3_MISSING),
-    "wind_speed": ("wind", "m/s", _TMY3_MISSING),
-    "wind_direction": ("wind_direction", "1", _TMY3_MISSING),
-    "dni": ("direct_normal", "W/m^2", _TMY3_MISSING),
-    "dhi": ("diffuse", "W/m^2", _TMY3_MISSING),
-    "ghi": ("global", "W/m^2", _TMY3_MISSING),
-    "TotCld (tenths)": ("cloud", "dm/m", _TMY3_MISSING),
-    "Lprecip depth (mm)": ("rain", "mm/h", _TMY3_MISSING),
-}
 
 
 class WeatherSeries(NamedTuple):
@@ -571,7 +542,7 @@ def _read_typical_year(path: Path, year: int, epw: bool) -> Columns:
         raise RecordError(
             f"time does not go on after line {int(np.argmax(np.diff(seconds) <= 0)) + 1} of the data.", path.name, code="record.time-order"
         )
-    values = _converted(data, _EPW if epw else _TMY3)
+    values = _converted(data, EPW if epw else TMY3)
     where = {k: float(meta[v]) for k, v in place.items() if v in meta}
     return Columns(seconds, values, first, _step(seconds), True, where, notes)
 

@@ -28,6 +28,7 @@ from thermid.physics.air import (
     vapour_pressure,
 )
 from thermid.simulation.runs import VACUUM_LIMIT, Solution
+from thermid.site._constants import RADAU_A, RADAU_C
 
 MAX_MISSING_WATER_SHARE: Final = 1e-6
 """Share of the water that may be missing at the end of a run without a remark. [-]"""
@@ -43,16 +44,6 @@ NOTHING: Final = 1e-12
 """Film over the size of vapour densities that counts as none [m], and the same of a rate [m/s]."""
 FILM_PIECES: Final = 8
 """Pieces of an interval over which a film beside a known gas is a polygon in its mean. [-]"""
-_ROOT = 6.0**0.5
-RADAU_C: Final = np.array([(4 - _ROOT) / 10, (4 + _ROOT) / 10, 1.0])
-RADAU_A: Final = np.array(
-    [
-        [(88 - 7 * _ROOT) / 360, (296 - 169 * _ROOT) / 1800, (-2 + 3 * _ROOT) / 225],
-        [(296 + 169 * _ROOT) / 1800, (88 + 7 * _ROOT) / 360, (-2 - 3 * _ROOT) / 225],
-        [(16 - _ROOT) / 36, (16 + _ROOT) / 36, 1 / 9],
-    ]
-)
-"""Nodes and weights of Radau IIA of order 5."""
 FOG: Final = 1.02
 """Relative humidity of a volume above which its own gas would form drops. [-]"""
 
