@@ -1,19 +1,15 @@
 """Published numbers of the room: units of decks, the coefficients of an integrator."""
 
-from __future__ import annotations
-
-from typing import Final
-
 from thermid.base.units import HOUR, ICE_POINT, MINUTE
 
-BTU: Final = 1055.05585262
+BTU = 1055.05585262
 """International table British thermal unit. [J]"""
-RANKINE: Final = 5.0 / 9.0
+RANKINE = 5.0 / 9.0
 """A degree of Rankine or Fahrenheit. [K]"""
-ENERGY: Final = {"J": 1.0, "KJ": 1e3, "BTU": BTU, "CAL": 4.184, "W-HR": HOUR, "W*S": 1.0}
-TIME: Final = {"S": 1.0, "SEC": 1.0, "MIN": MINUTE, "HR": HOUR, "H": HOUR}
-LENGTH: Final = {"M": 1.0, "MM": 1e-3, "CM": 1e-2, "IN": 0.0254, "FT": 0.3048}
-ZERO: Final = {"K": 0.0, "R": 0.0, "C": -ICE_POINT, "F": -459.67}
+ENERGY = {"J": 1.0, "KJ": 1e3, "BTU": BTU, "CAL": 4.184, "W-HR": HOUR, "W*S": 1.0}
+TIME = {"S": 1.0, "SEC": 1.0, "MIN": MINUTE, "HR": HOUR, "H": HOUR}
+LENGTH = {"M": 1.0, "MM": 1e-3, "CM": 1e-2, "IN": 0.0254, "FT": 0.3048}
+ZERO = {"K": 0.0, "R": 0.0, "C": -ICE_POINT, "F": -459.67}
 """Absolute zero in a unit of temperature."""
 STAGES = (
     (),

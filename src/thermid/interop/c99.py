@@ -18,11 +18,10 @@ import numpy as np
 from thermid.base.errors import DeckError, SolverError
 from thermid.base.units import Array
 from thermid.interop._constants import COUPLED, DRIFT, GAMMA, STAGES, TIMES
-from thermid.interop._wired import Text, Wired, Writer, distinct, exported, file_and_name, identifiers, one_line, resting, wired
+from thermid.interop._wired import Text, Wired, Writer, distinct, exported, file_and_name, form_of, identifiers, one_line, resting, wired
 from thermid.model.tree import Curve, Drawn, Model, Sine, TableSignal
 from thermid.simulation.runs import Engine, Options, Scenario, Wiring, curve_arrays, tables_behind
 
-C = Writer("C", gas=True, hinges=True, smooth=True, loads=True, schedules=True)
 MAX_DENSE_NODES = 200
 """The matrix of a step is dense and part of the caller's memory."""
 ERROR = 1e-3
@@ -41,7 +40,10 @@ LAWS = {
     "natural": "NATURAL",
     "hinge": "HINGE_OF_MEAN",
     "hinge of difference": "HINGE_OF_DIFFERENCE",
+    "table": "TABLE_OF_MEAN",
+    "table of difference": "TABLE_OF_DIFFERENCE",
 }
+C = Writer("C", forms=tuple(LAWS), gas=True, open_tables=True, smooth=True, loads=True, schedules=True)
 OF_LOADS = {"signal": "SIGNAL", "polynomial": "POLYNOMIAL", "exponential": "EXPONENTIAL", "table": "TABLE_OF_TEMPERATURE"}
 OF_CONTROLS = {"": "ALWAYS", "thermostat": "THERMOSTAT", "proportional": "PROPORTIONAL"}
 CODES = ("DONE", "SINGULAR", "NOT_FINITE", "NOT_SETTLED", "OUTSIDE_A_TABLE", "CHATTER")
@@ -274,7 +276,7 @@ class _Header:
         w = self.w
         free = [(self.fields[p.path], p) for p in w.parameters if p.formula is None]
         members = [f"    double {word}; /* [{p.unit}] {_comment(f'{p.path} {p.note}')} */" for word, p in free]
-        words = ([*LAWS.values(), "TABLE_OF_MEAN", "TABLE_OF_DIFFERENCE"], OF_LOADS.values(), OF_CONTROLS.values(), CODES)
+        words = (LAWS.values(), OF_LOADS.values(), OF_CONTROLS.values(), CODES)
         return STRUCTS.format(
             parameters="\n".join(members or ["    char none;"]),
             inputs="\n".join(f"    double {i.name}; /* [{i.unit}] {_comment(i.what)} */" for i in self.inputs),
@@ -302,15 +304,8 @@ class _Header:
         for label, row in w.conductors:
             by = f"u->{self.of_gas[row.signal]}" if row.signal else ""
             first = self._add_all([(c, by if k == 0 else "") for k, c in enumerate(row.coefficients)], label)
-            law = LAWS.get(row.form, "")
-            if row.form == "table":
-                law = "TABLE_OF_DIFFERENCE" if row.curve is not None and row.curve.over == "difference" else "TABLE_OF_MEAN"
-            if not law:
-                raise DeckError(
-                    f"'{label}' is of a form that is not written to C: {row.form}.", w.network.title, code="output.not-expressible"
-                )
             a, b = (self.places[end] for end in row.ends)
-            conductors.append(f"{{@_{law}, {a}, {b}, {first}, {self._table(row.form, row.curve)}}} /* {_comment(label)} */")
+            conductors.append(f"{{@_{LAWS[form_of(row)]}, {a}, {b}, {first}, {self._table(row.form, row.curve)}}} /* {_comment(label)} */")
         states = self._switches()
         loads, switches = [], {}  # type: list[str], dict[int, str]
         for name, source in zip(self.of_source, w.sources, strict=True):

@@ -1,12 +1,8 @@
 """Published numbers of the room: planets, formats of weather files, the coefficients of an integrator."""
 
-from __future__ import annotations
-
-from typing import Final
-
 import numpy as np
 
-PLANET_FIGURES: Final = {
+PLANET_FIGURES = {
     "mercury": (2.4397e6, 2.2032e13, 9083.0),
     "venus": (6.0518e6, 3.24859e14, 2601.0),
     "earth": (6.371e6, 3.986004418e14, 1361.0),
@@ -17,7 +13,7 @@ PLANET_FIGURES: Final = {
 }
 """Mean radius [m], attraction [m^3/s^2] and solar flux [W/m^2]: NASA planetary fact sheets, from memory; that at the earth also Kopp and
 Lean, Geophys. Res. Lett. 38 (2011) L01706: 1360.8 +- 0.5 W/m^2."""
-EPW: Final = {
+EPW = {
     "temp_air": ("dry_bulb", "degC", 99.9),
     "temp_dew": ("dew_point", "degC", 99.9),
     "relative_humidity": ("humidity", "%", 999.0),
@@ -32,8 +28,8 @@ EPW: Final = {
     "liquid_precipitation_depth": ("rain", "mm/h", 999.0),
 }
 """Column of an EnergyPlus file, as pvlib calls it -> quantity, its unit (clouds in tenths), and what stands where a value is missing."""
-TMY3_MISSING: Final = -9900.0
-TMY3: Final = {
+TMY3_MISSING = -9900.0
+TMY3 = {
     "temp_air": ("dry_bulb", "degC", TMY3_MISSING),
     "temp_dew": ("dew_point", "degC", TMY3_MISSING),
     "relative_humidity": ("humidity", "%", TMY3_MISSING),
@@ -48,8 +44,8 @@ TMY3: Final = {
 }
 """The same of TMY3 files."""
 _ROOT = 6.0**0.5
-RADAU_C: Final = np.array([(4 - _ROOT) / 10, (4 + _ROOT) / 10, 1.0])
-RADAU_A: Final = np.array(
+RADAU_C = np.array([(4 - _ROOT) / 10, (4 + _ROOT) / 10, 1.0])
+RADAU_A = np.array(
     [
         [(88 - 7 * _ROOT) / 360, (296 - 169 * _ROOT) / 1800, (-2 + 3 * _ROOT) / 225],
         [(296 + 169 * _ROOT) / 1800, (88 + 7 * _ROOT) / 360, (-2 - 3 * _ROOT) / 225],
@@ -57,3 +53,14 @@ RADAU_A: Final = np.array(
     ]
 )
 """Nodes and weights of Radau IIA of order 5."""
+SPACE = 2.725
+"""Of the microwave background: Fixsen, Astrophys. J. 707 (2009) 916. [K]"""
+_GUIDE = "SpaceX Rideshare Payload User's Guide, October 2022"
+LIMITS_OF_LAUNCHERS = {
+    "pressure decay": (2800.0, "read", f"{_GUIDE}, 3.3.8: no faster, but for brief periods"),
+    "brief pressure decay": (4500.0, "read", f"{_GUIDE}, 3.3.8: no faster at any time"),
+    "time of brief decay": (5.0, "read", f"{_GUIDE}, 3.3.8: no longer in all"),
+    "molecular heating": (3500.0, "read", f"{_GUIDE}, 3.3.10: at fairing separation"),
+    "gentle molecular heating": (1135.0, "memory", "a common target for fairing release, as launchers' guides are quoted"),
+}
+"""Name -> limit [Pa/s, Pa/s, s, W/m^2, W/m^2], how it is known, where it stands."""

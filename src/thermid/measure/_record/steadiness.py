@@ -15,6 +15,7 @@ import numpy as np
 
 from thermid.base.errors import RecordError, look_up, nearest
 from thermid.base.units import HOUR, MINUTE, amount, duration_text, format_value, positive_seconds
+from thermid.measure._record._constants import STABILITY
 from thermid.measure._record.channel import Channel, FloatArray, Samples
 from thermid.measure._record.rounding import rounding_of_line
 
@@ -179,19 +180,7 @@ class StabilityRule:
         return earliest
 
 
-RULES: Final[Mapping[str, StabilityRule]] = {
-    r.name: r
-    for r in (
-        StabilityRule("3 C/h", 3.0 / HOUR, 0.0, "SMC-S-016, 6.3.8.3 and 8.3.8.3", "read"),
-        StabilityRule("0.2 C/h over 5 h", 0.2 / HOUR, 5.0 * HOUR, "SMC-S-016, 8.3.7: less than 1 C over 5 h", "read"),
-        StabilityRule("0.05 C/h over 6 h", 0.05 / HOUR, 6.0 * HOUR, "GEVS, thermal balance", "secondary"),
-        StabilityRule("1 K/h", 1.0 / HOUR, 0.0, "ECSS-E-ST-10-03C", "memory"),
-        StabilityRule("1 K over 4 h", 0.25 / HOUR, 4.0 * HOUR, "ECSS-E-ST-10-03C, thermal balance", "memory"),
-        StabilityRule("2 C/h", 2.0 / HOUR, 0.0, "MIL-STD-810H, part one", "memory"),
-        StabilityRule("stored 2 %", 0.02, 0.0, "GSFC-STD-7000B, thermal balance", "memory", True),
-        StabilityRule("stored 5 %", 0.05, 0.0, "GSFC-STD-7000B, thermal balance", "memory", True),
-    )
-}
+RULES: Final[Mapping[str, StabilityRule]] = {row[0]: StabilityRule(*row) for row in STABILITY}
 """Rules by name."""
 
 _DIGITS = r"\d+\.?\d*|\.\d+"
