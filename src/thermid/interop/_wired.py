@@ -18,11 +18,11 @@ import numpy as np
 from thermid.base.errors import DeckError, ScenarioError
 from thermid.base.files import FileKinds
 from thermid.base.units import real_power, si_unit, value_of
-from thermid.model.tree import HINGES, Constant, Curve, Drawn, Model, TableSignal
-from thermid.simulation.runs import SMOOTHING, ConductorRow, Engine, Network, Numbers, Scenario, Wiring, network_for, signal_of
+from thermid.model.tree import HINGES, Constant, Curve, Drawn, Law, Model, TableSignal
+from thermid.simulation.runs import ANCHOR, SMOOTHING, ConductorRow, Engine, Network, Numbers, Scenario, Wiring, network_for, signal_of
 
 IN_WORDS = dict.fromkeys(HINGES.values(), "is a table that depends on parameters") | dict.fromkeys(
-    ("gas", "natural"), "is a law of gas at a pressure, which uses tables"
+    ("gas", "natural"), "is a law of gas that convects or changes in time"
 )
 """Form of a conductor that few formats have -> what it is."""
 
@@ -130,6 +130,7 @@ class Wired:
     courses : dict              Parameter path -> what it follows in time; formulas hold its name. [SI]
     lacking : tuple             What the model lacks of the hardware, in words.
     idle : tuple                Names of conductors and loads that carry nothing in the scenario and are left out.
+    held : tuple                What is written as it is in the scenario and does not follow values or temperature, in words.
     """
 
     network: Network
@@ -143,6 +144,7 @@ class Wired:
     courses: Mapping[str, Drawn] = field(default_factory=dict)
     lacking: tuple[str, ...] = ()
     idle: tuple[str, ...] = ()
+    held: tuple[str, ...] = ()
 
     @cached_property
     def parameters(self) -> tuple[ExportedParameter, ...]:
@@ -221,6 +223,7 @@ def wired(model: Model, scenario: Scenario, what: str | Writer) -> Wired:
     laws = [row for row in numbers.conductors if writer.numbers and row.form in ("power", "table") and not row.signal]
     idle = [row for row in laws if value_of(row.coefficients[0]) == 0.0]
     numbers = replace(numbers, conductors=tuple(row for row in numbers.conductors if row not in idle))
+    numbers, held = _gas_at_rest(numbers, writer)
     _refuse_laws(network, numbers, writer)
     sources = _sources(network, wiring, numbers, writer)
     for name, curve in (*((row.name, row.curve) for row in numbers.conductors), *((s.load, s.curve) for s in sources)):
@@ -250,10 +253,34 @@ def wired(model: Model, scenario: Scenario, what: str | Writer) -> Wired:
         {} if wiring.schedule is None else {p: s.drawn(wiring.scenario.seconds) for p, s in wiring.schedule.signals.items()},
         tuple(model.missing_parts()),
         tuple(dict.fromkeys([*(f"{row.name} ({row.form} law)" for row in idle), *off])),
+        held,
     )
     _refuse_bent_courses(out, writer)
     _refuse_other_formulas(out, wiring, writer)
     return out
+
+
+def _gas_at_rest(numbers: Numbers, writer: Writer) -> tuple[Numbers, tuple[str, ...]]:
+    """Return numbers in which gas at rest at one pressure has a law that a format holds, and what that law does not follow, in words.
+
+    Its conductance, ``G k(T) / (1 + k(T) (T / 300 K)^(1/2) / c)`` with the continuum's k [-] and the ratio c of free molecules to it, is a
+    table over the mean temperature; where a format has no tables, its value at 300 K.
+    """
+    rows, held = [], []
+    for row in numbers.conductors:
+        if row.form != "gas" or row.form in writer.forms or row.signal or row.second or row.curve is None:
+            rows.append(row)
+            continue
+        x, k, _ = row.curve.table
+        y = k / (1.0 + k * np.sqrt(x / ANCHOR) / float(value_of(row.coefficients[1])))  # type: ignore[arg-type]  # a formula is a number
+        first = row.coefficients[0]
+        if "table" in writer.forms:
+            rows.append(replace(row, law=Law("table", (first,)), curve=Curve("temperature", x, y)))
+            held.append(f"{row.name}: the share of free molecules in its gas")
+        else:
+            rows.append(replace(row, law=Law("linear", (first * float(np.interp(ANCHOR, x, y)),)), curve=None))
+            held.append(f"{row.name}: its gas is at {ANCHOR:g} K")
+    return replace(numbers, conductors=tuple(rows)), tuple(held)
 
 
 def _refuse_laws(network: Network, numbers: Numbers, writer: Writer) -> None:
@@ -296,8 +323,8 @@ def _sources(network: Network, wiring: Wiring, numbers: Numbers, writer: Writer)
         if not plain and not writer.loads:
             law = load.control or load.form
             raise DeckError(
-                f"the load '{load.name}' depends on temperature ({law}), which is not written to {writer.name}. Give its power: --load "
-                f"{load.name}=0 leaves it out.",
+                f"the load '{load.name}' depends on temperature ({law}), which is not written to {writer.name}. Give it a power that "
+                f"stays, --load {load.name}=2 for 2 W; 0 leaves it out.",
                 network.title,
                 code="output.not-expressible",
             )
@@ -700,7 +727,8 @@ def exported(w: Wired, lines: Iterable[str], path: str | os.PathLike[str] | None
     """
     lacking = [f"{comment.strip()} INCOMPLETE: {one_line(what)}" for what in w.lacking]
     idle = [f"{comment.strip()} left out, because nothing flows through it in this scenario: {one_line(name)}" for name in w.idle]
-    text = "\n".join([*lacking, *idle, *lines]) + "\n"
+    held = [f"{comment.strip()} as in this scenario, whatever else changes: {one_line(what)}" for what in w.held]
+    text = "\n".join([*lacking, *idle, *held, *lines]) + "\n"
     if path is not None:
         FileKinds.EXPORT.save_text(path, text, comment)
     return text

@@ -39,6 +39,14 @@ def hot_box(**conductors: dict[str, Any]) -> td.Model:
     return td.model_from_dict({**HOT, "loads": loads, "conductors": {**HOT["conductors"], **conductors}})
 
 
+GAP = {
+    "kind": "contact",
+    "between": ["box", "lid"],
+    "contact_conductance": "20 [W/(m^2 K)]",
+    "gap": "0.4 [mm]",
+    "area": "0.05 [m^2]",
+}
+"""A joint with a gap, whose gas is a law of its own."""
 SIGNALS = td.Scenario(
     "signals",
     boundaries={

@@ -13,7 +13,7 @@ import thermid as td
 from by_code import raises_code
 from thermid.interop._wired import identifiers
 from thermid.interop.octave import _groups
-from unit.interop.networks import HOT, SIGNALS, TIGHT, hot_box
+from unit.interop.networks import GAP, HOT, SIGNALS, TIGHT, hot_box
 from unit.interop.programs import octave
 
 
@@ -23,6 +23,19 @@ def test_every_law_and_every_signal_agree(tmp_path: Path) -> None:
     found = octave(tmp_path / "hot_box.m", times)
     ours = td.simulate(model, SIGNALS, times=times, options=TIGHT)
     assert np.abs(found - np.column_stack([ours["box"].celsius, ours["lid"].celsius])).max() < 2e-6
+
+
+@pytest.mark.parametrize("pressure", ["101.325 [kPa]", "50 [Pa]"])
+def test_the_gas_of_a_joint_at_one_pressure_agrees(pressure: str, tmp_path: Path) -> None:
+    """The form that is advised for a box was refused, in plain air too."""
+    still = dict(HOT["conductors"]["leak"])
+    model, times = hot_box(pad=GAP, blow=still), np.linspace(0.0, 3.0 * 3600.0, 25)
+    scenario = SIGNALS.with_(environment={"*": td.simulation.Environment(pressure)})
+    td.interop.to_octave(model, scenario, tmp_path / "hot_box.m")
+    found = octave(tmp_path / "hot_box.m", times)
+    ours = td.simulate(model, scenario, times=times, options=TIGHT)
+    assert np.abs(found - np.column_stack([ours["box"].celsius, ours["lid"].celsius])).max() < 1e-3
+    assert np.abs(ours["lid"].celsius - td.simulate(hot_box(blow=still), scenario, times=times)["lid"].celsius).max() > 0.5
 
 
 def test_values_can_be_changed_in_octave(tmp_path: Path) -> None:

@@ -9,7 +9,7 @@ import numpy as np
 
 import thermid as td
 from by_code import raises_code
-from unit.interop.networks import SIGNALS, TIGHT, hot_box
+from unit.interop.networks import GAP, SIGNALS, TIGHT, hot_box
 from unit.interop.programs import ngspice
 
 
@@ -23,6 +23,15 @@ def test_every_law_and_every_signal_agree(tmp_path: Path) -> None:
     ours = td.simulate(model, SIGNALS, times=times, options=TIGHT)
     for node in ("box", "lid", "seam", "glue"):
         assert np.abs(found[node] - ours[node].celsius)[1:].max() < 2e-4, node
+
+
+def test_the_gas_of_a_joint_agrees(tmp_path: Path) -> None:
+    """Its table over temperature has straight lines; the simulator's steps add their part at such a joint."""
+    td.interop.to_spice(hot_box(pad=GAP), SIGNALS, tmp_path / "hot.cir")
+    times, found = ngspice(tmp_path / "hot.cir")
+    ours = td.simulate(hot_box(pad=GAP), SIGNALS, times=np.minimum(times, SIGNALS.seconds), options=TIGHT)
+    for node in ("box", "lid"):
+        assert np.abs(found[node] - ours[node].celsius)[1:].max() < 2e-3, node
 
 
 def test_the_netlist_of_one_mass() -> None:
