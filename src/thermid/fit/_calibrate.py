@@ -51,8 +51,9 @@ from thermid.values.store import INPUT, FittedValue, FittedValues, LaterTable, S
 _version = cache(version)  # half a millisecond, once
 
 ASIDE, STRAINED = 3.0, 5.0
-"""Standard deviations from its prior at which a value is remarked on, and from which its fit is not adequate, whatever it is a value of:
-chance goes so far once in two million, so the prior is wrong, or the value takes up physics that the model lacks. [-]"""
+"""Standard deviations from its prior at which a value is remarked on, and from which its fit is not adequate, whatever it is a value of;
+of a value of a stage below it is the shift that the logs alone ask for, since its prior holds it near whatever they say. Chance
+goes so far once in two million, so the prior is wrong, or the value takes up physics that the model lacks. [-]"""
 UNSTATED_LAG = 5.0
 """Lag that a thermometer may have of which nobody states one: between a bare thermocouple and a probe in a pocket. [s]"""
 UNSTATED_EMISSIVITY = 0.05
@@ -87,9 +88,10 @@ def own_standing(
         return Standing("not credible", "; ".join([*wrong, *at_bound, *moved.contradictions()]), stage, request.accepted)
     short_of = [
         f"'{name}' lies {far:.1f} standard deviations from its prior (limit {STRAINED:g})"
-        for name, far in [*_far_from_prior(problem, at, inherited=True).items()][:1]
+        for name, far in [*_far_from_prior(problem, at).items()][:1]
         if far > STRAINED
     ]
+    short_of += moved.contradictions(STRAINED)[:1]  # where the prior holds a value says less than where the logs alone put it
     times, words = _beyond_accuracy(problem, at)
     short_of += [words] if times > ASIDE else []
     short_of += _beyond_stated(problem, spread, request.adequate) if request.adequate and spread is not None else []
@@ -817,18 +819,13 @@ def _noise_apart(problem: Problem) -> list[str]:
     ]
 
 
-def _far_from_prior(problem: Problem, at: Sequence[float], inherited: bool = False) -> dict[str, float]:
-    """Return value -> |x - m| / s, its distance from its prior in standard deviations [-], of those beyond `ASIDE`, the farthest first.
+def _far_from_prior(problem: Problem, at: Sequence[float]) -> dict[str, float]:
+    """Return value -> |x - m| / s, its distance from its own prior in standard deviations [-], of those beyond `ASIDE`, the farthest first.
 
-    `at` x (unknowns,), the prior's mean m and s are in the fitted form. With `inherited` also of values that stages below found together:
-    each by itself, its s the root of the diagonal of (R'R)^-1, R the root of their information.
+    `at` x (unknowns,), the prior's mean m and s are in the fitted form.
     """
     pairs = zip(problem.unknowns, at, strict=True)
     apart = {u.name: abs(x - u.prior.mean) / u.prior.sd for u, x in pairs if u.prior is not None}
-    for positions, mean, root in problem.coupled if inherited else ():
-        sizes = np.sqrt(np.diag(np.linalg.pinv(root.T @ root)))
-        shifts = zip(positions, np.asarray(at)[positions] - mean, sizes, strict=True)
-        apart |= {u.name: abs(shift) / size for k, shift, size in shifts if (u := problem.unknowns[int(k)]).kind == "parameter"}
     return {name: size for name, size in sorted(apart.items(), key=lambda item: -item[1]) if size > ASIDE}
 
 

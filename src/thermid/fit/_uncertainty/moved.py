@@ -437,9 +437,12 @@ class Moves:
             yield f"  values of the stages below -> by {self.by}:"
             yield from (f"    {line}" for line in (*self.values, *self.groups))
 
-    def contradictions(self) -> list[str]:
-        """Return in words what the stages below found of each value that moved, and what these logs say, the furthest first."""
-        far = sorted((m for m in self.values if m.verdict == MOVED), key=lambda m: -abs(m.deviations))
+    def contradictions(self, beyond: float = 0.0) -> list[str]:
+        """Return in words what the stages below found of each value that moved, and what these logs say, the furthest first.
+
+        Those that moved by more than `beyond` standard errors of the shift.
+        """
+        far = sorted((m for m in self.values if m.verdict == MOVED and abs(m.deviations) > beyond), key=lambda m: -abs(m.deviations))
         return [
             f"{m.path}, {m.printed} {m.unit} from stage '{m.stage}', "
             + (f"would be {from_si(m.alone, m.unit):.4g} {m.unit} by this stage's logs" if math.isfinite(m.alone) else "is refuted")
