@@ -12,10 +12,11 @@ import thermid as td
 from by_code import raises_code
 from thermid.base.errors import IdentificationError
 from thermid.base.units import ICE_POINT
+from thermid.fit._error_model import model as error_model
 from thermid.fit._error_model.courses import OperatingPoint
-from thermid.fit._error_model.elements import AS_BUILT, JointLaw, SurfaceLaw, Way, class_of, with_laws
+from thermid.fit._error_model.elements import AS_BUILT, WITH_ENTRIES, JointLaw, SurfaceLaw, Way, class_of, ways_of, with_laws
 from thermid.fit._error_model.gaussian import log_sum
-from thermid.fit._error_model.model import GROUPS, RunsOfFit, left_prior
+from thermid.fit._error_model.model import GROUPS, RunsOfFit, left_prior, points_of
 from thermid.fit._error_model.runs import Departures
 from thermid.fit._error_model.sizes import LENGTHS, NEWTON_POINTS
 from thermid.fit.error_model import SIZES, BandCause, ErrorModel, course_in_fit
@@ -113,6 +114,38 @@ def test_steps_end_where_a_value_stands_at_its_bound(monkeypatch: pytest.MonkeyP
     ErrorModel.of_fit(fit)
     assert points[-1] == pytest.approx(np.log(1.3), abs=1e-3)
     assert 2 * 2 <= len(points) < 2 * (NEWTON_POINTS // 2)  # without and with parts through which heat enters
+
+
+def test_ways_share_what_they_run(fit: td.Calibration, monkeypatch: pytest.MonkeyPatch) -> None:
+    """What the model of error costs: runs with derivatives, and columns of departures in them, of four ways and that of the deck."""
+    columns: list[int] = []
+    taken = error_model.traces_of
+
+    def counted(*given: Any) -> Any:
+        columns.append(len(given[3]))
+        return taken(*given)
+
+    monkeypatch.setattr(error_model, "traces_of", counted)
+    ErrorModel.of_fit(fit)
+    assert len(columns) <= 30
+    assert sum(columns) <= 564  # 792 where each way ran all of its own
+
+
+def test_columns_that_ways_share_are_as_each_alone_has_them(fit: td.Calibration) -> None:
+    assert fit.problem is not None
+    at, (e, _) = np.array(list(fit.fitted.values())), fit.problem.experiments
+    courses = [course_in_fit(fit.problem, i, x.network, at) for i, x in enumerate(fit.problem.experiments)]
+    points, paths = points_of(fit.problem, courses)
+    first, second, *_ = ways_of(e.network, points, e.network.numbers().values, paths)
+    assert second.name == first.name + WITH_ENTRIES
+    runs, alone = (RunsOfFit.of_problem(fit.problem, at, w, w.laws, points, None) for w in (first, second))
+    shared = runs.in_way(second, second.laws)
+    assert shared.columns == alone.columns
+    assert len(shared.columns) > len(runs.columns)
+    for ours, theirs in zip(shared.traces, alone.traces, strict=True):
+        for a, b in zip(ours, theirs, strict=True):
+            np.testing.assert_allclose(a.rows, b.rows, atol=1e-4 * np.abs(b.rows).max())
+            np.testing.assert_allclose(a.residuals, b.residuals, atol=1e-4)
 
 
 @pytest.mark.parametrize("worse", [1.0, 30.0])

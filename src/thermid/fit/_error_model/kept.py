@@ -345,7 +345,10 @@ class ErrorModel(Result):
         courses = [course_in_fit(problem, i, e.network, fitted) for i, e in enumerate(problem.experiments)]
         (points, paths), network = points_of(problem, courses), problem.experiments[0].network
         values = network.numbers({p: v.value for p, v in fit.values.assignments.items()}).values
-        *fitted_ways, as_built = [fitted_way(problem, fitted, w, points) for w in ways_of(network, points, values, paths)]
+        *departing, still = ways_of(network, points, values, paths)
+        fitted_ways, as_built = list[FittedWay](), fitted_way(problem, fitted, still, points)
+        for w in departing:
+            fitted_ways.append(fitted_way(problem, fitted, w, points, fitted_ways[-1] if fitted_ways else None))
         total = sum(w.way.before for w in fitted_ways)
         logs = np.concatenate([w.members.log_evidence + math.log(w.way.before / total) for w in fitted_ways])
         shares = np.split(weights_of(logs), np.cumsum([len(w.left) for w in fitted_ways])[:-1])
@@ -362,8 +365,8 @@ class ErrorModel(Result):
         pairs = zip(all_ways, probabilities, strict=True)
         ways = normalised([KeptWay.of_fitted(w, share) for w, share in pairs if share.sum() > COUNTED * departs])
         fitted_values = {u.name: SeenValue.of_unknown(u) for u in problem.unknowns if u.name in ways[0].values}
-        still = as_built.runs.posteriors(np.zeros(len(as_built.runs.values)), np.zeros((1, len(GROUPS))))  # neither elements nor rooms
-        gain, spot = log_sum(logs) - log_sum([left_prior()[r] + m.log_evidence[0] for r, m in still.items()]), ""
+        unmoved = as_built.runs.posteriors(np.zeros(len(as_built.runs.values)), np.zeros((1, len(GROUPS))))  # neither elements nor rooms
+        gain, spot = log_sum(logs) - log_sum([left_prior()[r] + m.log_evidence[0] for r, m in unmoved.items()]), ""
         heated = {node for course in courses for node, _ in course.powers.values() if node in course.stores}
         spots = tuple(sorted(heated & {o.seat for e in problem.experiments for o in e.observations}))
         if gain > MIN_LOG_BAYES_FACTOR and spots:

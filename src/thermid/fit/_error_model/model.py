@@ -139,7 +139,7 @@ class RunsOfFit:
     columns : tuple of UnknownColumn   What all runs share beside the values.
     own : tuple                 What each run has for itself, per run.
     traces : tuple              Sensors, per run; unknowns are values, columns and own columns.
-    spans : tuple of float      Durations. [s]
+    courses : tuple             What elements do along each run.
     """
 
     problem: Problem
@@ -149,7 +149,7 @@ class RunsOfFit:
     columns: tuple[UnknownColumn, ...]
     own: tuple[tuple[UnknownColumn, ...], ...]
     traces: tuple[tuple[SensorRows, ...], ...]
-    spans: tuple[float, ...]
+    courses: tuple[ElementCourse, ...]
     memo: Memo = field(init=False, default_factory=Memo, repr=False, compare=False)
 
     @classmethod
@@ -174,9 +174,7 @@ class RunsOfFit:
         """
         networks = [with_laws(e.network, laws) for e in problem.experiments]
         courses = [course_in_fit(problem, i, n, fitted) for i, n in enumerate(networks)]
-        spans = tuple(float(c.times[-1]) for c in courses)
-        names, times = {n for u in problem.unknowns for n in (u.name, *u.also)}, tuple(part * max(spans) for part in SHARES_OF_RUN)
-        departures_used = departures or departures_of(networks, courses, points, times, names)
+        departures_used = departures or departures_in_fit(problem, networks, courses, points)
         if way.name == AS_BUILT:
             departures_used = departures_used.of_runs_alone
         parts = [(departures_used.shared(n, c, way, laws), departures_used.of_run(n, c)) for n, c in zip(networks, courses, strict=True)]
@@ -193,7 +191,24 @@ class RunsOfFit:
             means = (t.averaged() for t in traces_of(problem, i, network, heats, fitted))
             traces.append(tuple(replace(t, residuals=t.residuals - t.rows[:, alone[i]] @ apart).taken(order) for t in means))
         own_columns_of_runs = tuple((*own_columns(problem, i), *(c for c, _ in run)) for i, (_, run) in enumerate(parts))
-        return cls(problem, fitted, values, departures_used, tuple(columns.values()), own_columns_of_runs, tuple(traces), spans)
+        return cls(problem, fitted, values, departures_used, tuple(columns.values()), own_columns_of_runs, tuple(traces), tuple(courses))
+
+    def in_way(self, way: Way, laws: Mapping[str, ElementLaw]) -> RunsOfFit:
+        """Return the runs at the same values and laws with the columns of another way: those that both have are not run again."""
+        networks, count = [with_laws(e.network, laws) for e in self.problem.experiments], len(self.problem.unknowns)
+        parts = [dict(self.departures.shared(n, c, way, laws)) for n, c in zip(networks, self.courses, strict=True)]
+        columns = dict.fromkeys(c for part in parts for c in part)
+        new = [c for c in columns if c not in self.columns]
+        first, last = len(self.values), len(self.values) + len(self.columns)
+        traces = []
+        for i, (network, part, known) in enumerate(zip(networks, parts, self.traces, strict=True)):
+            width = known[0].rows.shape[1]
+            places = dict(zip((*self.columns, *new), (*range(first, last), *range(width, width + len(new))), strict=True))
+            order = [*range(first), *(places[c] for c in columns), *range(last, width)]
+            more = traces_of(self.problem, i, network, [part.get(c, DepartureHeat(c.name, ())) for c in new], self.fitted)
+            pairs = zip(known, (t.averaged().rows[:, count:] for t in more), strict=True)
+            traces.append(tuple(replace(t, rows=np.column_stack([t.rows, rows])).taken(order) for t, rows in pairs))
+        return replace(self, columns=tuple(columns), traces=tuple(traces))
 
     def moved(self, step: Array) -> Array:
         """Return the unknowns of the fit (unknowns,) after a step (values,) of the values that runs share; none goes beyond its bound."""
@@ -214,7 +229,8 @@ class RunsOfFit:
         joined = np.column_stack([rows[acting][:, self.values], np.zeros((int(acting.sum()), len(self.columns))), -prior_residuals[acting]])
         priors = RunRows(joined.T @ joined, shared, 0.0, 0)
         remainders = [r for r in left_prior() if r[0] == size]
-        wanders = [[Wander(SIZES["left"].value * size, part * span) for _, part in remainders] for span in self.spans]
+        spans = [float(c.times[-1]) for c in self.courses]
+        wanders = [[Wander(SIZES["left"].value * size, part * span) for _, part in remainders] for span in spans]
         by_run = [run_rows(t, w, shared) for t, w in zip(self.traces, wanders, strict=True)]
         return {remainder: [priors, *(several[k] for several in by_run)] for k, remainder in enumerate(remainders)}
 
@@ -249,6 +265,15 @@ class RunsOfFit:
         prior, posteriors = left_prior(), self.posteriors(centre, np.array([[SIZES[g].value for g in GROUPS]]))
         logs = [prior[remainder] + float(f.log_evidence[0]) for remainder, f in posteriors.items()]
         return step_to_mode(logs, [f.mean[0][bent] for f in posteriors.values()], [f.root[0][bent] for f in posteriors.values()])
+
+
+def departures_in_fit(
+    problem: Problem, networks: Sequence[Network], courses: Sequence[ElementCourse], points: Mapping[str, OperatingPoint]
+) -> Departures:
+    """Return what may depart of a model by the runs of a fit, in these networks and along these courses."""
+    longest = max(float(c.times[-1]) for c in courses)
+    names = {n for u in problem.unknowns for n in (u.name, *u.also)}
+    return departures_of(networks, courses, points, tuple(part * longest for part in SHARES_OF_RUN), names)
 
 
 def alone_in(problem: Problem, i: int) -> list[int]:
@@ -301,16 +326,23 @@ def fitted_way(problem: Problem, fitted: Array, way: Way, points: Mapping[str, O
 
     What no element explains has every size and time while they are looked for: fixed, a small one would bend values until they follow what
     they do not explain, and a large one would leave them where they began. The search begins at the values of the fit, `fitted`
-    (unknowns,), fitted form, or where that of a way with the same laws ended, `near`. A Gauss-Newton step that gains nothing is tried
-    anew, a quarter as long; the share doubles after one that gains. It ends below `WORTH_A_POINT` of gain, or steps below `ARRIVED` of
-    their spread.
+    (unknowns,), fitted form, or where that of another way ended, `near`: with the same laws it has most of the rows there already. A
+    Gauss-Newton step that gains nothing is tried anew, a quarter as long; the share doubles after one that gains. It ends below
+    `WORTH_A_POINT` of gain, or steps below `ARRIVED` of their spread.
     """
     at, laws, departures = fitted, dict(way.laws), None
-    if near is not None:
+    if near is not None and near.way.laws == way.laws:
         at, laws, departures = near.runs.fitted, dict(near.laws), near.runs.departures
+    elif near is not None:
+        networks = [with_laws(e.network, laws) for e in problem.experiments]
+        departures = departures_in_fit(problem, networks, [course_in_fit(problem, i, n, fitted) for i, n in enumerate(networks)], points)
+        at = near.runs.fitted
     share, costs = 1.0, list[float]()
-    for _ in range(NEWTON_POINTS):
-        runs = RunsOfFit.of_problem(problem, at, way, laws, points, departures)
+    for k in range(NEWTON_POINTS):
+        if k == 0 and near is not None and departures is near.runs.departures:
+            runs = near.runs.in_way(way, laws)
+        else:
+            runs = RunsOfFit.of_problem(problem, at, way, laws, points, departures)
         departures, values = runs.departures, runs.values
         place = {c.name: len(values) + k for k, c in enumerate(runs.columns)}
         shapes = {(p, w): place[n] for p, law in way.laws.items() for w in law.shape if (n := f"{w} of {p}") in place}
