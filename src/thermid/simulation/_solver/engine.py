@@ -853,13 +853,9 @@ def _no_steady(problem: KernelProblem, a: Assembled) -> CodedText:
 def _periodic(engine: Engine, a: Assembled, guess: Array, slopes: Array, gradients: bool) -> tuple[Array, Array]:
     """Return the state x (nodes,) that comes back after every period P of the inputs [K], and its derivatives (nodes, free).
 
-    Newton's method on T(P) - T(0), x+ = x + (1 - M)^-1 (T(P) - x), with the monodromy matrix M = exp(P C^-1 J) of the network linearised
-    at the mean, mended after Broyden (Math. Comp. 19 (1965) 577) where it is not linear. A linear network takes one step, and one more
-    that shows it. It begins at `guess` (nodes,) [K] and `slopes` (nodes, free), those of the mean.
-
-    Raises
-    ------
-    SolverError   When something switches at its own period, or no such state is found.
+    Newton's method x+ = x + (1 - M)^-1 (T(P) - x) from `guess` and `slopes`, those of the mean, with the monodromy matrix M = exp(P C^-1 J)
+    of the network linearised there, mended after Broyden (Math. Comp. 19 (1965) 577) where it is not linear. A linear network takes one
+    step, and one more that shows it.
     """
     from scipy.linalg import expm
 
