@@ -226,14 +226,7 @@ def wired(model: Model, scenario: Scenario, what: str | Writer) -> Wired:
     numbers, held = _gas_at_rest(numbers, writer)
     _refuse_laws(network, numbers, writer)
     sources = _sources(network, wiring, numbers, writer)
-    for name, curve in (*((row.name, row.curve) for row in numbers.conductors), *((s.load, s.curve) for s in sources)):
-        if curve is not None and not writer.open_tables and not table_points(curve)[2]:
-            raise DeckError(
-                f"'{name}' is a table with outside = 'refuse', which is not written to {writer.name}, where it holds its last value. Use "
-                "outside = 'hold'.",
-                network.title,
-                code="output.not-expressible",
-            )
+    _refuse_open_tables(network, numbers, sources, writer)
     off = [load.name for load in numbers.loads if writer.numbers and not load.fixed and load.name not in {s.load for s in sources}]
     rows = named_rows(row for row in numbers.conductors if row.ends[0] != row.ends[1])
     engine = Engine(wiring)
@@ -303,6 +296,18 @@ def _refuse_laws(network: Network, numbers: Numbers, writer: Writer) -> None:
         if curve is not None and not (curve.film[-1] if curve.film else curve).straight and not writer.smooth:
             raise DeckError(
                 f"'{name}' is a smooth table, which is not written to {writer.name}. Use interpolation = 'linear'.",
+                network.title,
+                code="output.not-expressible",
+            )
+
+
+def _refuse_open_tables(network: Network, numbers: Numbers, sources: Iterable[HeatSource], writer: Writer) -> None:
+    """Refuse tables that have no values outside their points, where a format holds the last one."""
+    for name, curve in (*((row.name, row.curve) for row in numbers.conductors), *((s.load, s.curve) for s in sources)):
+        if curve is not None and not writer.open_tables and not table_points(curve)[2]:
+            raise DeckError(
+                f"'{name}' is a table with outside = 'refuse', which is not written to {writer.name}, where it holds its last value. Use "
+                "outside = 'hold'.",
                 network.title,
                 code="output.not-expressible",
             )

@@ -406,7 +406,7 @@ def _signal(target: _Field) -> Iterator[str]:
     """Yield the statements that set one input."""
     course = target.signal
     if isinstance(course, Sine):
-        angle = f"{_number(2.0 * math.pi / course.period)} * t + {_number(course.phase)}"
+        angle = f"{_number(math.tau / course.period)} * t + {_number(course.phase)}"
         yield f"u->{target.name} = {_number(course.mean)} + {_number(course.amplitude)} * sin({angle});"
     elif (value := resting(course)) is not None:
         yield f"u->{target.name} = {_number(value)};"

@@ -340,7 +340,7 @@ class _Package:
     def _signal(self, name: str, signal: Drawn) -> str:
         """Return a course as an expression of time."""
         if isinstance(signal, Sine):
-            angle = f"{_number(2.0 * math.pi / signal.period)}*time + {_number(signal.phase)}"
+            angle = f"{_number(math.tau / signal.period)}*time + {_number(signal.phase)}"
             return f"{_number(signal.mean)} + {_number(signal.amplitude)}*sin({angle})"
         if (value := resting(signal)) is not None:
             return _number(value)

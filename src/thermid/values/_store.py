@@ -262,7 +262,7 @@ class Logarithm:
 
 def _density(z: float) -> float:
     """Return the standard normal density exp(-z^2 / 2) / sqrt(2 pi)."""
-    return float(np.exp(-0.5 * z * z) / np.sqrt(2.0 * np.pi))
+    return float(np.exp(-0.5 * z * z) / np.sqrt(math.tau))
 
 
 def _times_density(z: float) -> float:

@@ -61,7 +61,7 @@ class Innovations:
     @property
     def loss(self) -> Array:
         """Minus the logarithm of the likelihood (members,). [-]"""
-        return np.asarray(0.5 * np.sum(self.errors**2 / self.variances + np.log(2.0 * np.pi * self.variances), axis=0))
+        return np.asarray(0.5 * np.sum(self.errors**2 / self.variances + np.log(math.tau * self.variances), axis=0))
 
     @property
     def standard(self) -> Array:

@@ -302,10 +302,6 @@ class TableSignal:
         times[change] -= 0.5 * (self.times[change] - self.times[change - 1])
         return self.retimed(lambda _: times)
 
-    def jumps_at(self, time: float) -> bool:
-        """Return whether it is held and has another value from a time on than before. [s]"""
-        return self.hold and time in self.corners()[1:]
-
     def with_row_later(self, row: int, by: float) -> TableSignal:
         """Return the signal with one row later by some time, and those that it would pass right behind it. [s]"""
         order = JUMP_TIME * np.arange(self.times.size)
@@ -460,7 +456,7 @@ class Sine(_Endless):
 
     def turning_times(self, end: float) -> Array:
         """Return the times (turns,) in 0 .. `end` at which it turns from rising to falling or back; none of a constant. [s]"""
-        first = (0.25 - self.phase / (2.0 * np.pi)) % 0.5
+        first = (0.25 - self.phase / (math.tau)) % 0.5
         return np.asarray(self.period * np.arange(first, end / self.period, 0.5))
 
     @property
@@ -485,11 +481,11 @@ class Sine(_Endless):
 
     def at(self, times: Array) -> Array:
         """Return its values (times,) at times [s]. [SI]"""
-        return self.mean + self.amplitude * np.sin(2.0 * np.pi * times / self.period + self.phase)
+        return self.mean + self.amplitude * np.sin(math.tau * times / self.period + self.phase)
 
     def shifted(self, seconds: float) -> Sine:
         """Return the signal on a clock that starts later: its value at t is the old one at t + `seconds`."""
-        return replace(self, phase=self.phase + 2.0 * math.pi * math.fmod(seconds / self.period, 1.0))
+        return replace(self, phase=self.phase + math.tau * math.fmod(seconds / self.period, 1.0))
 
     @property
     def levels(self) -> Array:
@@ -520,7 +516,7 @@ class Sine(_Endless):
         """
         if end <= begin:
             return float(self.at(np.array([begin]))[0])
-        rate = 2.0 * math.pi / self.period
+        rate = math.tau / self.period
         ups = math.cos(rate * begin + self.phase) - math.cos(rate * end + self.phase)
         return self.mean + self.amplitude * ups / (rate * (end - begin))
 

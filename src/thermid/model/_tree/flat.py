@@ -141,11 +141,6 @@ class FlatLoad:
         laws = ("proportional.setpoint", "command_curve")
         return bool(self.controls) or self.curve is not None or any(f in laws or f.endswith("_coefficient") for f in self.fields)
 
-    @property
-    def power_alone(self) -> FlatLoad:
-        """The load as its power alone: no temperature changes it, nothing switches or sets it; itself where it has no power."""
-        return replace(self, fields={"power": self.fields["power"]}, controls=(), cycle=None) if "power" in self.fields else self
-
 
 @dataclass(frozen=True)
 class FlatControl:

@@ -14,7 +14,7 @@ import numpy as np
 
 from thermid.base.errors import DeckError
 from thermid.base.units import Array, Number, value_of
-from thermid.model.tree import COMPLEMENT, Curve, FlatControl, Melt, named_control
+from thermid.model.tree import Curve, FlatControl, Melt, named_control
 from thermid.simulation._network.rows import LoadRow
 
 ZERO, SPAN = 300.0, 100.0
@@ -137,10 +137,6 @@ class ControlRow:
             if guard.sign * (reading - number(guard.level)) >= 0.0:
                 return guard.after
         return None
-
-    def factor_of(self, name: str) -> FactorForm:
-        """Return the factor that a name stands for: the control's share, or for ``1 - name`` the rest of it."""
-        return self.rest if name.startswith(COMPLEMENT) else self.share
 
     def read(self, form: FactorForm, at: Callable[[str], Array], modes: Array, signal: Callable[[int], Any] = lambda _: 1.0) -> Array:
         """Return a factor (times,), for its modes (times,) and the temperatures `at` of nodes by name [K]. [-]

@@ -338,6 +338,8 @@ def rarefied_rows(c: FlatConductor, law: Law, area: Number, state: GasState) -> 
     return fitted, replace(still, law=still.law.scaled(1.0 if state.key else 1.0 - strength))
 
 
+SAME_STATE = 0.01
+"""Difference of a pressure, a gravity or a wind below which a gas is as it was when a model was reduced. [-]"""
 AIR_RANGE = (0.85 * ATMOSPHERE, 1.1 * ATMOSPHERE)
 """Pressures at which a coefficient fitted on the ground is used as it is. [Pa]"""
 THIN = 0.01 * ATMOSPHERE
@@ -486,10 +488,14 @@ class Media:
         lowest, highest = self._pressure(key, environment).bounds
         if made_in.pressure <= VACUUM_LIMIT:
             return highest <= VACUUM_LIMIT
-        low, high = AIR_RANGE if AIR_RANGE[0] <= made_in.pressure <= AIR_RANGE[1] else (0.99 * made_in.pressure, 1.01 * made_in.pressure)
-        alike = abs(environment.gravity - made_in.gravity) <= 0.01 * STANDARD_GRAVITY and environment.gas == made_in.gas
+        low, high = (
+            AIR_RANGE
+            if AIR_RANGE[0] <= made_in.pressure <= AIR_RANGE[1]
+            else ((1.0 - SAME_STATE) * made_in.pressure, (1.0 + SAME_STATE) * made_in.pressure)
+        )
+        alike = abs(environment.gravity - made_in.gravity) <= SAME_STATE * STANDARD_GRAVITY and environment.gas == made_in.gas
         winds = np.array(environment.wind.bounds)
-        return alike and bool(lowest >= low and highest <= high and (np.abs(winds - made_in.wind) <= 0.01 * made_in.wind).all())
+        return alike and bool(lowest >= low and highest <= high and (np.abs(winds - made_in.wind) <= SAME_STATE * made_in.wind).all())
 
     def lowest(self, gas: str) -> float:
         """Return the lowest pressure of a gas node during the run. [Pa]"""

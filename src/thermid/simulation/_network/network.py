@@ -210,7 +210,12 @@ class Network:
 
     def with_powers_alone(self, loads: Collection[str]) -> Network:
         """Return the network with some loads as their powers alone, with no law over temperature, cycle or control; itself if they are."""
-        alone = tuple(load.power_alone if load.path in loads else load for load in self.flat.loads)
+        alone = tuple(
+            replace(load, fields={"power": load.fields["power"]}, controls=(), cycle=None)
+            if load.path in loads and "power" in load.fields
+            else load
+            for load in self.flat.loads
+        )
         return self if alone == self.flat.loads else replace(self, flat=replace(self.flat, loads=alone))
 
     @property

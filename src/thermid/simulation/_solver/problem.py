@@ -529,8 +529,9 @@ class KernelProblem:
 
         def named(control: str) -> int:
             """Return the place of the factor of a named control."""
-            row = rows[named_control(control)[0]].row
-            return factor(row.name, row.factor_of(control))
+            name, rest = named_control(control)
+            row = rows[name].row
+            return factor(row.name, row.rest if rest else row.share)
 
         def guard(p: PlacedFactors, g: GuardForm) -> tuple[Any, ...]:
             """Return a guard as numbers for the kernel: states before and after, what it reads, level, sign and delay."""
