@@ -2,7 +2,7 @@
 
 A pure-number expression has one unit, at its end: ``"1*(15*0.015) [W]"``. An expression with names, ``"(1 - x)*area"``, takes its dimension
 by algebra; a number in it may have its own unit, ``"area - 2 [cm^2]"``. Pure numbers are computed in fractions and rounded once; roots,
-exponentials and ``pi`` are rounded where they stand.
+exponentials, logarithms and ``pi`` are rounded where they stand.
 
 Values that enter from Python state their unit as a text does (``"24 [degC]"``), by `celsius` or `quantity`, or are a Quantity of pint, a
 pandas Series or an xarray DataArray with a unit; `si_values` is the one door of all of them. A number without a unit is SI where a function
@@ -231,12 +231,28 @@ def _power(base: Any, exponent: Any) -> Any:
     )
 
 
-def _exponential(x: Any) -> Any:
-    """Return e to the power x, of a float, a number with derivatives or an array."""
-    if type(x) is Dual:
-        value = math.exp(x.value)
-        return Dual(value, value * x.gradient)
-    return math.exp(x) if isinstance(x, float) else np.exp(x)
+def _smooth(real: Callable[[float], float], many: Callable[[Any], Any], slope: Callable[[float], float]) -> Callable[[Any], Any]:
+    """Return a function of a float, a number with derivatives or an array, by its value of each kind and its derivative."""
+
+    def value(x: Any) -> Any:
+        """Return the function at x, of the kind of x."""
+        if type(x) is Dual:
+            return Dual(real(x.value), slope(x.value) * x.gradient)
+        return real(x) if isinstance(x, float) else many(x)
+
+    return value
+
+
+def _logarithm(x: float) -> float:
+    """Return the natural logarithm.
+
+    Raises
+    ------
+    ArithmeticError   Of zero and of negative numbers.
+    """
+    if x <= 0.0:
+        raise ArithmeticError("only a positive number has a logarithm")
+    return math.log(x)
 
 
 def _chosen(choose: Callable[[Any, Any], Any], *values: Any) -> Any:
@@ -247,12 +263,13 @@ def _chosen(choose: Callable[[Any, Any], Any], *values: Any) -> Any:
 
 FUNCTIONS: dict[str, Callable[..., Any]] = {
     "sqrt": lambda x: _power(x, 0.5),
-    "exp": _exponential,
+    "exp": _smooth(math.exp, np.exp, math.exp),
+    "log": _smooth(_logarithm, np.log, lambda x: 1.0 / x),
     "abs": lambda x: _chosen(np.maximum, x, -x),
     "min": lambda *x: _chosen(np.minimum, *x),
     "max": lambda *x: _chosen(np.maximum, *x),
 }
-"""Functions of an expression; the last two take several values."""
+"""Functions of an expression, `log` the natural one; the last two take several values."""
 SEVERAL = ("min", "max")
 CONSTANTS = {"pi": math.pi}
 RESERVED = ("inf", *CONSTANTS)
@@ -423,13 +440,13 @@ def _dimension(node: ast.expr, lookup: Callable[[str], Dimension], text: str) ->
 
 
 def _function_dimension(node: ast.Call, of: list[Dimension], text: str) -> Dimension:
-    """Return the dimension of a function: a root halves it, an exponential takes plain numbers, the others keep one dimension."""
+    """Return the dimension of a function: a root halves it, exp and log take plain numbers, the others keep one dimension."""
     name = _function(node)
     if name == "sqrt":
         return tuple(dimension / 2 for dimension in of[0])
-    if name == "exp" and of[0] != DIMENSIONLESS:
+    if name in ("exp", "log") and of[0] != DIMENSIONLESS:
         raise ExpressionError(
-            f"'{text}': exp() takes a plain number; '{_written(node.args[0], text)}' is {describe(of[0])}.",
+            f"'{text}': {name}() takes a plain number; '{_written(node.args[0], text)}' is {describe(of[0])}.",
             code="expression.mixed-dimensions",
         )
     for dimension in of[1:]:

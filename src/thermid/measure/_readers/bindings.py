@@ -28,7 +28,7 @@ class Binding:
     role, target : str      As of `Channel`.
     full_scale              Power of a load in per cent at 100 %.
     power                   Formula or table by which a power is computed from columns.
-    temperature             Formula by which a temperature is, such as the mean of several thermometers.
+    temperature             Formula by which a temperature is, such as the mean of several thermometers, or a table of it with units.
     part, certificate       Of its sensor.
     """
 
@@ -46,7 +46,7 @@ class Binding:
     samples: str = ""
     interpolation: str = ""
     power: object = None
-    temperature: str | None = None
+    temperature: object = None
     part: SensorPart | None = None
     certificate: SensorCertificate | None = None
 
@@ -159,7 +159,8 @@ def _check_kinds(written: Any, where: str) -> None:
         )
     refuse_unknown(written, _KEYS, where)
     for word in ("column", *ROLES, "gain", "unit", "temperature"):
-        if word in written and not (isinstance(written[word], str) and written[word].strip()):
+        formula = word == "temperature" and isinstance(written.get(word), Mapping)
+        if word in written and not formula and not (isinstance(written[word], str) and written[word].strip()):
             raise RecordError(f"{word} = {written[word]!r} must be text in quotes, and not empty.", where, code="value.wrong-kind")
     for word in ("full_scale", "noise", "accuracy", "resolution"):
         if word in written and (isinstance(written[word], bool) or not isinstance(written[word], str | int | float)):
@@ -264,16 +265,18 @@ def channel_schema() -> dict[str, Any]:
         """Return the JSON Schema of a table of amounts."""
         return {"type": "object", "properties": dict.fromkeys(keys, amount_), "required": list(required), "additionalProperties": False}
 
-    table_of_power = {"type": "object", "properties": {**dict.fromkeys(POWER_KEYS, text), "units": {"type": "object"}}}
+    units = {"units": {"type": "object"}}
+    table_of_power = {"type": "object", "properties": {**dict.fromkeys(POWER_KEYS, text), **units}}
     nested = {
         "prompt": {"type": "boolean"},
         "power": {"anyOf": [text, table_of_power]},
+        "temperature": {"anyOf": [text, {"type": "object", "properties": {"formula": text, **units}, "required": ["formula"]}]},
         "samples": {"enum": list(SAMPLES)},
         "interpolation": {"enum": list(INTERPOLATIONS)},
         "lead": table(("conductance", "to"), ("conductance", "to")),
         "certificate": table(("offset", "uncertainty", "at", "date"), ("offset", "uncertainty")),
         "range": {"type": "array", "items": amount_, "minItems": 2, "maxItems": 2},
     }
-    plain = ("column", *ROLES, "gain", "unit", "temperature")
+    plain = ("column", *ROLES, "gain", "unit")
     properties = {key: nested.get(key) or (text if key in plain else amount_) for key in _KEYS}
     return {"type": "object", "properties": properties, "additionalProperties": False}
