@@ -35,7 +35,7 @@ from thermid.fit._error_model.sizes import OUTSIDE
 from thermid.fit._inputs import InputTable
 from thermid.fit._minimisation import Fit, KeptFit, covariances, minimise
 from thermid.fit._problem.experiment import CHANCE_DEVIATIONS, LEAST_NOISE, STEPPED, UNSAID_NOISE, role_and_target, signal_of
-from thermid.fit._problem.gather import build_problem
+from thermid.fit._problem.gather import build_problem, with_idle_ranges
 from thermid.fit._problem.request import LocalSpec, Request, counted_twice, freed, mean_of, priors_of
 from thermid.fit._problem.residuals import Bench, Predictions, Problem, Unknown, pooled, starting_point, wanders
 from thermid.fit._search import CHANCE, Progress, at_clocks, in_turns, searched, widened_by_noise_of_powers, with_clocks
@@ -941,6 +941,7 @@ def fit(
     """
     if request.hand is not None:
         return tuned_by_hand(request, request.hand)
+    request = with_idle_ranges(request)
     return fit_problem(request, build_problem(request), progress, recalled, stoppable, executor, keeping)
 
 

@@ -8,6 +8,8 @@ from dataclasses import dataclass, replace
 from numbers import Real
 from typing import Any
 
+import numpy as np
+
 from thermid.base.errors import IdentificationError, RecordError, nearest, refuse_unknown
 from thermid.base.units import TEMPERATURE, Kelvin, require
 from thermid.fit._problem.experiment import (
@@ -26,10 +28,10 @@ from thermid.fit._problem.experiment import (
     lag_of,
 )
 from thermid.fit._problem.request import Request, known_before, mean_of
-from thermid.fit._problem.residuals import Influence, Prior, Problem, Unknown
+from thermid.fit._problem.residuals import Influence, Prior, Problem, Unknown, starting_point
 from thermid.measure.records import Record, SecondClock, SensorPart
-from thermid.model.tree import Constant, StatedRange, TableSignal
-from thermid.values.store import INPUT, read_spread
+from thermid.model.tree import Constant, ParameterSet, StatedRange, TableSignal
+from thermid.values.store import INPUT, RangedValue, read_spread
 
 MAX_SEPARATE_STARTS = 10
 """Nodes without a sensor in a record up to which each has a start of its own; of more, those with the same neighbours move together."""
@@ -63,6 +65,34 @@ def build_problem(request: Request) -> Problem:
                 f"the weight of '{sensor}' must be above zero. To leave a sensor out, ignore it.", where, code="value.outside-range"
             )
     return problem_of(request, experiments)
+
+
+def with_idle_ranges(request: Request) -> Request:
+    """Return a request that names the stated ranges on which no reading depends, of those that the stages below found values beside.
+
+    A joint that was found in air beside the gap of a deck is known in air to a few per cent, and in vacuum as badly as the gap. So a prior
+    holds a value beside an input only where the fit has that input too: where one standard deviation of it moves all readings together by
+    less than that of their noise, |J s| < 1 with J the derivatives of the weighted residuals at the start, it has not.
+
+    Raises
+    ------
+    RecordError, IdentificationError    As `build_problem`.
+    SolverError                         When a record cannot be run.
+    """
+    problem = build_problem(request)
+    before = known_before(request, problem.unknowns)
+    names = {s.name for s, rows, held in zip(before.sources, before.rows.T, before.held, strict=True) if held and rows.any()}
+    free = {t.name for u in problem.unknowns for t in u.targets}
+    ranges = RangedValue.of_fit(request.model, ParameterSet(request.model), free) if names else ()
+    ranges = [r for r in ranges if names & {s.name for s, _ in r.columns}]
+    if not ranges:
+        return request
+    opened = [_parameter((r.path, *r.also), problem.experiments) for r in ranges]
+    wide = replace(problem, unknowns=(*problem.unknowns, *opened), coupled=())
+    slopes = wide.compressed(starting_point(wide.unknowns)).slopes[:, len(problem.unknowns) :]
+    sizes = [r.law(u.start).variance ** 0.5 / u.slope(u.to_fitted(u.start)) for r, u in zip(ranges, opened, strict=True)]
+    idle = np.linalg.norm(slopes * sizes, axis=0) < 1.0
+    return replace(request, idle_ranges=tuple(s.name for r, unmoved in zip(ranges, idle, strict=True) if unmoved for s, _ in r.columns))
 
 
 def problem_of(request: Request, experiments: Sequence[Experiment], opened: Sequence[Sequence[str]] = ()) -> Problem:

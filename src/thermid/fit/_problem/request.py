@@ -133,6 +133,7 @@ class Request:
     adequate : float                Standard deviation that the autocorrelated part of residuals may have; 0 for the usual limits. [K]
     accepted : bool                 Whether the campaign accepts the stage as it is, whatever its standing.
     structural_errors : bool        Whether errors of values count what the structure may lack, whatever its residuals.
+    idle_ranges : tuple of str      Sources of stated ranges on which no reading of this fit depends; see `with_idle_ranges`.
     of_logs : tuple of str          Free values that are of the records and not of the deck: powers of courses that were added to its model.
     """
 
@@ -165,6 +166,7 @@ class Request:
     accepted: bool = False
     structural_errors: bool = False
     of_logs: tuple[str, ...] = ()
+    idle_ranges: tuple[str, ...] = ()
 
     @cached_property
     def fit_key(self) -> str:
@@ -442,7 +444,7 @@ class KnownBefore:
     mean : array (n,)           Where they are expected, in the fitted form of the unknowns.
     rows : array (n, sources)   Their responses, in that form.
     sources : tuple of Source   What they respond to.
-    held : array (sources,)     Whether a source is the range of an input that this fit, too, takes as its deck has it.
+    held : array (sources,)     Whether a source is the range of an input that acts in this fit, too, as its deck has it.
     """
 
     at: NDArray[np.int64]
@@ -455,7 +457,8 @@ class KnownBefore:
     def root(self) -> Array:
         """A root R of their information, ``R'R = (rows rows')^-1``: the residual of the joint prior is ``R (fitted - mean)``.
 
-        Without the ranges of held inputs: the stages below found the values beside these inputs as they are here.
+        Without the ranges of held inputs: the stages below found the values beside these inputs as they are here. Where readings do not
+        depend on an input, such as a gap without its gas, its range is among what a value was known with.
         """
         rows = self.rows[:, ~self.held]
         return inverse_square_root(rows @ rows.T, STIFF)
@@ -481,7 +484,7 @@ def known_before(request: Request, unknowns: Sequence[Unknown]) -> KnownBefore:
     at = np.array([k for k, _, _ in inherited], dtype=np.int64)
     free = {t.name for u in unknowns for t in u.targets}
     ranges = RangedValue.of_fit(request.model, ParameterSet(request.model), free) if inherited else ()
-    held = np.isin([s.name for s in store.sources], [s.name for r in ranges for s, _ in r.columns])
+    held = np.isin([s.name for s in store.sources], [s.name for r in ranges for s, _ in r.columns if s.name not in request.idle_ranges])
     moves, fits = ([k for k, s in enumerate(sources) if part in s.name] for part in (EXPECTED, AS_FITTED))
     mean = np.array([u.to_fitted(state.value) for _, u, state in inherited]) + rows[:, moves].sum(axis=1)
     rows[:, moves + fits] = 0.0
