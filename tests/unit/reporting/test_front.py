@@ -124,6 +124,8 @@ def test_the_next_steps_name_a_broken_limit_and_the_warnings(campaign: Campaign)
         assert broken.head[1:] in line.text
         advice.append(line.text.partition(broken.head[1:])[2])
     assert advice[0] != advice[1], "less power where the best values exceed the limit, a narrower band where it alone does"
+    both = CampaignPrediction("hot", "submodel", band, {n: (0.0, band[n].final.high - d) for n, d in (("a.case", 3.0), ("b.case", 1.0))})
+    assert "b.case by 1.00 K" in both.head  # what fails besides the worst stands in the first line too
     wide = CampaignPrediction("cold", "submodel", band, {"a.case": (0.0, 400.0)})
     table, drawn, *_ = _named([wide, broken], brief=True)  # seen in a summary: the broken limit was beyond its first five lines
     assert isinstance(table, Table)

@@ -332,7 +332,7 @@ def _written(path: Path, stage: str, before: Request, after: Request, delays: Se
 
 
 def with_basis(model: Model, stage: str) -> Model:
-    """Return a model whose values that fits laid over its deck are derived ones, on the basis of the fit and of what the deck says of them."""
+    """Return a model whose values that fits laid over its deck are derived ones, on the basis of fit and deck."""
     table = replace(model, layers=()).parameter_table()
 
     def derived(path: str, laid: Parameter) -> Parameter:

@@ -489,7 +489,9 @@ def load_hold(path: str | os.PathLike[str]) -> HoldQuestion:
     model = macro_model(deck, at=unit) if unit else load_model(deck)
     written = [content.values] if isinstance(content.values, str) else content.values
     parts = [text.rpartition("=") for text in written]
-    refuse_unknown([part for part, _, _ in parts if part], [unit], where("values"), "'{}' is not the unit of this file.", DeckError)
+    refuse_unknown(
+        [part for part, _, _ in parts if part], [unit], where("values"), "'{}' is not the unit of this file, '{known}'.", DeckError
+    )
     values = [Filed.read(f, model, at=unit) for _, _, name in parts for f in files("values", name)]
     return HoldQuestion(
         model,
