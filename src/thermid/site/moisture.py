@@ -56,8 +56,8 @@ class SurfaceMoisture:
 
     @property
     def wet(self) -> float:
-        """How long there is water on it. [s]"""
-        return _time_below(self.times, np.where(self.film > 0.0, -1.0, 1.0))
+        """How long there is water on it, from the instant at which it begins to condense. [s]"""
+        return _time_below(self.times, np.where((self.film > 0.0) | (self.margin < 0.0), -1.0, 1.0))
 
 
 @dataclass(frozen=True, eq=False)

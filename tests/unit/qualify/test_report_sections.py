@@ -122,7 +122,7 @@ def test_readings_stand_over_what_is_simulated_from_the_logged_chamber(tmp_path:
     """Seen by a reader: a chamber that left its level early stood 40 K from the planned one's curve, under "met"."""
     file = project(tmp_path, with_log(PLAN, state='"run"'))
     times = np.arange(0.0, 6 * 3600.1, 120.0)
-    room = {"times": ["0 [h]", "2 [h]", "2.1 [h]", "6 [h]"], "values": [40.0, 40.0, 52.0, 52.0], "unit": "degC"}
+    room = {"times": ["0 [h]", "2 [h]", "2.1 [h]", "6 [h]"], "values": ["40 [degC]", "40 [degC]", "52 [degC]", "52 [degC]"]}
     as_run = td.Scenario("as run", boundaries={"air": room}, start="20 [degC]", duration="6 [h]")
     run = td.simulate(unit(), as_run, times=times)
     table = np.column_stack([times, *(run[n].celsius for n in ("proc", "ele", "air"))])

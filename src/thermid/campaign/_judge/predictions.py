@@ -103,7 +103,9 @@ class CampaignPrediction(Result):
             f"may exceed its limit of {limit:g} degC, expected {worst.expected_margin:.2f} K inside",
         )
         words = f"is expected to exceed its limit of {limit:g} degC by {-worst.expected_margin:.2f} K" if exceeds else inside
-        return f"{self.name}: {worst.node} {words}; {reach}, {-worst.margin:.2f} K beyond"
+        others = [f"{m.node} by {-m.margin:.2f} K" for m in self.margins[1:] if m.margin < 0.0]
+        also = f"; beyond its limit too: {', '.join(others)}" if others else ""
+        return f"{self.name}: {worst.node} {words}; {reach}, {-worst.margin:.2f} K beyond{also}"
 
     def __str__(self) -> str:
         """Return the answer, margins of the bands, and the prediction."""

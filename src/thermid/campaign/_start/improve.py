@@ -20,7 +20,7 @@ from thermid.campaign._start.project import TEMPLATE
 from thermid.fit.calibration import Calibration, Request, fit
 from thermid.inference.criticism import EVALUATIONS, MissingElement, StructureSearch, search_structure
 from thermid.measure.records import Record
-from thermid.model.tree import save_model
+from thermid.model.tree import Model, Parameter, save_model
 from thermid.simulation.runs import Workers, refuse_unseen
 
 if TYPE_CHECKING:
@@ -323,13 +323,26 @@ def _written(path: Path, stage: str, before: Request, after: Request, delays: Se
     for delay in delays:
         with_step(document["records"][delay.table], delay)
     folder.mkdir(exist_ok=True)
-    model = replace(after.model, title=f"{after.model.title} {NEXT}")
-    save_model(model, deck)
+    save_model(replace(with_basis(after.model, stage), title=f"{after.model.title} {NEXT}"), deck)
     decks = {(path.parent / before_deck).resolve(): deck.resolve()}
     for other in (t for t in document["stages"] if t is not table and "model" in t):
         other["model"] = os.path.relpath(with_part(path.parent / str(other["model"]), decks), path.parent)
     TEMPLATE.titled(campaign.stem).save_text(campaign, tomlkit.dumps(document))
     return [deck, *(new for new in decks.values() if new.parent != deck.parent.resolve()), campaign]
+
+
+def with_basis(model: Model, stage: str) -> Model:
+    """Return a model whose values that fits laid over its deck are derived ones, on the basis of fit and deck."""
+    table = replace(model, layers=()).parameter_table()
+
+    def derived(path: str, laid: Parameter) -> Parameter:
+        """Return a laid value with its source."""
+        old = table[path].parameter if path in table else laid
+        parts = [f"fit of {laid.note or repr(stage)}", *(w for w in (old.source, old.basis) if w)]
+        return replace(laid, source="derived", basis="; ".join(parts))
+
+    layers = (replace(x, values={p: v if v.source else derived(p, v) for p, v in x.values.items()}) for x in model.layers)
+    return replace(model, layers=tuple(layers))
 
 
 def with_part(deck: Path, decks: dict[Path, Path]) -> Path:

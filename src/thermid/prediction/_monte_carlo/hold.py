@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from thermid.base.errors import ScenarioError
+from thermid.base.errors import DeckError, ScenarioError, refuse_unknown
 from thermid.base.files import Places, by_grammar, read_toml, resolve_inside
 from thermid.base.results import PlottedTrace, Result, Shown
 from thermid.base.units import ICE_POINT, Array
@@ -487,7 +487,12 @@ def load_hold(path: str | os.PathLike[str]) -> HoldQuestion:
     unit = content.unit
     (deck,) = files("model", content.model)
     model = macro_model(deck, at=unit) if unit else load_model(deck)
-    values = [Filed.read(f, model, at=unit) for f in files("values", content.values)]
+    written = [content.values] if isinstance(content.values, str) else content.values
+    parts = [text.rpartition("=") for text in written]
+    refuse_unknown(
+        [part for part, _, _ in parts if part], [unit], where("values"), "'{}' is not the unit of this file, '{known}'.", DeckError
+    )
+    values = [Filed.read(f, model, at=unit) for _, _, name in parts for f in files("values", name)]
     return HoldQuestion(
         model,
         tuple(load_scenario(f) for f in files("scenario", content.scenario)),

@@ -11,6 +11,8 @@ from thermid.base.grammar import Amount, Finite, StrictTable, Whole, in_form, sh
 
 NAMES_SCHEMA = WithJsonSchema({"type": ["string", "array"], "items": {"type": "string"}})
 
+VALUES_SCHEMA = WithJsonSchema({"type": ["string", "array", "object"], "items": {"type": "string"}})
+
 
 def _names(written: Any) -> Any:
     """Return what is written where it is a text or several; refuse anything else."""
@@ -19,6 +21,11 @@ def _names(written: Any) -> Any:
         return written
     text = f"a text or a list of texts is needed, not {shown(written)}."
     raise PydanticCustomError("thermid", "{message}", {"message": text, "code": "file.wrong-kind"})
+
+
+def _values(written: Any) -> Any:
+    """Return values files as texts "part=file" or "file": as a command takes them, one text or several, or a table of parts."""
+    return [f"{part}={file}" for part, file in written.items()] if isinstance(written, dict) else _names(written)
 
 
 class SidesTable(StrictTable):
@@ -35,7 +42,7 @@ class HoldFile(StrictTable):
     model: Annotated[str, Field(min_length=1)]
     unit: str = ""
     scenario: Annotated[Any, PlainValidator(_names), NAMES_SCHEMA, Field(min_length=1)]
-    values: Annotated[Any, PlainValidator(_names), NAMES_SCHEMA] = []
+    values: Annotated[Any, PlainValidator(_values), VALUES_SCHEMA] = []
     members: Annotated[Whole, Field(ge=1)] = 10_000
     seed: Annotated[Whole, Field(ge=0)] = 0
     every: str = ""

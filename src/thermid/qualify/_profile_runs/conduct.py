@@ -469,7 +469,7 @@ def chamber_setup(
     chosen = (chamber,) if isinstance(chamber, str) else tuple(chamber)
     if not chosen and len(network.boundaries) != 1:
         raise ScenarioError(
-            f"name the boundaries that are the chamber: chamber = ... out of {', '.join(network.boundaries)}.",
+            f"name the boundaries that are the chamber (chamber = [...], --chamber) out of {', '.join(network.boundaries)}.",
             profile.title,
             code="value.incomplete",
         )

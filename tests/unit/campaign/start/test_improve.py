@@ -25,7 +25,7 @@ DECK = """
 title = "plate"
 needs = ["room"]
 [nodes]
-plate = { capacitance = { value = "300 [J/K]", min = 10, max = 5000 } }
+plate = { capacitance = { value = "300 [J/K]", min = 10, max = 5000, source = "assumed", basis = "0.3 kg of aluminium" } }
 [conductors]
 loss = { kind = "conduction", between = ["plate", "room"], conductance = { value = "0.3 [W/K]", min = 0.01, max = 10 } }
 [loads]
@@ -71,6 +71,9 @@ def test_what_is_proved_becomes_the_next_structure(tmp_path: Path, monkeypatch: 
     assert "before" in str(made)
     assert "# a comment that stays" in made.files[1].read_text()
     assert path.read_text() == CAMPAIGN
+    mass = tomllib.loads(made.files[0].read_text())["nodes"]["plate"]["capacitance"]
+    assert mass["source"] == "derived"
+    assert "0.3 kg of aluminium" in mass["basis"]
     again = td.run_stages(made.files[1])
     assert again.stages["plate"].sensors["T_plate_C"].rmse == pytest.approx(row["after_K"], rel=0.01)
     # a search from many points may end in another minimum, where a value of the proposal acts on no reading

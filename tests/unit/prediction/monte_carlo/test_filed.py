@@ -182,6 +182,18 @@ def test_values_of_a_part_act_in_every_command_under_its_place(rig: Path) -> Non
     assert run["temperatures_C"]["p.body"][-1] == pytest.approx(45.0, abs=0.1)
 
 
+@pytest.mark.parametrize("values", ['"fit.toml"', '"p=fit.toml"', '["p=fit.toml"]', '{ p = "fit.toml" }'])
+def test_a_hold_question_takes_values_as_every_command_does(rig: Path, values: str) -> None:
+    text = HOLD.replace("plate.toml", "rig.toml").replace("soak", "room").replace('"fit.toml"', f'{values}\nunit = "p"')
+    (rig / "hold.toml").write_text(text.replace("body =", '"p.body" ='))
+    question = td.qualify.load_hold(rig / "hold.toml")
+    assert len(question.values) == 1
+    assert question.unit == "p"
+    (rig / "hold.toml").write_text((rig / "hold.toml").read_text().replace(values, '"q=fit.toml"'))
+    with raises_code("name.unknown", match="'q'.*'p'"):
+        td.qualify.load_hold(rig / "hold.toml")
+
+
 def test_values_of_a_part_without_its_place_are_refused_with_the_way(rig: Path) -> None:
     said = CliRunner().invoke(app, ["simulate", f"{rig}/rig.toml", "--scenario", f"{rig}/room.toml", "--values", f"{rig}/fit.toml"])
     assert isinstance(said.exception, NameNotFoundError)
