@@ -1,4 +1,4 @@
-"""Arithmetic over names: numbers, names, dotted paths downward, ``+ - * / **``, parentheses, ``pi`` and six functions. It runs no code.
+"""Arithmetic over names: numbers, names, dotted paths downward, ``+ - * / **``, parentheses, ``pi`` and some functions. It runs no code.
 
 A pure-number expression has one unit, at its end: ``"1*(15*0.015) [W]"``. An expression with names, ``"(1 - x)*area"``, takes its dimension
 by algebra; a number in it may have its own unit, ``"area - 2 [cm^2]"``. Pure numbers are computed in fractions and rounded once; roots,
@@ -239,6 +239,15 @@ def _exponential(x: Any) -> Any:
     return math.exp(x) if isinstance(x, float) else np.exp(x)
 
 
+def _logarithm(x: Any) -> Any:
+    """Return the natural logarithm of x, of a float, a number with derivatives or an array; NaN where x is not above zero, or infinite."""
+    if type(x) is Dual:
+        return Dual(_logarithm(x.value), x.gradient / x.value)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        value = np.where((np.asarray(x) > 0.0) & np.isfinite(x), np.log(x), np.nan)
+    return float(value) if value.ndim == 0 else value
+
+
 def _chosen(choose: Callable[[Any, Any], Any], *values: Any) -> Any:
     """Return the smallest or largest of several; its derivative is that of the one chosen."""
     best = reduce(choose, values)
@@ -248,6 +257,7 @@ def _chosen(choose: Callable[[Any, Any], Any], *values: Any) -> Any:
 FUNCTIONS: dict[str, Callable[..., Any]] = {
     "sqrt": lambda x: _power(x, 0.5),
     "exp": _exponential,
+    "log": _logarithm,
     "abs": lambda x: _chosen(np.maximum, x, -x),
     "min": lambda *x: _chosen(np.minimum, *x),
     "max": lambda *x: _chosen(np.maximum, *x),
@@ -423,13 +433,13 @@ def _dimension(node: ast.expr, lookup: Callable[[str], Dimension], text: str) ->
 
 
 def _function_dimension(node: ast.Call, of: list[Dimension], text: str) -> Dimension:
-    """Return the dimension of a function: a root halves it, an exponential takes plain numbers, the others keep one dimension."""
+    """Return the dimension of a function: a root halves it, exponentials and logarithms take plain numbers, the others keep one."""
     name = _function(node)
     if name == "sqrt":
         return tuple(dimension / 2 for dimension in of[0])
-    if name == "exp" and of[0] != DIMENSIONLESS:
+    if name in ("exp", "log") and of[0] != DIMENSIONLESS:
         raise ExpressionError(
-            f"'{text}': exp() takes a plain number; '{_written(node.args[0], text)}' is {describe(of[0])}.",
+            f"'{text}': {name}() takes a plain number; '{_written(node.args[0], text)}' is {describe(of[0])}.",
             code="expression.mixed-dimensions",
         )
     for dimension in of[1:]:

@@ -117,6 +117,24 @@ def test_a_boundary_may_be_the_mean_of_several_thermometers(log: Path) -> None:
         td.read_record(log, {"wall": {"load": "heat", "temperature": "P"}})
 
 
+def test_counts_of_a_thermistor_are_a_temperature(log: Path) -> None:
+    """10 kohm at 25 degC, B = 3950 K, below 10 kohm: half of the counts are 25 degC, and R = R0 exp(B (1/T - 1/T0)) elsewhere."""
+    warm = 10e3 * np.exp(3950.0 * (1.0 / 323.15 - 1.0 / 298.15))
+    log.write_text(f"time [s],CNT\n0,511.5\n10,{float(1023.0 * warm / (warm + 10e3))!r}\n20,1023\n")
+    formula = "1 [K] / (1/298.15 + log(CNT / (1023 - CNT)) / 3950)"
+    sink = {"node": "sink", "temperature": {"formula": formula, "units": {"CNT": "1"}}}
+    found = td.read_record(log, {"sink": sink})["sink"]
+    np.testing.assert_allclose(found.values[:2], [298.15, 323.15])
+    assert found.valid.tolist() == [True, True, False]  # a loose wire reads all counts
+    with raises_code("expression.mixed-dimensions") as plain:
+        td.read_record(log, {"sink": {"node": "sink", "temperature": formula}})
+    assert "units = { CNT = '1' }" in str(plain.value)
+    with raises_code("value.incomplete"):
+        td.read_record(log, {"sink": {"node": "sink", "temperature": {"units": {"CNT": "1"}}}})
+    with raises_code("name.unknown"):
+        td.read_record(log, {"sink": {"node": "sink", "temperature": {"volts": "CNT"}}})
+
+
 def test_units_may_be_given_where_the_log_has_none(log: Path) -> None:
     found = power(log, {"formula": "V_IN * I_IN * U", "units": {"U": "1"}})
     np.testing.assert_allclose(found.values[0], 12.0)

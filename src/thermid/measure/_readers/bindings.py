@@ -46,7 +46,7 @@ class Binding:
     samples: str = ""
     interpolation: str = ""
     power: object = None
-    temperature: str | None = None
+    temperature: object = None
     part: SensorPart | None = None
     certificate: SensorCertificate | None = None
 
@@ -158,7 +158,7 @@ def _check_kinds(written: Any, where: str) -> None:
             code="value.wrong-kind",
         )
     refuse_unknown(written, _KEYS, where)
-    for word in ("column", *ROLES, "gain", "unit", "temperature"):
+    for word in ("column", *ROLES, "gain", "unit"):
         if word in written and not (isinstance(written[word], str) and written[word].strip()):
             raise RecordError(f"{word} = {written[word]!r} must be text in quotes, and not empty.", where, code="value.wrong-kind")
     for word in ("full_scale", "noise", "accuracy", "resolution"):
@@ -264,16 +264,24 @@ def channel_schema() -> dict[str, Any]:
         """Return the JSON Schema of a table of amounts."""
         return {"type": "object", "properties": dict.fromkeys(keys, amount_), "required": list(required), "additionalProperties": False}
 
-    table_of_power = {"type": "object", "properties": {**dict.fromkeys(POWER_KEYS, text), "units": {"type": "object"}}}
+    units = {"units": {"type": "object"}}
+    table_of_power = {"type": "object", "properties": {**dict.fromkeys(POWER_KEYS, text), **units}}
+    table_of_temperature = {
+        "type": "object",
+        "properties": {"formula": text, **units},
+        "required": ["formula"],
+        "additionalProperties": False,
+    }
     nested = {
         "prompt": {"type": "boolean"},
         "power": {"anyOf": [text, table_of_power]},
+        "temperature": {"anyOf": [text, table_of_temperature]},
         "samples": {"enum": list(SAMPLES)},
         "interpolation": {"enum": list(INTERPOLATIONS)},
         "lead": table(("conductance", "to"), ("conductance", "to")),
         "certificate": table(("offset", "uncertainty", "at", "date"), ("offset", "uncertainty")),
         "range": {"type": "array", "items": amount_, "minItems": 2, "maxItems": 2},
     }
-    plain = ("column", *ROLES, "gain", "unit", "temperature")
+    plain = ("column", *ROLES, "gain", "unit")
     properties = {key: nested.get(key) or (text if key in plain else amount_) for key in _KEYS}
     return {"type": "object", "properties": properties, "additionalProperties": False}
