@@ -20,7 +20,7 @@ from urllib.request import urlopen
 
 import numpy as np
 
-from thermid.base.errors import MissingDataError, NameNotFoundError, OutputError, RecordError, nearest
+from thermid.base.errors import MissingDataError, OutputError, RecordError, look_up
 from thermid.base.files import FileKinds, folder_replacing
 from thermid.campaign.stages import CampaignSource
 from thermid.campaign.start import head_copies
@@ -232,9 +232,7 @@ def example_named(name: str) -> ShippedExample:
     ------
     NameNotFoundError   When there is none of that name.
     """
-    if name not in EXAMPLES:
-        raise NameNotFoundError(f"no example '{name}'; there are {', '.join(EXAMPLES)}.{nearest(name, EXAMPLES)}", "example")
-    return EXAMPLES[name]
+    return look_up(name, EXAMPLES, "no example '{}'; there are {known}.", "example")
 
 
 LICENCE: Final = """The logs of this folder were made of the files of https://github.com/{0.repository}, commit {0.commit}.

@@ -625,7 +625,7 @@ def stated(value: Any) -> Quantity | None:
 
 
 def si_values(raw: Any, slot: str) -> float | Array | None:
-    """Return what was given for a slot, in SI; None for numbers without a unit where the slot is no temperature.
+    """Return what was given for a slot, in SI, of its own shape; None for numbers without a unit where the slot is no temperature.
 
     Parameters
     ----------
@@ -787,7 +787,7 @@ def _stamps(values: NDArray[Any]) -> NDArray[Any]:
 
 
 def _in_si(values: ArrayLike, of: Unit) -> float | Array:
-    """Return numbers in a unit as SI numbers; a single one is rounded once, as that of a text."""
+    """Return numbers of any shape in the unit `of` as SI numbers; a single one is rounded once, as that of a text."""
     numbers = plain_numbers(values)
     if isinstance(numbers, float):
         return to_si(Fraction(repr(numbers)), of) if np.isfinite(numbers) else numbers
@@ -795,7 +795,7 @@ def _in_si(values: ArrayLike, of: Unit) -> float | Array:
 
 
 def plain_numbers(values: Any) -> float | Array:
-    """Return numbers as a float or an array of floats.
+    """Return numbers as a float or an array of floats, of the shape and in the unit in which they were given.
 
     Raises
     ------
@@ -812,7 +812,10 @@ def plain_numbers(values: Any) -> float | Array:
 
 
 def _index(values: Any) -> tuple[Array | None, Stamp | None]:
-    """Return the times of the index of a pandas Series, or of the one coordinate of an xarray DataArray; None where there are none."""
+    """Return the times (times,) [s] of the index of a pandas Series, or of the one coordinate of an xarray DataArray, and their zero.
+
+    None where there are none.
+    """
     coordinates, dimensions = getattr(values, "coords", None), list(getattr(values, "dims", []))
     if coordinates is not None:
         return clocked(coordinates[dimensions[0]].variable) if len(dimensions) == 1 and dimensions[0] in coordinates else (None, None)

@@ -24,7 +24,7 @@ HALF_WIDTH_95 = 1.959964
 
 
 def real_power(base: float, exponent: float) -> float:
-    """Return a power that is a real number.
+    """Return base^exponent where it is a real number.
 
     Raises
     ------

@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thermid.base._units_table import TABLE
-from thermid.base.errors import UnitError, cap, nearest, raising
+from thermid.base.errors import UnitError, cap, nearest, raising, refuse_first
 
 Dimension = tuple[Fraction, ...]
 """Exponents of metre, kilogram, second, ampere and kelvin."""
@@ -153,10 +153,12 @@ def unit(text: str) -> Unit:
     for flow in re.findall(r"\w+", key):
         if flow.lower() in _FLOWS:
             raise UnitError(f"'[{text}]' is not a known unit. Write {_FLOWS[flow.lower()]} for {flow}.", code="unit.unknown")
-    if re.search(r"/\(?mK\b", key):
-        raise UnitError(f"'[{text}]': mK is the millikelvin. Write (m K) for metres times kelvin.", code="unit.ambiguous")
-    if re.search(r"\bgr\b", key):
-        raise UnitError(f"'[{text}]': gr is the grain, 0.0648 g. Write g for grams, or grain.", code="unit.ambiguous")
+    refuse_first(
+        "",
+        (re.search(r"/\(?mK\b", key), f"'[{text}]': mK is the millikelvin. Write (m K) for metres times kelvin.", "unit.ambiguous"),
+        (re.search(r"\bgr\b", key), f"'[{text}]': gr is the grain, 0.0648 g. Write g for grams, or grain.", "unit.ambiguous"),
+        error=UnitError,
+    )
     # refuse exponents that no physical unit has: their powers of ten would be computed digit by digit
     for exponent in _EXPONENT.findall(key):
         if exponent[:1].isdigit() or exponent[:1] == "-":
@@ -280,15 +282,20 @@ def require(dimension: Dimension, slot: str, written: str = "", absolute: bool =
         bare = dimension == DIMENSIONLESS and written in ("", "1")
         shown = f' Write its unit with it: "2.5 [{"degC" if slot == TEMPERATURE else slot}]".' if bare else ""
         raise UnitError(f"{what}; {need} is needed here.{shown}", code="unit.wrong-dimension")
-    if slot == TEMPERATURE and written.startswith("delta"):
-        raise UnitError(
-            f"'[{written}]' is a temperature difference; a temperature [degC] or [K] is needed here.", code="unit.wrong-dimension"
-        )
-    if absolute and slot != TEMPERATURE:
-        raise UnitError(
+    refuse_first(
+        "",
+        (
+            slot == TEMPERATURE and written.startswith("delta"),
+            f"'[{written}]' is a temperature difference; a temperature [degC] or [K] is needed here.",
+            "unit.wrong-dimension",
+        ),
+        (
+            absolute and slot != TEMPERATURE,
             f"'[{written}]' is a temperature in degC or degF; a temperature difference is needed here. Write it in [K].",
-            code="unit.scale-for-difference",
-        )
+            "unit.scale-for-difference",
+        ),
+        error=UnitError,
+    )
 
 
 @lru_cache(maxsize=512)

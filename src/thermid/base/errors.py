@@ -256,7 +256,12 @@ def cap(name: str) -> float:
 
 @lru_cache(maxsize=8)
 def _caps(setting: str) -> dict[str, float]:
-    """Return every cap, with those that the variable gives."""
+    """Return cap -> its number, each as the variable's text `setting` gives it ("name=number" apart by commas or spaces) or by default.
+
+    Raises
+    ------
+    ThermidError   When there is no such cap, or its number is not above zero.
+    """
     out = {name: most for name, (most, _) in CAPS.items()}
     for word in setting.replace(",", " ").split():
         name, _, text = word.partition("=")
@@ -333,6 +338,25 @@ def refuse_unknown(
             text = refusal if "{near}" in refusal else f"{refusal}{{near}}"
             words = {"{}": str(name), "{known}": ", ".join(allowed) or "none", "{near}": nearest(str(name), allowed)}
             raise error("".join(words.get(part, part) for part in _PLACES.split(text)), where, code="name.unknown")
+
+
+def refuse_first(where: str | Callable[[str], str], *rules: tuple[object, *tuple[str, ...]], error: type[ThermidError] = DeckError) -> None:
+    """Refuse what breaks some rules for the first of them; all their messages are made first, so that each must hold of what is right.
+
+    Parameters
+    ----------
+    where : str or callable     Place for the message, or key -> place.
+    rules : tuple               Whether it is broken, the message, the key that it is about where places differ, the code of the cause.
+    error : type                Kind of error.
+
+    Raises
+    ------
+    ThermidError   Of that kind.
+    """
+    for broken, *texts in rules:
+        if broken:
+            message, *key, code = texts
+            raise error(message, where if isinstance(where, str) else where(*key), code=code)
 
 
 def look_up(name: K, table: Mapping[K, V], refusal: str, where: str = "", error: type[ThermidError] = NameNotFoundError) -> V:

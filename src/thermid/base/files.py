@@ -457,7 +457,11 @@ _END: Final = rb'(?:\s*|\s*-->\s*|"\s*\}\s*|.{4}\0\0\0\0IEND\xaeB`\x82)\Z'
 
 
 def seal(data: bytes, name: str, comment: bytes = b"#") -> bytes:
-    """Return a file with its seal at the end, as a comment of its language."""
+    """Return a file with its seal: a comment of its language that names the `name` of its kind and has a checksum of all before it.
+
+    It stands at the end, of PNG in a text chunk before the last one, of JSON as the last key "seal"; `comment` begins a line of any other
+    text.
+    """
     if data.startswith(b"\x89PNG"):
         end = data[-12:]
         front = data[:-12] + struct.pack(">I", len(b"Software\0" + _words(name, b""))) + b"tEXtSoftware\0"

@@ -31,9 +31,10 @@ rows up to which a combination has no effect. Between this and RANK_TOLERANCE ro
 
 
 def scaled(rows: Array) -> tuple[Array, Array, Bools]:
-    """Return rows with columns of length one, these lengths (1 of a column without entries), and which columns have entries.
+    """Return `rows` (rows, columns) with columns of length one, these lengths (columns,), and which columns have entries (columns,).
 
-    Rows of zeros are added below where there are fewer rows than columns, so that singular values count every unknown.
+    The length of a column below `NOTHING` of the longest counts as 1 and its entries as 0. Rows of zeros are added below where there are
+    fewer rows than columns, so that singular values count every unknown.
     """
     length = np.linalg.norm(rows, axis=0)
     nonzero = length > NOTHING * length.max(initial=0.0)
@@ -92,7 +93,10 @@ def null_space(rows: Array) -> Array:
 
 
 def _eigen(matrix: Array) -> tuple[Array, Array, Array]:
-    """Return eigenvalues and vectors of a symmetric matrix scaled to a diagonal of ones, and the scale."""
+    """Return eigenvalues (n,) and vectors (n, n) of a symmetric matrix M_ij / (s_i s_j) with a diagonal of ones, and the scale s (n,). [-]
+
+    s_i = sqrt(M_ii), 1 where that is not positive.
+    """
     scale = np.sqrt(np.where(np.diag(matrix) > 0, np.diag(matrix), 1.0))
     if not matrix.size:
         return np.zeros(0), matrix, scale

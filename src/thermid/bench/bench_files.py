@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from thermid.base.errors import MissingDataError, RecordError
+from thermid.base.errors import MissingDataError, RecordError, refuse_first
 from thermid.base.files import FileKinds, Places, by_grammar, command, read_toml
 from thermid.base.units import amount
 from thermid.bench._wire import rom_is_good
@@ -83,10 +83,16 @@ def _sensor(name: str, table: Any, where: str) -> MappedSensor:
     RecordError   When its ROM is mistyped, or its certificate states an offset that only a broken sensor has.
     """
     rom = table.rom.strip().upper()
-    if len(rom) != 16 or any(digit not in "0123456789ABCDEF" for digit in rom):
-        raise RecordError(f"ROM '{table.rom}' is not 16 hexadecimal digits.", where, code="bench.sensor")
-    if not rom_is_good(rom):
-        raise RecordError(f"ROM {rom} does not carry its own CRC: a digit is mistyped.", where, code="bench.sensor")
+    refuse_first(
+        where,
+        (
+            len(rom) != 16 or any(digit not in "0123456789ABCDEF" for digit in rom),
+            f"ROM '{table.rom}' is not 16 hexadecimal digits.",
+            "bench.sensor",
+        ),
+        (not rom_is_good(rom), f"ROM {rom} does not carry its own CRC: a digit is mistyped.", "bench.sensor"),
+        error=RecordError,
+    )
     certificate = SensorCertificate.read(table.certificate.written, f"{where}.certificate") if table.certificate else None
     if certificate is not None and abs(certificate.offset) > _BROKEN:
         raise RecordError(

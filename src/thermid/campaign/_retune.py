@@ -813,10 +813,11 @@ def known_below(below: Store, what: Replacement) -> Store:
 
 
 def starts_of(before: Store, old: Model, new: Model, starts: Sequence[PlaceStart], stage: str) -> Store:
-    """Return the starts of values of a place as states.
+    """Return the starts of values of a place as states, whose errors are in ln of the value.
 
-    A joint has the error of the joint that it is taken from and, besides, what joints of one kind differ by. A coefficient inside the
-    part has the stated error, of which what the fit before left open is a part, or that alone where it is more.
+    A joint has the error of the joint that it is taken from and, besides, what joints of one kind differ by. A coefficient inside the part
+    has the stated error s, of which what the fit before left open, k, is a part, so that sqrt(s^2 - k^2) is its own; k alone where that is
+    more.
     """
     values, table = ParameterSet(old), ParameterSet(new).table
     columns = len(before.sources)

@@ -283,7 +283,9 @@ def strange_powers(problem: Problem) -> tuple[str, ...]:
 def exchanged_sensors(problem: Problem) -> tuple[str, ...]:
     """Return questions about pairs of sensors that the deck, before any fit, reproduces at each other's node and not at their own.
 
-    Fitted values may absorb such an exchange, so the values of the deck are used: by chance they meet no exchanged readings.
+    That is where the root mean square of both sensors' residuals, exchanged, is below `EXCHANGED` of that as read, and the latter above
+    `MISSED_BY_DECK` of the noise [K]. Fitted values may absorb such an exchange, so the values of the deck are used: by chance they meet
+    no exchanged readings.
     """
     try:
         blocks = problem.blocks(starting_point(problem.unknowns))
@@ -543,7 +545,10 @@ def _local_row(problem: Problem, k: int) -> Array:
 
 
 def correlations_of(problem: Problem, total: Array) -> dict[tuple[str, str], float]:
-    """Return (path, path) -> correlation in a covariance of all unknowns, those above 0.1."""
+    """Return (path, path) -> correlation C_ij / sqrt(C_ii C_jj) [-] of parameters, sensors and instruments, those beyond 0.1 by size.
+
+    `total` C (unknowns, unknowns) is the covariance of all unknowns, fitted form. A value without a finite error correlates with nothing.
+    """
     names = [(k, u.name) for k, u in enumerate(problem.unknowns) if u.kind in ("parameter", "sensor", "instrument")]
     out = {}
     for i, (k, first) in enumerate(names):
@@ -720,7 +725,10 @@ def _taken_as_switched(problem: Problem, minimum: Fit, total: Array) -> list[str
 
 
 def without_lags(problem: Problem, minimum: Fit, total: Array) -> list[str]:
-    """Return one remark on sensors without a stated lag, where one that the readings allow would move a value by more than its error."""
+    """Return one remark on sensors without a stated lag, where one that the readings allow would move a value by more than its error.
+
+    `total` (unknowns, unknowns) is the covariance of the unknowns, fitted form; more is `HALF_WIDTH_95` standard errors.
+    """
     names, lag, shifts = shifts_by_lags(problem, minimum, UNSTATED_LAG)
     ratios = {
         u.name: abs(float(shifts[k])) / (float(np.sqrt(total[k, k])) or np.inf)
@@ -740,7 +748,8 @@ def without_lags(problem: Problem, minimum: Fit, total: Array) -> list[str]:
 def held_emissivities(request: Request, problem: Problem, minimum: Fit, total: Array) -> list[str]:
     """Return one remark on the held emissivity without a range that moves a value most, where 5 % of it are more than the value's error.
 
-    An error dq of what is held moves the fit by -C A'B dq (`opened_jacobian`).
+    An error dq of what is held moves the fit by -C A'B dq (`opened_jacobian`), C the covariance of the fit alone; `total` (unknowns,
+    unknowns), fitted form, has the errors that are stated.
     """
     flat = problem.experiments[0].network.flat
     parameters, inherited = flat.parameters, {q for state in request.store.states.values() for q in state.acts}
@@ -767,7 +776,10 @@ def held_emissivities(request: Request, problem: Problem, minimum: Fit, total: A
 
 
 def differing(problem: Problem) -> list[str]:
-    """Return one remark on sensors of one node that differ by more than what is said of their noise and accuracy."""
+    """Return one remark on sensors of one node that differ by more than what is said of their noise and accuracy.
+
+    That is |mean(a - b)| above `DIFFER` times sqrt((s_a^2 + s_b^2) / n + A_a^2 + A_b^2), noise s, accuracy A and n readings of both. [K]
+    """
     out = []
     for e in problem.experiments:
         for a, b in combinations(e.observations, 2):
@@ -806,9 +818,10 @@ def _noise_apart(problem: Problem) -> list[str]:
 
 
 def _far_from_prior(problem: Problem, at: Sequence[float], inherited: bool = False) -> dict[str, float]:
-    """Return value -> how many standard deviations it lies from its prior, of those that lie far, the farthest first.
+    """Return value -> |x - m| / s, its distance from its prior in standard deviations [-], of those beyond `ASIDE`, the farthest first.
 
-    Of values that stages below found together it is the distance of each by itself, where they are asked for.
+    `at` x (unknowns,), the prior's mean m and s are in the fitted form. With `inherited` also of values that stages below found together:
+    each by itself, its s the root of the diagonal of (R'R)^-1, R the root of their information.
     """
     pairs = zip(problem.unknowns, at, strict=True)
     apart = {u.name: abs(x - u.prior.mean) / u.prior.sd for u, x in pairs if u.prior is not None}

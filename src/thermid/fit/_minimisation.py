@@ -200,7 +200,7 @@ def descend(
 
 
 def _tried(local: Callable[[Array], LocalCost], x: Array) -> LocalCost:
-    """Return cost, residuals and slopes at a point; an infinite cost where the run fails."""
+    """Return cost, residuals (rows,) and slopes (rows, unknowns) at `x` (unknowns,), fitted form; an infinite cost where the run fails."""
     try:
         cost, rows, slopes = local(x)
     except SolverError:
@@ -209,10 +209,11 @@ def _tried(local: Callable[[Array], LocalCost], x: Array) -> LocalCost:
 
 
 def _bend_after(bend: Array, step: Array, before: tuple[Array, Array], after: tuple[Array, Array]) -> Array:
-    """Return what the curvature (unknowns, unknowns) of the cost has beside J'J, by how a step (unknowns,) changed the gradient.
+    """Return S (unknowns, unknowns), what the curvature of the cost has beside J'J, by how a step s (unknowns,) changed the gradient.
 
-    A secant update that keeps what is known of other directions: Dennis, Gay and Welsch, ACM Trans. Math. Softw. 7 (1981) 348, with
-    ``y - J'J s`` for the change that the bend makes.
+    `before` and `after` are rows r (rows,) and slopes J (rows, unknowns). With y = J'r after - before and u = y - J'J s the update is S +
+    (v y' + y v') / y's - (v's) y y' / (y's)^2, v = u - S s, S times min(1, |s'u| / |s'S s|) first. It keeps what is known of other
+    directions: Dennis, Gay and Welsch, ACM Trans. Math. Softw. 7 (1981) 348.
     """
     with np.errstate(over="ignore", invalid="ignore"):  # far off, slopes may be so large that their products are no floats
         turned = after[1].T @ after[0] - before[1].T @ before[0]
@@ -229,9 +230,9 @@ def _bend_after(bend: Array, step: Array, before: tuple[Array, Array], after: tu
 
 
 def _with_bend(rows: Array, slopes: Array, bend: Array, scale: Array) -> tuple[Array, Array]:
-    """Return rows (unknowns,) and slopes (unknowns, unknowns) of the gradient J'r and of the curvature J'J + bend, made positive.
+    """Return rows g (unknowns,) and slopes S (unknowns, unknowns) with S'g the gradient J'r and S'S the curvature J'J + bend. [-]
 
-    Eigenvalues of the curvature in units of `scale` (unknowns,) count by their size.
+    S'S is made positive: its eigenvalues in units of `scale` (unknowns,), fitted form, count by their size.
     """
     sizes, ways = np.linalg.eigh((slopes.T @ slopes + bend) * np.outer(scale, scale))
     sizes = np.maximum(np.abs(sizes), np.finfo(float).eps * np.abs(sizes).max() + np.finfo(float).tiny)
@@ -345,7 +346,7 @@ class _CountedRuns:
         return compressed
 
     def local(self, x: Array) -> LocalCost:
-        """Return the cost beside some values.
+        """Return the cost r'r / 2, residuals r (rows,) and slopes (rows, unknowns) at `x` (unknowns,), fitted form, priors below. [-]
 
         Raises
         ------

@@ -620,8 +620,8 @@ def widened_by_noise_of_powers(problem: Problem, fitted: Array) -> Array:
     A shift moves the noise of a meter with its power. The derivatives of readings by an offset then hold two parts, of true changes and of
     noise, J = J_0 + N, and J'J counts N'N as information. It is none: about the best offset the sum of squares curves by J_0'J_0 alone,
     because residuals answer to the same noise (errors in variables: Fuller, Measurement Error Models, 1987, 1.1). With the covariance of
-    J'r as it is, errors grow by J'J / J_0'J_0, each beside what the other unknowns explain. J_0 is that of a power that stays at its mean
-    between its true changes.
+    J'r as it is, errors grow by J'J / J_0'J_0, each beside what the other unknowns explain, at most `MAX_ERROR_GROWTH` times. J_0 is that
+    of a power that stays at its mean between its true changes. `fitted` (unknowns,) is in the fitted form.
     """
     out = np.ones(len(problem.unknowns))
     for i, e in enumerate(problem.experiments):
@@ -670,7 +670,10 @@ def _grid(problem: Problem, i: int, fitted: Array, number: int) -> Iterator[Arra
 
 
 def _cost(problem: Problem, i: int, fitted: Array, loss: str, loss_scale: float) -> float:
-    """Return the loss of one record's residuals; infinite where it cannot be run."""
+    """Return the loss sum c^2 rho(z^2 / c^2) of one record's residuals at `fitted` (unknowns,), c the `loss_scale`. [-]
+
+    z is in units of the noise; infinite where the record cannot be run.
+    """
     try:
         z = np.concatenate([b.weighted for b in problem.blocks_of(i, fitted)])
     except (ScenarioError, SolverError):

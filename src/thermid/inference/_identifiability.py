@@ -664,7 +664,9 @@ class _Walk:
     def side(self, sign: float) -> tuple[float, list[tuple[float, float]], bool]:
         """Return the end of the lower (`sign` -1) or upper side (1), its points (value, growth), and whether the readings limit it.
 
-        The side ends at the threshold; else at the bound, or at the farthest distance that is tried. Values are in the fitted form.
+        The side ends where the growth of twice the cost reaches the threshold; else at the bound, or at the farthest distance that is
+        tried. From a distance d with growth r the next is d 1.05 sqrt(threshold / r), 1.15 to 3 times as far. Values are in the fitted
+        form.
         """
         limit = self.bounds[0] if sign < 0 else self.bounds[1]
         most = min(abs(limit - self.best), self.farthest)
@@ -691,7 +693,8 @@ class _Walk:
     ) -> tuple[float, list[tuple[float, float]], bool]:
         """Return the value between the distances `low` and `high` where the growth reaches the threshold, the points, and True.
 
-        `place` are the unknowns from which the others are fitted anew; new points are added to `points`.
+        By Brent's method on the root of the growth; the value is best + `sign` times the distance, in the fitted form. `place` are the
+        unknowns from which the others are fitted anew; new points are added to `points`.
         """
         from scipy.optimize import brentq
 

@@ -57,7 +57,7 @@ class Posterior(Result):
     warnings: tuple[str, ...] = ()
 
     def interval(self, path: str, share: float = 0.95) -> tuple[float, float]:
-        """Return the interval that holds a share of the draws, as much left out below as above. [SI]
+        """Return the interval that holds a share of the draws, quantiles (1 - share) / 2 and (1 + share) / 2. [SI]
 
         Raises
         ------
@@ -336,7 +336,7 @@ class _Density:
     def widths(self, fit: Calibration) -> Array:
         """Return the covariance (parameters, parameters) of proposals, fitted form: that of the fit, without a stretch its variances.
 
-        Where an error is not finite, a quarter of the box stands for it.
+        Where an error is not finite, a quarter of the width of the box stands for it.
         """
         errors = self.errors(fit)
         if self.stretch is None:

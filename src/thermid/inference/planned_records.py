@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from thermid.base.errors import IdentificationError, nearest
+from thermid.base.errors import IdentificationError, refuse_unknown
 from thermid.measure.records import Channel, Record
 from thermid.model.tree import Model, literal
 from thermid.simulation.runs import Scenario, network_for, output_times, simulate
@@ -49,10 +49,9 @@ class Sensor:
         for raw, entry in stated.items():
             where = f"sensors.{raw}"
             table = dict(entry) if isinstance(entry, Mapping) else {"noise": entry}
-            for key in sorted(set(table) - {"noise", "accuracy", "name"}):
-                raise IdentificationError(
-                    f"give a sensor noise, accuracy and name, not {key}.{nearest(key, ('noise', 'accuracy'))}", where, code="name.unknown"
-                )
+            refuse_unknown(
+                sorted(table), ("noise", "accuracy", "name"), where, "give a sensor noise, accuracy and name, not {}.", IdentificationError
+            )
             path = model.canonical(raw)
             role = "load" if path in loads else "boundary" if (path := network.find(raw, where)) in network.boundaries else "node"
             noise, accuracy = (

@@ -21,7 +21,10 @@ from thermid.base.units import real_power, si_unit, value_of
 from thermid.model.tree import HINGES, Constant, Curve, Drawn, Model, TableSignal
 from thermid.simulation.runs import SMOOTHING, ConductorRow, Engine, Network, Numbers, Scenario, Wiring, network_for, signal_of
 
-MOVING = tuple(HINGES.values())
+IN_WORDS = dict.fromkeys(HINGES.values(), "is a table that depends on parameters") | dict.fromkeys(
+    ("gas", "natural"), "is a law of gas at a pressure, which uses tables"
+)
+"""Form of a conductor that few formats have -> what it is."""
 
 
 @dataclass(frozen=True)
@@ -31,8 +34,10 @@ class Writer:
     Parameters
     ----------
     name : str          What it is called in messages.
-    gas : bool          Laws of gas at a pressure, which rest on tables.
-    hinges : bool       Tables that follow values.
+    forms : tuple       Forms of conductors, as `form_of` names them.
+    gas : bool          Conductors that change with their gas in time.
+    open_tables : bool  Tables that are refused outside their points; others hold the last value there.
+    load_tables : bool  Loads that are a table over temperature.
     smooth : bool       Tables of cubic pieces.
     loads : bool        Loads that follow a temperature, thermostats, proportional control.
     schedules : bool    Parameters that follow signals.
@@ -41,8 +46,10 @@ class Writer:
     """
 
     name: str
+    forms: tuple[str, ...] = ("linear", "flow", "potential", "power", "radiation", "table", "table of difference")
     gas: bool = False
-    hinges: bool = False
+    open_tables: bool = False
+    load_tables: bool = True
     smooth: bool = False
     loads: bool = False
     schedules: bool = False
@@ -216,6 +223,14 @@ def wired(model: Model, scenario: Scenario, what: str | Writer) -> Wired:
     numbers = replace(numbers, conductors=tuple(row for row in numbers.conductors if row not in idle))
     _refuse_laws(network, numbers, writer)
     sources = _sources(network, wiring, numbers, writer)
+    for name, curve in (*((row.name, row.curve) for row in numbers.conductors), *((s.load, s.curve) for s in sources)):
+        if curve is not None and not writer.open_tables and not table_points(curve)[2]:
+            raise DeckError(
+                f"'{name}' is a table with outside = 'refuse', which is not written to {writer.name}, where it holds its last value. Use "
+                "outside = 'hold'.",
+                network.title,
+                code="output.not-expressible",
+            )
     off = [load.name for load in numbers.loads if writer.numbers and not load.fixed and load.name not in {s.load for s in sources}]
     rows = named_rows(row for row in numbers.conductors if row.ends[0] != row.ends[1])
     engine = Engine(wiring)
@@ -243,18 +258,6 @@ def wired(model: Model, scenario: Scenario, what: str | Writer) -> Wired:
 
 def _refuse_laws(network: Network, numbers: Numbers, writer: Writer) -> None:
     """Refuse laws of conductors and stores that a format does not hold."""
-    for row in numbers.conductors:
-        if (row.form in MOVING and not writer.hinges) or (row.form in ("gas", "natural") and not writer.gas):
-            kind = "a table that depends on parameters" if row.form in MOVING else "a law of gas at a pressure, which uses tables"
-            raise DeckError(f"'{row.name}' is {kind}, which is not written to {writer.name}.", network.title, code="output.not-expressible")
-    curves = {c.path: c.curve for c in network.flat.conductors} | {load.path: load.curve for load in network.flat.loads}
-    for name, curve in curves.items():
-        if curve is not None and not (curve.film[-1] if curve.film else curve).straight and not writer.smooth:
-            raise DeckError(
-                f"'{name}' is a smooth table, which is not written to {writer.name}. Use interpolation = 'linear'.",
-                network.title,
-                code="output.not-expressible",
-            )
     for node, store in network.stores.items():
         if writer.stores and store.given.straight and store.given.limits is None and store.rise.d is not None:
             continue
@@ -263,6 +266,19 @@ def _refuse_laws(network: Network, numbers: Numbers, writer: Writer) -> None:
             network.title,
             code="output.not-expressible",
         )
+    for row in numbers.conductors:
+        form = form_of(row)
+        if form not in writer.forms or (row.signal and not writer.gas):
+            what = IN_WORDS.get(form, f"is of the form '{form}'") if form not in writer.forms else "changes with its gas in time"
+            raise DeckError(f"'{row.name}' {what}, which is not written to {writer.name}.", network.title, code="output.not-expressible")
+    curves = {c.path: c.curve for c in network.flat.conductors} | {load.path: load.curve for load in network.flat.loads}
+    for name, curve in curves.items():
+        if curve is not None and not (curve.film[-1] if curve.film else curve).straight and not writer.smooth:
+            raise DeckError(
+                f"'{name}' is a smooth table, which is not written to {writer.name}. Use interpolation = 'linear'.",
+                network.title,
+                code="output.not-expressible",
+            )
 
 
 def _sources(network: Network, wiring: Wiring, numbers: Numbers, writer: Writer) -> tuple[HeatSource, ...]:
@@ -276,7 +292,7 @@ def _sources(network: Network, wiring: Wiring, numbers: Numbers, writer: Writer)
             power = numbers.values[gain] if gain else 1.0 if load.name in wiring.scenario.loads else power
         if load.node not in network.nodes or (load.form == "signal" and (signal == Constant(0.0) or float(power) == 0.0)):
             continue
-        plain = load.fixed or (load.form == "table" and not load.control and load.curve is not None)
+        plain = load.fixed or (writer.load_tables and load.form == "table" and not load.control and load.curve is not None)
         if not plain and not writer.loads:
             law = load.control or load.form
             raise DeckError(
@@ -361,6 +377,11 @@ def _refuse_other_formulas(w: Wired, wiring: Wiring, writer: Writer) -> None:
                 )
 
 
+def form_of(row: ConductorRow) -> str:
+    """Return the form of a row; a table over a difference is one of its own."""
+    return "table of difference" if row.form == "table" and row.curve is not None and row.curve.over == "difference" else row.form
+
+
 def named_rows(rows: Iterable[ConductorRow]) -> tuple[tuple[str, ConductorRow], ...]:
     """Return rows with unique labels: a conductor of several rows is numbered."""
     every = list(rows)
@@ -431,9 +452,9 @@ def conductance_text(row: ConductorRow, coefficients: Sequence[str], a: str, b: 
 
 
 def table_points(curve: Curve) -> tuple[list[float], list[float], bool]:
-    """Return abscissae and ordinates of a table of straight lines, or of the integrand of a potential, as far as it reaches.
+    """Return abscissae [K] and ordinates of a table of straight lines, or of the integrand of a potential, as far as it reaches.
 
-    Third: whether it is held outside; a table that is refused has no values there.
+    Ordinates are in the SI unit of the table. Third: whether it is held outside; a table that is refused has no values there.
     """
     if curve.film:
         return curve.x.tolist(), curve.slopes.tolist(), curve.limits is None

@@ -17,11 +17,11 @@ import numpy as np
 
 from thermid.base.errors import DeckError, SolverError
 from thermid.base.units import Array
-from thermid.interop._wired import Text, Wired, Writer, distinct, exported, file_and_name, identifiers, one_line, resting, wired
+from thermid.interop._constants import COUPLED, DRIFT, GAMMA, STAGES, TIMES
+from thermid.interop._wired import Text, Wired, Writer, distinct, exported, file_and_name, form_of, identifiers, one_line, resting, wired
 from thermid.model.tree import Curve, Drawn, Model, Sine, TableSignal
 from thermid.simulation.runs import Engine, Options, Scenario, Wiring, curve_arrays, tables_behind
 
-C = Writer("C", gas=True, hinges=True, smooth=True, loads=True, schedules=True)
 MAX_DENSE_NODES = 200
 """The matrix of a step is dense and part of the caller's memory."""
 ERROR = 1e-3
@@ -40,7 +40,10 @@ LAWS = {
     "natural": "NATURAL",
     "hinge": "HINGE_OF_MEAN",
     "hinge of difference": "HINGE_OF_DIFFERENCE",
+    "table": "TABLE_OF_MEAN",
+    "table of difference": "TABLE_OF_DIFFERENCE",
 }
+C = Writer("C", forms=tuple(LAWS), gas=True, open_tables=True, smooth=True, loads=True, schedules=True)
 OF_LOADS = {"signal": "SIGNAL", "polynomial": "POLYNOMIAL", "exponential": "EXPONENTIAL", "table": "TABLE_OF_TEMPERATURE"}
 OF_CONTROLS = {"": "ALWAYS", "thermostat": "THERMOSTAT", "proportional": "PROPORTIONAL"}
 CODES = ("DONE", "SINGULAR", "NOT_FINITE", "NOT_SETTLED", "OUTSIDE_A_TABLE", "CHATTER")
@@ -55,26 +58,6 @@ DRIFT_INTERVAL = 1e-3
 MOST_CUTS = 16
 SWITCHING_TOLERANCE = 1e-9
 """Switching temperatures are met to this. [K]"""
-STAGES = (
-    (),
-    (1.544,),
-    (0.9466785280815826, 0.2557011698983284),
-    (3.314825187068521, 2.896124015972201, 0.9986419139977817),
-    (1.221224509226641, 6.019134481288629, 12.53708332932087, -0.6878860361058950),
-    (1.221224509226641, 6.019134481288629, 12.53708332932087, -0.6878860361058950, 1.0),
-)
-COUPLED = (
-    (),
-    (-5.6688,),
-    (-2.430093356833875, -0.2063599157091915),
-    (-0.1073529058151375, -9.594562251023355, -20.47028614809616),
-    (7.496443313967647, -10.24680431464352, -33.99990352819905, 11.70890893206160),
-    (8.083246795921522, -7.981132988064893, -31.52159432874371, 16.31930543123136, -6.058818238834054),
-)
-TIMES = (0.0, 0.386, 0.21, 0.63, 1.0, 1.0)
-DRIFT = (0.25, -0.1043, 0.1035, -0.03620000000000023, 0.0, 0.0)
-GAMMA = 0.25
-"""RODAS: E. Hairer, G. Wanner, Solving Ordinary Differential Equations II, 2nd edition, section IV.7; order 4, stiffly accurate."""
 
 
 HEAD = """\
@@ -293,7 +276,7 @@ class _Header:
         w = self.w
         free = [(self.fields[p.path], p) for p in w.parameters if p.formula is None]
         members = [f"    double {word}; /* [{p.unit}] {_comment(f'{p.path} {p.note}')} */" for word, p in free]
-        words = ([*LAWS.values(), "TABLE_OF_MEAN", "TABLE_OF_DIFFERENCE"], OF_LOADS.values(), OF_CONTROLS.values(), CODES)
+        words = (LAWS.values(), OF_LOADS.values(), OF_CONTROLS.values(), CODES)
         return STRUCTS.format(
             parameters="\n".join(members or ["    char none;"]),
             inputs="\n".join(f"    double {i.name}; /* [{i.unit}] {_comment(i.what)} */" for i in self.inputs),
@@ -321,15 +304,8 @@ class _Header:
         for label, row in w.conductors:
             by = f"u->{self.of_gas[row.signal]}" if row.signal else ""
             first = self._add_all([(c, by if k == 0 else "") for k, c in enumerate(row.coefficients)], label)
-            law = LAWS.get(row.form, "")
-            if row.form == "table":
-                law = "TABLE_OF_DIFFERENCE" if row.curve is not None and row.curve.over == "difference" else "TABLE_OF_MEAN"
-            if not law:
-                raise DeckError(
-                    f"'{label}' is of a form that is not written to C: {row.form}.", w.network.title, code="output.not-expressible"
-                )
             a, b = (self.places[end] for end in row.ends)
-            conductors.append(f"{{@_{law}, {a}, {b}, {first}, {self._table(row.form, row.curve)}}} /* {_comment(label)} */")
+            conductors.append(f"{{@_{LAWS[form_of(row)]}, {a}, {b}, {first}, {self._table(row.form, row.curve)}}} /* {_comment(label)} */")
         states = self._switches()
         loads, switches = [], {}  # type: list[str], dict[int, str]
         for name, source in zip(self.of_source, w.sources, strict=True):
@@ -610,7 +586,12 @@ class _Stepper:
         return np.full(state.size, np.nan)
 
     def _step(self, state: Array, begin: float, end: float, last: float) -> Array:
-        """Return temperatures (nodes,) [K] after one step from `begin` to `end` [s]; inputs are those of `last` [s] at the latest."""
+        """Return temperatures (nodes,) [K] after one step from `state` (nodes,) at `begin` to `end` [s], h long, by a Rosenbrock method.
+
+        (C / (g h) - J) k_s = q(T + sum a_sj k_j, t + c_s h) + C sum c_sj k_j / h + d_s h dq/dt for the six stages, J the Jacobian of the
+        heat q at the beginning, with the coefficients of `fixed_step.h`; T of the last stage + k_6 is the result. Inputs are those of
+        `last` [s] at the latest.
+        """
         h = end - begin
         state = self._settled(state, begin)
         early, late = (self._balance(state, begin + s * h)[0] for s in (0.0, DRIFT_INTERVAL))

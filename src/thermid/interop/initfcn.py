@@ -20,7 +20,7 @@ from keyword import iskeyword
 from pathlib import Path
 from typing import Any
 
-from thermid.base.errors import DeckError, ExpressionError, ThermidError, UnitError, cap, raising
+from thermid.base.errors import ExpressionError, ThermidError, UnitError, cap, raising, refuse_first
 from thermid.base.files import read_text
 from thermid.base.results import Shown
 from thermid.base.units import DIMENSIONLESS, Dimension, Expression, counted, describe, in_si, unit
@@ -521,19 +521,20 @@ def _one(role: str, text: str, parameters: Mapping[str, Parameter], dimensions: 
     named = [n for n, d in dimensions.items() if d == unit(text).dimension]
     used = {n for name in named for n in parameters[name].expression.names}
     remaining = [n for n in named if n not in used]
-    if not remaining:
-        raise DeckError(
+    refuse_first(
+        where,
+        (
+            not remaining,
             f"no value of the script has the unit [{text}], so the block has no {role}. Write the unit into the comment of its line, "
             "or import without the block and write the elements into the deck.",
-            where,
-            code="import.not-understood",
-        )
-    if len(remaining) > 1:
-        raise DeckError(
+            "import.not-understood",
+        ),
+        (
+            len(remaining) > 1,
             f"{' and '.join(repr(n) for n in remaining)} both have the unit [{text}], so the block's {role} is ambiguous. Import without "
             "the block and "
             "write the elements into the deck.",
-            where,
-            code="import.not-understood",
-        )
+            "import.not-understood",
+        ),
+    )
     return remaining[0]

@@ -240,12 +240,6 @@ class _Package:
         """Return the part of a conductor, and the equations of what follows temperature or time in it."""
         name, lib, first = self.row[label], self.library, self._text_of(row.coefficients[0])
         moves = any(isinstance(c, Formula) and c.paths() & self.moving for c in row.coefficients)
-        if row.signal:
-            raise DeckError(
-                f"'{label}' changes with its gas in time, which is not written to Modelica.",
-                self.w.network.title,
-                code="output.not-expressible",
-            )
         if row.form == "flow":
             return f"Laws.Stream {name}", [f"{name}.G = {first};"]
         if row.form == "linear" and not moves:
@@ -266,7 +260,9 @@ class _Package:
             areas = (self._lines(row.curve, end, area=True) for end in (a, b))
             return f"Laws.VariableFlow {name}", [f"{name}.heat = ({first})*({' - '.join(f'({x})' for x in areas)});"]
         raise DeckError(
-            f"'{label}' is of a form that is not written to Modelica: {row.form}.", self.w.network.title, code="output.not-expressible"
+            f"'{label}' follows time in a law that is not written to Modelica: {row.form}.",
+            self.w.network.title,
+            code="output.not-expressible",
         )
 
     def _load(self, name: str, source: HeatSource) -> Iterator[str]:
@@ -332,13 +328,7 @@ class _Package:
 
     def _lines(self, curve: Curve, at: str, area: bool = False) -> str:
         """Return a table of straight lines, or its integral, as a sum of ramps: no function, no array."""
-        x, y, held = table_points(curve)
-        if not held:
-            raise DeckError(
-                "a table that is refused outside its points is not written to Modelica, which would hold it.",
-                self.w.network.title,
-                code="output.not-expressible",
-            )
+        x, y, _ = table_points(curve)
         slopes = [0.0, *((d - c) / (b - a) for a, b, c, d in zip(x, x[1:], y, y[1:], strict=False)), 0.0]
         terms = [f"{_number(y[0])}*({at})" if area else _number(y[0])]
         for before, after, corner in zip(slopes, slopes[1:], x, strict=False):

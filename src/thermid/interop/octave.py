@@ -11,6 +11,7 @@ from thermid.base.units import ICE_POINT
 from thermid.interop._wired import (
     Text,
     Wired,
+    Writer,
     conductance_text,
     exported,
     file_and_name,
@@ -53,7 +54,7 @@ def to_octave(model: Model, scenario: Scenario, path: str | os.PathLike[str] | N
     ScenarioError   When the scenario does not fit the model or follows a schedule.
     """
     target, called = file_and_name(path, name, model.title, "a function", {*KEYWORDS, *FUNCTION_NAMES})
-    w = wired(model, scenario, "Octave")
+    w = wired(model, scenario, Writer("Octave", gas=True, open_tables=True))
     refuse_crooked(w, "Octave")
     return exported(w, _Writer(w, called).lines(), target, "%")
 

@@ -10,6 +10,7 @@ from thermid.base.errors import DeckError
 from thermid.base.units import ICE_POINT, value_of
 from thermid.interop._wired import (
     Wired,
+    Writer,
     conductance_text,
     exported,
     identifiers,
@@ -26,8 +27,7 @@ MIN_STEPS_PER_RUN = 5000
 """The largest step is this part of the run."""
 JUMP_SHARE_OF_RUN = 1e-7
 """A jump of a source takes this part of the run, since SPICE has no jumps."""
-WRITTEN = ("power", "radiation", "table")
-"""Forms of conductors that are behavioural sources."""
+SPICE = Writer("SPICE", forms=("linear", "flow", "power", "radiation", "table", "table of difference"))
 _PAIRS = 4
 
 
@@ -47,7 +47,7 @@ def to_spice(model: Model, scenario: Scenario, path: str | os.PathLike[str] | No
     DeckError       When a law or a load cannot be written.
     ScenarioError   When the scenario does not fit the model or follows a schedule.
     """
-    w = wired(model, scenario, "SPICE")
+    w = wired(model, scenario, SPICE)
     return exported(w, _Netlist(w).lines(), path, "*")
 
 
@@ -92,39 +92,23 @@ class _Netlist:
         yield ".end"
 
     def _conductor(self, label: str, row: ConductorRow) -> str:
-        """Return the line of a conductor as a resistor or controlled source; a law that SPICE does not have is refused."""
+        """Return the line of a conductor as a resistor or controlled source."""
         a, b = (self.nodes[end] for end in row.ends)
         name = self.rows[label]
         g, *rest = (value_of(c) for c in row.coefficients)
-        if row.signal:
-            raise DeckError(
-                f"'{label}' changes with the pressure of its gas in time, which is not written to SPICE.",
-                self.w.network.title,
-                code="output.not-expressible",
-            )
         if g == 0.0:
             return f"* {name}: no conductance, an open path"
         if row.form == "linear":
             return f"R_{name} {a} {b} {number_text(1.0 / g)}"
         if row.form == "flow":
             return f"B_{name} 0 {b} I={number_text(g)}*V({a},{b})"
-        if row.form not in WRITTEN:
-            raise DeckError(
-                f"'{label}' is of a form that is not written to SPICE: {row.form}.", self.w.network.title, code="output.not-expressible"
-            )
         warm, cold = (f"(V({end})+{ICE_POINT})" for end in (a, b))
         conductance = conductance_text(row, [number_text(c) for c in (g, *rest)], warm, cold, self._pwl)
         return f"B_{name} {a} {b} I=V({a},{b})*{conductance}"
 
     def _pwl(self, curve: Curve, at: str) -> str:
         """Return a table of straight lines as SPICE has it; it goes on as a line there, so that points far out hold the last value."""
-        x, y, held = table_points(curve)
-        if not held:
-            raise DeckError(
-                "a table with outside = 'refuse' is not written to SPICE, which would extrapolate. Use outside = 'hold'.",
-                self.w.network.title,
-                code="output.not-expressible",
-            )
+        x, y, _ = table_points(curve)
         x, y = [x[0] - EXTENSION_REACH, *x, x[-1] + EXTENSION_REACH], [y[0], *y, y[-1]]
         return f"pwl({at}, {', '.join(f'{number_text(a)}, {number_text(b)}' for a, b in zip(x, y, strict=True))})"
 
@@ -144,7 +128,10 @@ class _Netlist:
             yield "+ )"
 
     def _points(self, table: TableSignal) -> Iterator[tuple[float, float]]:
-        """Yield the corners of a table; a jump becomes a steep ramp that ends where the jump is."""
+        """Yield the corners (time [s], value) of a table; a jump becomes a steep ramp that ends where the jump is.
+
+        The ramp takes `JUMP_SHARE_OF_RUN` of the run. Values are in the SI unit of the signal.
+        """
         before: float | None = None
         for time, value in zip(table.times.tolist(), table.values.tolist(), strict=True):
             if table.hold and before is not None and value != before:

@@ -228,7 +228,7 @@ def vapour_pressure(temperature: Any, humidity: Any) -> Array:
 
 
 def dew_point(pressure: Any) -> Array:
-    """Temperature below which vapour settles on a surface: dew, or frost below 0 degC [K].
+    """Return the temperature below which vapour settles on a surface: dew, or frost below 0 degC. Any shape. [K]
 
     Parameters
     ----------
@@ -258,7 +258,7 @@ def dew_point(pressure: Any) -> Array:
 
 
 def vapour_density(pressure: Any, temperature: Any) -> Array:
-    """Density of vapour as an ideal gas [kg/m^3].
+    """Return the density p / (R_v T) of vapour as an ideal gas, of the arguments' common shape. [kg/m^3]
 
     Parameters
     ----------
@@ -269,7 +269,9 @@ def vapour_density(pressure: Any, temperature: Any) -> Array:
 
 
 def latent_heat(temperature: Any) -> Array:
-    """Heat that vapour gives when it settles: as dew, or as frost below 0 degC [J/kg].
+    """Return the heat that vapour gives when it settles, as dew, or as frost below 0 degC; of the temperature's shape. [J/kg]
+
+    2.501e6 - 2361 (T - 273.15 K) for dew, 2.834e6 for frost.
 
     Parameters
     ----------
@@ -304,7 +306,7 @@ def vapour_diffusivity(temperature: Any, pressure: Any = ATMOSPHERE) -> Array:
 
 
 def mass_transfer_coefficient(htc: Any, temperature: Any, pressure: Any = ATMOSPHERE) -> Array:
-    """Speed at which vapour reaches a surface for each unit of difference in vapour density [m/s].
+    """Return the speed at which vapour reaches a surface for each unit of difference in vapour density, shaped as the arguments. [m/s]
 
     Heat and vapour cross the same boundary layer: h_m = h / (rho c_p) Le^(-2/3), with Le the thermal diffusivity over that of vapour.
 

@@ -14,7 +14,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from thermid.base.errors import DeckError, missing, nearest, refuse_unknown
+from thermid.base.errors import DeckError, missing, nearest, refuse_first, refuse_unknown
 from thermid.base.units import Array
 from thermid.physics._number import Number
 from thermid.physics.plates import (
@@ -106,18 +106,19 @@ def correlation(name: str, orientation: str = "vertical", where: str = "") -> Nu
     """
     refuse_unknown([orientation], ORIENTATIONS, where, "the orientation '{}' is not one of {known}.", DeckError)
     row = CORRELATIONS.get(name or DEFAULTS[orientation]) or _ht_correlation(name, where)
-    if "vertical_plate" in row.name and orientation != "vertical":
-        raise DeckError(
+    refuse_first(
+        where,
+        (
+            "vertical_plate" in row.name and orientation != "vertical",
             f"'{row.name}' is for vertical plates, but the orientation is '{orientation}'. Change one of them.",
-            where,
-            code="value.excludes-another",
-        )
-    if row.facing and orientation == "vertical":
-        raise DeckError(
+            "value.excludes-another",
+        ),
+        (
+            row.facing and orientation == "vertical",
             f"'{row.name}' is for horizontal plates. Give orientation = 'up' or 'down', the direction that the surface faces.",
-            where,
-            code="value.incomplete",
-        )
+            "value.incomplete",
+        ),
+    )
     return row
 
 
@@ -327,9 +328,9 @@ def _upright_gap(rayleigh: float, aspect: float, prandtl: float) -> float:
 
 @lru_cache(maxsize=256)
 def gap_nusselt_table(tilt: float, aspect: float, prandtl: float) -> tuple[Array, Array]:
-    """Return the table of Nu - 1 of a closed gap over x = sign(T_first - T_second) Ra^(1/4), as x and values [-].
+    """Return the table of Nu - 1 of a closed gap: x = sign(T_first - T_second) Ra^(1/4) (points,), and values (points,) at it. [-]
 
-    `tilt` [deg] and `aspect` [-] as in `GapLaw`; Ra on the thickness.
+    `tilt` [deg] and `aspect` [-] as in `GapLaw`, which has the formulas; `prandtl` [-] of the gas; Ra on the thickness.
     """
     law = GapLaw(tilt, aspect)
     root = np.unique(np.concatenate((np.geomspace(0.05, 2.0, 12), np.geomspace(2.0, 120.0, 500), np.geomspace(120.0, 3000.0, 60))))

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from thermid.base.errors import CodedText, ThermidError, ThermidWarning, refuse_unknown
+from thermid.base.errors import CodedText, ThermidError, ThermidWarning, refuse_first, refuse_unknown
 from thermid.base.results import Result
 from thermid.base.units import TEMPERATURE, amount
 from thermid.physics._number import Number
@@ -239,15 +239,17 @@ def _checked_inputs(
     """Return power [W], area [m^2], surface and ambient temperature [K] and height [m]; refuse those that make no coefficient."""
     q, a, tall = amount(power, "W", "power"), amount(area, "m^2", "area"), amount(height, "m", "height")
     hot, cold = amount(surface, TEMPERATURE, "surface"), amount(ambient, TEMPERATURE, "ambient")
-    if not (a > 0 and tall > 0):
-        raise ThermidError("a coefficient needs an area and a height above zero.", "compare_htc", code="value.outside-range")
-    if not q * (hot - cold) > 0:
-        raise ThermidError(
+    refuse_first(
+        "compare_htc",
+        (not (a > 0 and tall > 0), "a coefficient needs an area and a height above zero.", "value.outside-range"),
+        (
+            not q * (hot - cold) > 0,
             f"{q:g} W and a surface {hot - cold:+.4g} K from its ambient are inconsistent: heat flows to the colder side. Check for "
             "exchanged temperatures, and the sign of the power.",
-            "compare_htc",
-            code="value.contradicts",
-        )
+            "value.contradicts",
+        ),
+        error=ThermidError,
+    )
     return q, a, hot, cold, tall
 
 

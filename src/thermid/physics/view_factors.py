@@ -237,7 +237,11 @@ class PlacedFace:
         return math.pi * self.radius**2 if self.kind == "disc" else 2.0 * math.pi * self.radius * float(np.linalg.norm(self.first))
 
     def sample_points(self, u: Array, v: Array) -> tuple[Array, Array]:
-        """Return points spread evenly over the face [m] and the normals there, each (rays, 3), for coordinates u, v from 0 to 1 (rays,)."""
+        """Return points spread evenly over the face (rays, 3) [m] and the normals there (rays, 3), for u, v from 0 to 1 (rays,).
+
+        A rectangle is o + u a + v b, a disc o + R sqrt(u) e(2 pi v), a cylinder o + u a + R e(2 pi v), with the origin o, the sides or
+        axis a and b, and e a unit vector across the axis; a cylinder's normal is e, or -e where its inside radiates.
+        """
         origin, first = np.array(self.at), np.array(self.first)
         if self.kind == "rectangle":
             second = np.array(self.second)
@@ -255,7 +259,8 @@ class PlacedFace:
     def hit_distances(self, start: Array, ray: Array, near: float) -> tuple[Array, Flags]:
         """Return the distance (rays,) [m] at which rays hit the face, infinite where they miss it, and whether they hit its radiating side.
 
-        Rays begin at `start` (rays, 3) [m] in the unit directions `ray` (rays, 3); hits nearer than `near` [m] do not count.
+        s = n.(o - p) / n.r of a plane through o with the normal n, where the point lies on the face; n.r < 0 is its radiating side. Rays
+        begin at `start` p (rays, 3) [m] in the unit directions `ray` r (rays, 3); hits nearer than `near` [m] do not count.
         """
         origin, first = np.array(self.at), np.array(self.first)
         if self.kind == "cylinder":
@@ -274,7 +279,16 @@ class PlacedFace:
         return np.where(on & (far > near) & np.isfinite(far), far, np.inf), falling < 0.0
 
     def _cylinder_hits(self, start: Array, ray: Array, near: float) -> tuple[Array, Flags]:
-        """Return `hit_distances` of a cylinder's side, for starts relative to its foot: the nearer root of a quadratic on its length."""
+        """Return distances (rays,) [m] along rays to a cylinder's side and whether they meet its front: the nearer root of a quadratic.
+
+        Of |p + s r|^2 = R^2 with start p and direction r less their parts along the axis, for s beyond `near` [m], at a height on the
+        cylinder's length; infinite where none.
+
+        Parameters
+        ----------
+        start : array (rays, 3)     Relative to the foot of the axis. [m]
+        ray : array (rays, 3)       Unit vectors.
+        """
         length, axis = float(np.linalg.norm(self.first)), _unit(np.array(self.first))
         flat, toward = start - np.outer(start @ axis, axis), ray - np.outer(ray @ axis, axis)
         a, b, c = np.sum(toward**2, axis=1), np.sum(flat * toward, axis=1), np.sum(flat**2, axis=1) - self.radius**2
@@ -352,9 +366,10 @@ def placed_factors(faces: tuple[PlacedFace, ...], names: tuple[str, ...], rays: 
 
 
 def _cosine_directions(normal: Array, u: Array, v: Array) -> Array:
-    """Return unit directions (rays, 3) about normals (rays, 3), as dense as the cosine of their angle, for u, v from 0 to 1 (rays,).
+    """Return unit directions (rays, 3) about normals (rays, 3), as dense as the cosine of their angle, for u, v from 0 to 1 (rays,). [-]
 
-    Points lie evenly in the unit disc and are raised to the hemisphere (Malley).
+    sqrt(u) (cos(2 pi v) a + sin(2 pi v) b) + sqrt(1 - u) n, with a and b across the normal n: points that lie evenly in the unit disc are
+    raised to the hemisphere (Malley).
     """
     helper = np.eye(3)[np.argmin(np.abs(normal), axis=1)]
     across = np.cross(normal, helper)

@@ -181,6 +181,9 @@ def split_rows(
 ) -> tuple[Model, Rows]:
     """Return the model and the rows with effective coefficients separated where the scenario thins their gas.
 
+    New rows are the logarithms of emissivities e: B A^-1 times the rows of the fitted values, with the joint covariance [[A, B'], [B, C]]
+    of these and e, and sources of their own with the covariance C - B A^-1 B'.
+
     Parameters
     ----------
     known, rows         What is known.
@@ -465,7 +468,7 @@ class Budget:
 
     @property
     def weighted_ways(self) -> tuple[tuple[float, Budget], ...]:
-        """Probability and budget of each way in which the heat of surfaces may be carried."""
+        """Return probability [-] and budget of each way in which the heat of surfaces may be carried; this budget where there is none."""
         if not self.ways:
             return ((1.0, self),)
         out = []
@@ -538,7 +541,10 @@ class Budget:
         return {cause: np.asarray(columns @ m) for cause, m in means.items() if m.any()}
 
     def beside(self, sources: Sequence[Source], cause: str, targets: Sequence[Target] = (), gain: Array | float = 0.0) -> Budget:
-        """Return the budget with independent sources of one cause that act on `targets` of their own by `gain` (targets, sources)."""
+        """Return the budget with independent sources of one cause that act on `targets` of their own by `gain` (targets, sources).
+
+        The gain is in the unit of the target, or its logarithm, per unit of the source.
+        """
         n, m, k = len(self.sources), len(self.targets), len(sources)
         taken = {s.name for s in self.sources}  # a member's numbers come by a source's name
         sources = [replace(s, name=f"{s.name} ({n + i})") if s.name in taken else s for i, s in enumerate(sources)]

@@ -195,7 +195,11 @@ class Band(Result):
         return np.where(variance < ROUNDING**2, 0.0, np.sqrt(variance))
 
     def interval(self, level: float = 0.95) -> tuple[Array, Array]:
-        """Return the lower and upper ends (times,) of the band that holds the truth with a probability. [degC]"""
+        """Return the lower and upper ends (times,) of the band that holds the truth with the probability `level`. [degC]
+
+        Quantiles (1 - level)/2 and (1 + level)/2 of the members, else of the mixture of ways; else the centre -+ z s of a normal
+        distribution.
+        """
         if self.members is not None:
             low, high = np.quantile(self.members, [0.5 - level / 2, 0.5 + level / 2], axis=1)
             return low - ICE_POINT, high - ICE_POINT
@@ -684,7 +688,9 @@ def mixed_answer(
 ) -> tuple[dict[str, Array], dict[str, Array], Array, NormalMixture | None]:
     """Return cause -> variance, cause -> what moves the centre from the run with the best values, the centre, and the mixture if it is one.
 
-    Each at the times and where the run settles. [K]
+    Each is (times + 1,), at the times and where the run settles [K, K^2]; `best` (times,) is the run with the best values. With the
+    weights w of the ways the centre is c = sum w_k c_k, c_k the run of a way with the means of its sources, and the variance sum w_k v_k +
+    sum w_k (c_k - c)^2, the last by what the ways were built from.
     """
     parts: dict[str, Array] = {}
     shifts: dict[str, Array] = {}
@@ -761,10 +767,13 @@ def drawn_members(
 ) -> tuple[dict[str, Members], dict[str, Array], str]:
     """Return node -> members that reached the end, thermostat -> their duty cycles as of an `Ensemble`, and a remark on those that failed.
 
+    Members are temperatures (times, members) and where they settle (members,) [K]; where straight lines do, those are the run plus c'z, c
+    its derivatives by the sources z.
+
     Parameters
     ----------
     chosen : array (members,)           Which way each has.
-    sources : array (sources, members)  Values of the sources.
+    sources : array (sources, members)  Values of the sources, in their standard deviations.
     straight : bool                     Whether straight lines do.
     executor : see `Workers`            Who runs members otherwise.
     """
@@ -854,9 +863,10 @@ class Missed:
 def missed(setting: Setting, linear: Linear) -> Missed:
     """Return where a band by derivatives would miss that of members.
 
-    Members in pairs of opposite numbers are compared with the straight model at the same numbers. Their differences vary far less than the
-    members themselves, so some tens of them say as much as thousands would (control variates; Glasserman, Monte Carlo Methods in Financial
-    Engineering, 2003, 4.1).
+    Members in pairs of opposite numbers u and 1 - u are compared with the straight model c'z at the same numbers, c the derivatives and z
+    the draws of the sources. Their differences vary far less than the members themselves, so some tens of them say as much as thousands
+    would (control variates; Glasserman, Monte Carlo Methods in Financial Engineering, 2003, 4.1). Looked at are the time of the widest
+    band and the end, of nodes with 1.96 s above `NEGLIGIBLE_HALF_WIDTH`.
     """
     budget = setting.budget
     size = {n: 1.96 * np.sqrt(np.sum([*budget.parts(c).values(), np.zeros(len(c))], axis=0)[:-1]) for n, c in linear.columns.items()}

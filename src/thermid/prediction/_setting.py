@@ -178,9 +178,10 @@ class Setting:
         return Linear(run, settled, columns)
 
     def secants(self, linear: Linear) -> Linear:
-        """Return it with half the difference of members a standard deviation either way for derivatives, where anything switches.
+        """Return it with (T(+s) - T(-s)) / (2 s) for derivatives, s a standard deviation of each source, where anything switches.
 
-        At an instant they differ by their switching times, so by the hysteresis at most.
+        Columns are (times + 1, sources) [K per unit of the source], the last row not a number: where it settles has no such difference. At
+        an instant members differ by their switching times, so by the hysteresis at most.
         """
         if not self.switches:
             return linear

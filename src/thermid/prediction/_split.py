@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from thermid.base.errors import IdentificationError, nearest, quoted
+from thermid.base.errors import IdentificationError, quoted, refuse_unknown
 from thermid.base.results import Named
 from thermid.base.units import Array, value_of
 from thermid.fit.calibration import Calibration
@@ -207,11 +207,7 @@ def parts_of(
     network = compile_network(model)
     effective = {c.path: c for c in network.flat.conductors if c.kind == "effective"}
     chosen = [model.canonical(w) for w in wanted] or list(effective)
-    for path in chosen:
-        if path not in effective:
-            raise IdentificationError(
-                f"'{path}' is not a surface with an effective coefficient.{nearest(path, effective)}", model.title, code="name.unknown"
-            )
+    refuse_unknown(chosen, effective, model.title, "'{}' is not a surface with an effective coefficient.", IdentificationError)
     if not chosen:
         raise IdentificationError(
             "no surface has an effective coefficient, so there is nothing to separate.", model.title, code="fit.not-determined"
@@ -477,9 +473,10 @@ class _Joint:
         self.cov = keep @ self.cov @ keep.T + doubt**2 * np.outer(gain, gain)
 
     def _gain(self, slope: Array, doubt: float) -> Array:
-        """Return the gain (positions,) C s / (s'C s + doubt^2), s the `slope` (positions,) of a reading [K] whose error is `doubt` [K].
+        """Return the gain (positions,) C s / (s'C s + d^2) of a known convection, in ln of the emissivities per unit of it.
 
-        It is zero for fitted parameters, which are only considered.
+        s is the `slope` (positions,) of the convective coefficient h - e h_black by each position, `doubt` d its standard deviation, both
+        in W/(m^2 K), and C the covariance. The gain is zero for fitted parameters, which are only considered (Schmidt).
         """
         gain = self.cov @ slope / float(slope @ self.cov @ slope + doubt**2)
         gain[: len(self.base)] = 0.0
@@ -491,7 +488,12 @@ class _Joint:
         return math.log(room / part.black), part.effective_error / room
 
     def _cut_at_ceiling(self, part: Part) -> None:
-        """Cut off emissivities that leave less than the conduction of gas at rest: moments of a normal that is cut softly."""
+        """Cut off emissivities that leave less than the conduction of gas at rest: moments of a normal that is cut softly.
+
+        ln e with mean m and variance v is cut at a top of standard deviation l: with w^2 = v + l^2, z = (top - m) / w and g = phi(z) /
+        Phi(z) the mean falls by g v / w, the variance by (v^2 / w^2) g (g + z); the others follow along their covariance, but for fitted
+        parameters. [-]
+        """
         k = self.at[part.emissivity]
         top, loose = self._ceiling(part)
         v = float(self.cov[k, k])

@@ -331,9 +331,10 @@ class Before:
         return out
 
     def placed(self, column: Array) -> Array:
-        """Return what a standard deviation of each source does (sources,), from what a unit of each source of the budget does.
+        """Return what a standard deviation s of each source does (sources,), s x, from what a unit of each source of the budget does.
 
-        What only a value as fitted errs by is left out, as it is of the errors that a fit states first.
+        That is `column` x (sources of the budget,) [K per unit of the source]. What only a value as fitted errs by is left out, as it is
+        of the errors that a fit states first.
         """
         out = np.zeros(len(self.place))
         for s, size, x in zip(self.budget.sources, self.budget.sizes, column, strict=True):
@@ -342,7 +343,11 @@ class Before:
         return out
 
     def temperature(self, node: str, at: float) -> tuple[Array, float, dict[str, float]]:
-        """Return how a temperature responds (sources,), its value, and cause -> error that no test takes away. [K]"""
+        """Return how a node's temperature `at` a time [s] responds (sources,), its value, and cause -> error that no test takes away. [K]
+
+        The response is in K per standard deviation of a source, of the likeliest way, scaled so that its squares sum to the variance of
+        all ways.
+        """
         ways = WayAnswer.of_budget(self.budget, [node], prepared(self.budget, times=[at]))
         ways = [replace(w, linear=w.setting.secants(w.linear)) for w in ways]
         (columns,) = max(ways, key=lambda w: w.weight).linear.columns.values()
@@ -628,7 +633,10 @@ def _remarks(before: Before, sensors: Sequence[Sensor]) -> tuple[str, ...]:
 
 
 def _gradient(before: Before, target: str | Aim) -> tuple[Array, float, str, str, Mapping[str, float]]:
-    """Return how the target responds to the sources, its value, its name, its unit, and what else makes it uncertain [K]."""
+    """Return how the target responds to the sources (sources,), its value, its name, its unit, and cause -> error beside them [K].
+
+    The response is in that unit per standard deviation of a source.
+    """
     if not isinstance(target, str):
         at = target.scenario.seconds if isinstance(target.at, str) and not target.at else amount(target.at, "s", "at")
         gradient, value, beside = before.temperature(target.node, at)
@@ -702,7 +710,10 @@ def _rounds_alike(before: Before, planned: Experiment) -> bool:
 
 
 def _planned_noise(before: Before, sensors: Sequence[Sensor]) -> tuple[TraceNoise, ...]:
-    """Return how planned readings wander, in squares of their noise: as the residuals of each sensor did, a new one like the others."""
+    """Return how planned readings are autocorrelated, variances in squares of their noise: as the residuals of each sensor were.
+
+    A new sensor has the median size [K] and time [s] of the others.
+    """
     out = []
     size = {s.name: before.sizes.get(s.name, s.noise or 0.0) * before.spread for s in sensors if s.role == "node"}
     slow = [before.noise[n] for n in size if n in before.noise and before.noise[n].correlated_variance > 0.0]
@@ -720,9 +731,9 @@ def _planned_noise(before: Before, sensors: Sequence[Sensor]) -> tuple[TraceNois
 
 
 def _informed(rows: Array, excess: Array) -> Array:
-    """Return what least squares learn from readings (unknowns, unknowns) whose noise adds `excess` to the covariance of J'r.
+    """Return what least squares learn from readings (unknowns, unknowns) whose noise adds `excess` E to the covariance of J'r.
 
-    ``J'J (J'J + E)^-1 J'J``, the inverse of the sandwich of Huber, in the directions that the readings see.
+    ``J'J (J'J + E)^-1 J'J``, the inverse of the sandwich of Huber, in the directions that the readings see; `rows` J (rows, unknowns). [-]
     """
     if not excess.any():
         return np.asarray(rows.T @ rows)
@@ -737,7 +748,8 @@ def _informed(rows: Array, excess: Array) -> Array:
 def _informed_alike(rows: Array, excess: Array, rounding: Array) -> Array:
     """Return what a log adds to one that was rounded alike (unknowns, unknowns), `rounding` that part of the covariance of J'r.
 
-    With ``N = W + R``, R by rounding, one log says ``J'J N^-1 J'J`` and both say ``J'J (W / 2 + R)^-1 J'J``.
+    With ``N = W + R = J'J + excess``, R by rounding, one log says ``J'J N^-1 J'J`` and both say ``J'J (W / 2 + R)^-1 J'J``; returned is
+    the difference. `rows` J (rows, unknowns). [-]
     """
     _, s, turned = np.linalg.svd(np.linalg.qr(rows, mode="r"), full_matrices=False)
     s, turned = s[s > MIN_SINGULAR_VALUE * s[0]], turned[s > MIN_SINGULAR_VALUE * s[0]]
@@ -751,7 +763,10 @@ def _informed_alike(rows: Array, excess: Array, rounding: Array) -> Array:
 
 
 def _with_departures_of_run(before: Before, problem: Problem, at: Array) -> tuple[Problem, dict[str, float]]:
-    """Return a planned run with what of it differs from other runs as further unknowns, and the standard deviation of each."""
+    """Return a planned run with what of it differs from other runs as further unknowns, and name -> standard deviation [-] of each.
+
+    `at` (unknowns,), fitted form, is where the heats of the departures are taken.
+    """
     way = before.departing
     if way is None:
         return problem, {}

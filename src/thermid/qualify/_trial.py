@@ -513,7 +513,7 @@ def uncovered_parts(overlaid: Sequence[Overlay], begin: float, end: float, windo
 
 
 def _time_without_readings(times: Array, begin: float, end: float) -> tuple[float, float, float]:
-    """Return the time without readings between two instants, the longest gap, and where that begins. [s]
+    """Return the time without readings at `times` (readings,) from `begin` to `end`, the longest gap, and where that begins. [s]
 
     A gap is longer than `GAP_INTERVALS` median intervals. With fewer than two readings all of it is one gap.
     """
@@ -564,7 +564,11 @@ def _time_above(times: Array, values: Array, level: float) -> float:
 
 
 def exchanged_sensors(overlays_: Sequence[Overlay]) -> Iterator[str]:
-    """Yield pairs of sensors whose readings fit three times better (root mean square) when they change places."""
+    """Yield pairs of sensors whose readings fit three times better when they change places.
+
+    By the root mean square of (a - A)^2 + (b - B)^2 beside that of (a - B)^2 + (b - A)^2, read in small and simulated in capital letters;
+    the first is above `MIN_EXCHANGE_DEVIATION`. [K]
+    """
     for k, a in enumerate(overlays_):
         for b in overlays_[k + 1 :]:
             if a.times.size != b.times.size or not np.array_equal(a.times, b.times):

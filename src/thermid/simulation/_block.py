@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from thermid.base.errors import NameNotFoundError, ScenarioError, SolverError, nearest, refuse_unknown
+from thermid.base.errors import NameNotFoundError, ScenarioError, SolverError, nearest, refuse_first, refuse_unknown
 from thermid.base.linear_algebra import anderson_step
 from thermid.base.results import Result
 from thermid.base.units import TEMPERATURE, Array, Memo
@@ -114,6 +114,8 @@ class BlockSolution(Solution):
 
     def heat_balance(self) -> HeatBalance:
         """Return heat put in by heaters, heat into boundaries and heat stored over the run, by the integrator's own weights. [J]
+
+        Stored is sum C (T_end - T_start); the residual is heaters - boundaries - stored, and its share that of the largest sum of sizes.
 
         Raises
         ------
@@ -441,14 +443,20 @@ def _rows(block: Block, exchange: Exchange, boundaries: tuple[str, ...]) -> list
 def _start(block: Block, scenario: Scenario, network: SparseNetwork, options: Options, where: str) -> tuple[Array, Mapping[str, Any], str]:
     """Return the initial temperatures (cells,) [K], statistics of a search for them, and a remark on a steady start."""
     written, start = scenario.start, Start.from_text(scenario.start, where)
-    if start is not None and scenario.initial:
-        raise ScenarioError(
-            "a steady start gives the temperatures of all cells. Leave 'initial' out.", where, code="value.excludes-another"
-        )
-    if written == "" and len(network.boundaries) != 1:
-        raise ScenarioError(
-            "the start is missing. Give a temperature, the name of a boundary, or 'steady'.", where, code="run.input-missing"
-        )
+    refuse_first(
+        where,
+        (
+            start is not None and scenario.initial,
+            "a steady start gives the temperatures of all cells. Leave 'initial' out.",
+            "value.excludes-another",
+        ),
+        (
+            written == "" and len(network.boundaries) != 1,
+            "the start is missing. Give a temperature, the name of a boundary, or 'steady'.",
+            "run.input-missing",
+        ),
+        error=ScenarioError,
+    )
     if start is None:
         initial = np.full(block.count, _temperature(written or network.boundaries[0], network, where))
         for name, value in scenario.initial.items():

@@ -286,7 +286,7 @@ def spread_of(values: Array) -> Array:
 
 
 def shares_of(share: Any, where: str) -> Array:
-    """Return one share or several, for quantiles.
+    """Return one share or several (shares,), for quantiles. [-]
 
     Raises
     ------

@@ -271,7 +271,7 @@ def margins(lowest: Mapping[str, float], highest: Mapping[str, float], limits: M
 
 
 def margin_lines(rows: Sequence[NodeMargin]) -> list[str]:
-    """Return margins as text; one temperature where lowest and highest are the same."""
+    """Return margins as text, temperatures in degC and margins in K; one temperature where lowest and highest are the same."""
     width = max((len(m.node) for m in rows), default=0)
     limited = any(np.isfinite(m.margin) for m in rows)
     moving = any(m.highest - m.lowest > 1e-9 for m in rows)

@@ -377,7 +377,11 @@ class RunDense:
 
 
 def correlation_range_remarks(run: Run) -> tuple[str, ...]:
-    """Return a remark for each correlation whose largest Rayleigh number at a stored time is outside its range, and for wide gaps."""
+    """Return a remark for each correlation whose largest Rayleigh number at a stored time is outside its range, and for wide gaps.
+
+    Ra = b^4 |T_hot - T_cold|, with b = (g beta L^3 / (nu a))^(1/4) [K^-1/4] at the film temperature, which a conductor of natural
+    convection holds as its second coefficient times a function of that temperature.
+    """
     out = []
     words = {c.path: c.words for c in run.network.flat.conductors}
     for row in run.assembled.numbers.conductors:
@@ -407,7 +411,10 @@ CONVECTS: Final = 1708.0
 
 
 def _convecting_gaps(run: Run) -> tuple[str, ...]:
-    """Return a remark for each gap modelled with gas at rest whose Rayleigh number exceeds `CONVECTS` at a stored time."""
+    """Return a remark for each gap modelled with gas at rest whose Rayleigh number exceeds `CONVECTS` at a stored time.
+
+    Ra = g beta d^3 |T_hot - T_cold| / (nu a), properties at the mean of both temperatures, d the gap [m].
+    """
     out, values = [], run.assembled.numbers.values
     for c in run.network.flat.conductors:
         if "gap" not in c.fields or "tilt" in c.words:

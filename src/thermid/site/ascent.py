@@ -18,10 +18,9 @@ from thermid.measure.readers import read_plain
 from thermid.model.tree import Constant, Signal, TableSignal, joined, signal
 from thermid.simulation.runs import MAX_IRRADIATION, Environment, Irradiation, Scenario
 from thermid.site._atmosphere import HIGHEST_ALTITUDE, UPPER, Air, standard_atmosphere, upper_atmosphere
+from thermid.site._constants import LIMITS_OF_LAUNCHERS, SPACE
 from thermid.site.exposure import molecular_heating
 
-SPACE = 2.725
-"""Of the microwave background: Fixsen, Astrophys. J. 707 (2009) 916. [K]"""
 TRAJECTORY_INTERVAL = 0.5
 """Interval at which pressure and density are worked out between the points of a trajectory. [s]"""
 UNITS = {"altitude": "m", "speed": "m/s", "pressure": "Pa", "density": "kg/m^3"}
@@ -279,14 +278,7 @@ def _streams(
     return out
 
 
-_GUIDE = "SpaceX Rideshare Payload User's Guide, October 2022"
-ASCENT_LIMITS: Mapping[str, Figure] = {
-    "pressure decay": Figure(2800.0, "read", f"{_GUIDE}, 3.3.8: no faster, but for brief periods"),
-    "brief pressure decay": Figure(4500.0, "read", f"{_GUIDE}, 3.3.8: no faster at any time"),
-    "time of brief decay": Figure(5.0, "read", f"{_GUIDE}, 3.3.8: no longer in all"),
-    "molecular heating": Figure(3500.0, "read", f"{_GUIDE}, 3.3.10: at fairing separation"),
-    "gentle molecular heating": Figure(1135.0, "memory", "a common target for fairing release, as launchers' guides are quoted"),
-}
+ASCENT_LIMITS: Mapping[str, Figure] = {name: Figure(*row) for name, row in LIMITS_OF_LAUNCHERS.items()}
 """Name -> limit. [Pa/s, Pa/s, s, W/m^2, W/m^2]"""
 _UNITS = {"pressure decay": "Pa/s", "brief pressure decay": "Pa/s", "time of brief decay": "s"}
 

@@ -9,10 +9,11 @@ from typing import Final
 
 import numpy as np
 
-from thermid.base.errors import ScenarioError, nearest
+from thermid.base.errors import ScenarioError, look_up, refuse_first, refuse_unknown
 from thermid.base.units import Array, amount
 from thermid.model.tree import Constant, Signal, TableSignal, degrees, multiplied
 from thermid.simulation.runs import Irradiation
+from thermid.site._constants import PLANET_FIGURES
 from thermid.site.exposure import planet_share
 
 SAMPLES_PER_ORBIT: Final = 720
@@ -37,17 +38,8 @@ class Planet:
     solar: float
 
 
-PLANETS: Final[Mapping[str, Planet]] = {
-    "mercury": Planet(2.4397e6, 2.2032e13, 9083.0),
-    "venus": Planet(6.0518e6, 3.24859e14, 2601.0),
-    "earth": Planet(6.371e6, 3.986004418e14, 1361.0),
-    "moon": Planet(1.7374e6, 4.9048695e12, 1361.0),
-    "mars": Planet(3.3895e6, 4.282837e13, 586.0),
-    "jupiter": Planet(6.9911e7, 1.26686534e17, 50.3),
-    "saturn": Planet(5.8232e7, 3.7931187e16, 14.8),
-}
-"""Mean radius, attraction and solar flux: NASA planetary fact sheets, from memory; that at the earth also Kopp and Lean, Geophys. Res.
-Lett. 38 (2011) L01706: 1360.8 +- 0.5 W/m^2."""
+PLANETS: Final[Mapping[str, Planet]] = {name: Planet(*figures) for name, figures in PLANET_FIGURES.items()}
+"""The planets and the moon by name."""
 
 Frame = Callable[[Array, Array], Array]
 """Direction from the planet (times, 3) and sun (3,) -> normal of a face (times, 3), in the frame of the orbit."""
@@ -163,11 +155,8 @@ class OrbitFluxes:
         """
         out = {}
         for surface, face in (surfaces or {f: f for f in self.faces}).items():
-            if face not in self.solar:
-                raise ScenarioError(
-                    f"no face '{face}'.{nearest(face, self.faces)} There are {', '.join(self.faces)}.", "orbit", code="name.unknown"
-                )
-            sun = multiplied(self._signal(self.solar[face]), self.lit)
+            shone = look_up(face, self.solar, "no face '{}'.{near} There are {known}.", "orbit", ScenarioError)
+            sun = multiplied(self._signal(shone), self.lit)
             out[surface] = Irradiation(direct=sun, albedo=self._signal(self.albedo[face]), infrared=self._signal(self.infrared[face]))
         return out
 
@@ -253,7 +242,18 @@ def orbit_fluxes(
 
 
 def _fluxes(path: _Path, radius: float, tilt: float, attitude: str, strength: float, albedo: float, glow: float) -> OrbitFluxes:
-    """Return what falls on the faces along a path, by the sun's strength [W/m^2], tilt to its plane [deg] and the planet's glow [W/m^2]."""
+    """Return what falls on the faces along a path: by the sun S max(n.s, 0), by albedo S a F max(r.s, 0), by the planet's infrared E F.
+
+    n, r and s are unit vectors of the face, from the planet to the craft, and to the sun; F is the view of the planet. Shadow comes in as
+    its own signal.
+
+    Parameters
+    ----------
+    radius : float              Of the planet. [m]
+    tilt : float                Of the sun to the orbit's plane. [deg]
+    strength, glow : float      S of the sun and E that leaves the planet. [W/m^2]
+    albedo : float              a of the planet. [-]
+    """
     sun = np.array([np.cos(np.radians(tilt)), 0.0, np.sin(np.radians(tilt))])
     shadow = _shadow(path, sun, radius)
     edges = np.array(sorted({t for span in shadow for t in span if 0.0 < t < path.period}))
@@ -282,23 +282,21 @@ def _checked(
     ------
     ScenarioError   When planet or attitude is unknown, altitudes are not above zero and rising, or albedo or angle outside their ranges.
     """
-    body = planet if isinstance(planet, Planet) else PLANETS.get(str(planet).lower())
-    if body is None:
-        raise ScenarioError(
-            f"unknown planet '{planet}'.{nearest(str(planet), PLANETS)} There are {', '.join(PLANETS)}.", "orbit", code="name.unknown"
-        )
-    if attitude not in ATTITUDES:
-        raise ScenarioError(
-            f"unknown attitude '{attitude}'.{nearest(attitude, ATTITUDES)} There are {', '.join(ATTITUDES)}.", "orbit", code="name.unknown"
-        )
+    refusal = "unknown planet '{}'.{near} There are {known}."
+    body = planet if isinstance(planet, Planet) else look_up(str(planet).lower(), PLANETS, refusal, "orbit", ScenarioError)
+    refuse_unknown([attitude], ATTITUDES, "orbit", "unknown attitude '{}'.{near} There are {known}.", ScenarioError)
     low = amount(perigee, "m", "orbit, perigee")
     high = low if apogee is None else amount(apogee, "m", "orbit, apogee")
-    if not 0.0 < low <= high < float("inf"):
-        raise ScenarioError(
-            f"no orbit has a perigee of {low:g} m and an apogee of {high:g} m above the ground.", "orbit", code="value.outside-range"
-        )
-    if not 0.0 <= albedo <= 1.0:
-        raise ScenarioError(f"the albedo is {albedo:g}. Give 0 to 1.", "orbit", code="value.outside-range")
+    refuse_first(
+        "orbit",
+        (
+            not 0.0 < low <= high < float("inf"),
+            f"no orbit has a perigee of {low:g} m and an apogee of {high:g} m above the ground.",
+            "value.outside-range",
+        ),
+        (not 0.0 <= albedo <= 1.0, f"the albedo is {albedo:g}. Give 0 to 1.", "value.outside-range"),
+        error=ScenarioError,
+    )
     tilt = degrees(beta, "orbit, beta")
     if not -90.0 <= tilt <= 90.0:
         raise ScenarioError(
@@ -323,7 +321,12 @@ class _Path:
         return float(2.0 * np.pi * np.sqrt((0.5 * (self.near + self.far)) ** 3 / self.attraction))
 
     def at(self, times: Array) -> tuple[Array, Array]:
-        """Return the direction from the planet (times, 3) and the distance (times,) [m]."""
+        """Return the direction from the planet (times, 3) and the distance (times,) [m] at `times` (times,) [s].
+
+        Kepler's equation M = E - e sin E with M = M_0 + 2 pi t / period, by Newton's method; tan(v / 2) = sqrt((1 + e) / (1 - e)) tan(E /
+        2), r = a (1 - e cos E), with the eccentricity e, the anomalies E and v, and the semi-major axis a. The orbit lies in the plane z =
+        0.
+        """
         axis, e = 0.5 * (self.near + self.far), (self.far - self.near) / (self.far + self.near)
         shrink = np.sqrt((1.0 - e) / (1.0 + e))
         first = 2.0 * np.arctan2(shrink * np.sin(0.5 * self.begin), np.cos(0.5 * self.begin))
@@ -340,7 +343,11 @@ class _Path:
 
 
 def _dark(path: _Path, sun: Array, radius: float, times: Array) -> Array:
-    """Return how deep the craft is in the cylinder of shadow (times,): above zero inside. [m]"""
+    """Return R - r, how deep the craft is in the cylinder of shadow (times,): above zero inside. [m]
+
+    r is its distance from the axis through the planet away from the Sun; where the craft is on the Sun's side the value is below zero.
+    `sun` (3,) is the unit vector to the Sun, `radius` R that of the planet [m].
+    """
     out, far = path.at(times)
     toward = out @ sun
     beside = far * np.sqrt(np.maximum(1.0 - toward**2, 0.0))
@@ -348,7 +355,11 @@ def _dark(path: _Path, sun: Array, radius: float, times: Array) -> Array:
 
 
 def _shadow(path: _Path, sun: Array, radius: float) -> tuple[tuple[float, float], ...]:
-    """Return begin and end of each stretch of shadow within a period; one that holds time zero is in two parts. [s]"""
+    """Return begin and end of each stretch of shadow within a period; one that holds time zero is in two parts. [s]
+
+    The zeros of `_dark`: signs at samples of the period, then Brent's method. `sun` (3,) unit vector to the Sun, `radius` of the planet.
+    [m]
+    """
     from scipy.optimize import brentq
 
     times = np.linspace(0.0, path.period, 4 * SAMPLES_PER_ORBIT + 1)
@@ -362,7 +373,7 @@ def _shadow(path: _Path, sun: Array, radius: float) -> tuple[tuple[float, float]
 
 
 def _light(shadow: tuple[tuple[float, float], ...], period: float) -> Signal:
-    """Return 1 in the sun and 0 in the shadow, over and over."""
+    """Return 1 in the sun and 0 in the shadow, over and over, from the stretches of shadow (begin, end) in one `period` [s]."""
     if not shadow:
         return Constant(1.0)
     changes: dict[float, float] = {0.0: 1.0}

@@ -358,7 +358,7 @@ class SkyAndAir:
 
 
 def wind_htc(speed: Any, length: float, temperature: Any, pressure: float, calm: float = 0.0) -> Array:
-    """Return the convection coefficient of a surface in wind, joined to that of calm air by cubes [W/(m^2 K)].
+    """Return the convection coefficient of a surface in wind, (h_forced^3 + h_calm^3)^(1/3), of the arguments' common shape. [W/(m^2 K)]
 
     Parameters
     ----------

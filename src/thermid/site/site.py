@@ -19,13 +19,23 @@ from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 import numpy as np
 
-from thermid.base.errors import MissingDataError, NameNotFoundError, RecordError, ScenarioError, ThermidError, optional, refuse_unknown
+from thermid.base.errors import (
+    MissingDataError,
+    NameNotFoundError,
+    RecordError,
+    ScenarioError,
+    ThermidError,
+    optional,
+    refuse_first,
+    refuse_unknown,
+)
 from thermid.base.files import was_read
 from thermid.base.results import Named
 from thermid.base.units import HOUR, TEMPERATURE, Array, amount, from_si, seconds, unit
 from thermid.measure.readers import read_plain
 from thermid.model.tree import degrees
 from thermid.site._atmosphere import standard_atmosphere
+from thermid.site._constants import EPW, TMY3
 
 if TYPE_CHECKING:
     import pandas
@@ -77,10 +87,16 @@ class Site:
         object.__setattr__(self, "altitude", amount(self.altitude, "m", f"{self.name}, altitude"))
         if self.timezone is not None:
             object.__setattr__(self, "timezone", amount(self.timezone, "1", f"{self.name}, timezone"))
-        if not -450.0 <= self.altitude <= 9000.0:
-            raise ScenarioError(f"a site at {self.altitude:g} m is not on the ground.", self.name, code="value.outside-range")
-        if self.timezone is not None and not -12.0 <= self.timezone <= 14.0:
-            raise ScenarioError(f"a time zone of {self.timezone:g} h does not exist.", self.name, code="value.outside-range")
+        refuse_first(
+            self.name,
+            (not -450.0 <= self.altitude <= 9000.0, f"a site at {self.altitude:g} m is not on the ground.", "value.outside-range"),
+            (
+                self.timezone is not None and not -12.0 <= self.timezone <= 14.0,
+                f"a time zone of {self.timezone or 0.0:g} h does not exist.",
+                "value.outside-range",
+            ),
+            error=ScenarioError,
+        )
 
     @property
     def zone(self) -> Zone:
@@ -220,36 +236,6 @@ QUANTITIES: Final = {
 USUAL: Final = {"dry_bulb": "degC", "dew_point": "degC", "humidity": "%", "cloud": "%", "rain": "mm/h"}
 """Units of a table's columns whose header names none; SI otherwise."""
 
-# column of pvlib -> quantity, its unit (clouds in tenths), and what the format writes where a value is missing
-_EPW: Final = {
-    "temp_air": ("dry_bulb", "degC", 99.9),
-    "temp_dew": ("dew_point", "degC", 99.9),
-    "relative_humidity": ("humidity", "%", 999.0),
-    "atmospheric_pressure": ("pressure", "Pa", 999999.0),
-    "wind_speed": ("wind", "m/s", 999.0),
-    "wind_direction": ("wind_direction", "1", 999.0),
-    "dni": ("direct_normal", "W/m^2", 9999.0),
-    "dhi": ("diffuse", "W/m^2", 9999.0),
-    "ghi": ("global", "W/m^2", 9999.0),
-    "ghi_infrared": ("infrared", "W/m^2", 9999.0),
-    "total_sky_cover": ("cloud", "dm/m", 99.0),
-    "liquid_precipitation_depth": ("rain", "mm/h", 999.0),
-}
-_TMY3_MISSING: Final = -9900.0
-_TMY3: Final = {
-    "temp_air": ("dry_bulb", "degC", _TMY3_MISSING),
-    "temp_dew": ("dew_point", "degC", _TMY3_MISSING),
-    "relative_humidity": ("humidity", "%", _TMY3_MISSING),
-    "pressure": ("pressure", "hPa", _TMY3_MISSING),
-    "wind_speed": ("wind", "m/s", _TMY3_MISSING),
-    "wind_direction": ("wind_direction", "1", _TMY3_MISSING),
-    "dni": ("direct_normal", "W/m^2", _TMY3_MISSING),
-    "dhi": ("diffuse", "W/m^2", _TMY3_MISSING),
-    "ghi": ("global", "W/m^2", _TMY3_MISSING),
-    "TotCld (tenths)": ("cloud", "dm/m", _TMY3_MISSING),
-    "Lprecip depth (mm)": ("rain", "mm/h", _TMY3_MISSING),
-}
-
 
 class WeatherSeries(NamedTuple):
     """One quantity over time: times (samples,) from its beginning [s], and values (samples,) [SI]."""
@@ -337,7 +323,12 @@ class Weather(Named[WeatherSeries]):
         return replace(self, begin=None if self.begin is None else self.begin + timedelta(seconds=first), series=moved), length
 
     def _seconds(self, begin: str | datetime) -> float:
-        """Return an instant as seconds from its beginning."""
+        """Return an instant as seconds from the weather's beginning; a time of day without a zone is in the zone of the weather. [s]
+
+        Raises
+        ------
+        RecordError   When the weather has no date, or no zone for an instant that has one.
+        """
         if isinstance(begin, str) and "[" in begin:
             return amount(begin, "s", self.name)
         if self.begin is None:
@@ -477,7 +468,12 @@ def _in_usual_unit(value: float, unit_text: str) -> str:
 
 
 def _physical_values(columns: Columns, name: str, series: WeatherSeries, file: str) -> Array:
-    """Return the values, radiation just below zero at night as zero; values that do not exist are refused."""
+    """Return the values (samples,) in SI, radiation just below zero at night as zero; values outside `RANGES` are refused.
+
+    Raises
+    ------
+    RecordError   Names the first such value and when it was.
+    """
     low, high, unit_text = RANGES[name]
     values = (
         np.where((series.values < 0.0) & (series.values > MIN_NIGHT_READING), 0.0, series.values) if name in RADIATION else series.values
@@ -549,7 +545,12 @@ def read_columns(path: Path, columns: Mapping[str, str] | None, begin: str | Non
 
 
 def _read_typical_year(path: Path, year: int, epw: bool) -> Columns:
-    """Return an EPW or TMY3 file as columns; pvlib reads it."""
+    """Return an EPW or TMY3 file as columns; pvlib reads it. Rows of several years are dated in `year`.
+
+    Raises
+    ------
+    RecordError   When it is not such a file, or time does not go on.
+    """
     iotools = optional("pvlib.iotools", "an EPW or TMY3 file", path.name)
     try:
         data, meta = iotools.read_epw(path) if epw else iotools.read_tmy3(path, map_variables=True)
@@ -571,7 +572,7 @@ def _read_typical_year(path: Path, year: int, epw: bool) -> Columns:
         raise RecordError(
             f"time does not go on after line {int(np.argmax(np.diff(seconds) <= 0)) + 1} of the data.", path.name, code="record.time-order"
         )
-    values = _converted(data, _EPW if epw else _TMY3)
+    values = _converted(data, EPW if epw else TMY3)
     where = {k: float(meta[v]) for k, v in place.items() if v in meta}
     return Columns(seconds, values, first, _step(seconds), True, where, notes)
 

@@ -15,7 +15,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from thermid.base.errors import ScenarioError
+from thermid.base.errors import ScenarioError, refuse_first
 from thermid.base.units import ATMOSPHERE, STEFAN_BOLTZMANN, Array, Bools, amount, value_of
 from thermid.model.tree import FlatConductor, Signal, exposed_area
 from thermid.physics.air import (
@@ -28,6 +28,7 @@ from thermid.physics.air import (
     vapour_pressure,
 )
 from thermid.simulation.runs import VACUUM_LIMIT, Solution
+from thermid.site._constants import RADAU_A, RADAU_C
 
 MAX_MISSING_WATER_SHARE: Final = 1e-6
 """Share of the water that may be missing at the end of a run without a remark. [-]"""
@@ -43,16 +44,6 @@ NOTHING: Final = 1e-12
 """Film over the size of vapour densities that counts as none [m], and the same of a rate [m/s]."""
 FILM_PIECES: Final = 8
 """Pieces of an interval over which a film beside a known gas is a polygon in its mean. [-]"""
-_ROOT = 6.0**0.5
-RADAU_C: Final = np.array([(4 - _ROOT) / 10, (4 + _ROOT) / 10, 1.0])
-RADAU_A: Final = np.array(
-    [
-        [(88 - 7 * _ROOT) / 360, (296 - 169 * _ROOT) / 1800, (-2 + 3 * _ROOT) / 225],
-        [(296 + 169 * _ROOT) / 1800, (88 + 7 * _ROOT) / 360, (-2 - 3 * _ROOT) / 225],
-        [(16 - _ROOT) / 36, (16 + _ROOT) / 36, 1 / 9],
-    ]
-)
-"""Nodes and weights of Radau IIA of order 5."""
 FOG: Final = 1.02
 """Relative humidity of a volume above which its own gas would form drops. [-]"""
 
@@ -78,10 +69,20 @@ class Volume:
         """Turn texts into numbers."""
         for name, slot in (("volume", "m^3"), ("exchange", "m^3/s"), ("humidity", "1")):
             object.__setattr__(self, name, amount(getattr(self, name), slot, name))
-        if not float(self.volume) > 0.0 or float(self.exchange) < 0.0:
-            raise ScenarioError("a volume of gas must be above zero, and its exchange zero or more.", code="value.outside-range")
-        if (float(self.exchange) > 0.0) != bool(self.to):
-            raise ScenarioError("exchange and to belong together. Give both for a volume that exchanges gas.", code="value.incomplete")
+        refuse_first(
+            "",
+            (
+                not float(self.volume) > 0.0 or float(self.exchange) < 0.0,
+                "a volume of gas must be above zero, and its exchange zero or more.",
+                "value.outside-range",
+            ),
+            (
+                (float(self.exchange) > 0.0) != bool(self.to),
+                "exchange and to belong together. Give both for a volume that exchanges gas.",
+                "value.incomplete",
+            ),
+            error=ScenarioError,
+        )
         _check_humidity(np.array([self.humidity]), "a volume")
 
 
@@ -186,7 +187,8 @@ def _surfaces(solution: Solution, parts: Sequence[FlatConductor]) -> _Surfaces:
 def _speed(conductance: Array, skin: Array, air: Array, area: float, emissivity: float, pressure: Array) -> Array:
     """Return the mass transfer coefficient (times,) of a surface, zero where there is no gas. [m/s]
 
-    From h = G / A - 4 e sigma T_m^3, T_m the mean of `skin` and `air` [K], by the analogy of heat and mass transfer.
+    From h = G / A - 4 e sigma T_m^3, at least zero, by the analogy of heat and mass transfer: `conductance` G [W/K], `area` A [m^2],
+    `emissivity` e, and T_m the mean of `skin` and `air` [K]; gas is where `pressure` exceeds `VACUUM_LIMIT` [Pa]. All arrays are (times,).
     """
     if area <= 0.0:
         return np.zeros(skin.size)
@@ -199,9 +201,11 @@ def _speed(conductance: Array, skin: Array, air: Array, area: float, emissivity:
 def follow(solution: Solution, parts: Sequence[FlatConductor], open_air: Mapping[str, Signal], volumes: Mapping[str, Volume]) -> Followed:
     """Return dew points, films, latent heat and water balance along a run, films never below zero.
 
-    Films are zero at the start. The run stays as it is: latent heat is returned, and moves no temperature.
-    Beside a gas of known humidity a film is integrated in closed form (`_film_in_known_gas`); volumes with vapour of their own are solved
-    together with the films on their walls (`_System`).
+    Arrays are (gases or parts, times). A dew point [K] is that of the vapour pressure rho R_v T, the margin [K] is skin less dew point,
+    latent heat [W] into the surface is the film's rate [kg/(m^2 s)] times area times the heat of vaporisation, positive while it
+    condenses. Films are zero at the start. The run stays as it is: latent heat is returned, and moves no temperature. Beside a gas of
+    known humidity a film is integrated in closed form (`_film_in_known_gas`); volumes with vapour of their own are solved together with
+    the films on their walls (`_System`).
 
     Parameters
     ----------
@@ -336,7 +340,12 @@ class _System:
     def of_volumes(
         cls, solution: Solution, order: Sequence[str], volumes: Mapping[str, Volume], s: _Surfaces, at: NDArray[np.int_], held: Array
     ) -> _System:
-        """Return the equations of the volumes `volumes`, which come last in `order`."""
+        """Return the equations of the volumes, which come last in `order`.
+
+        With the flows q [m^3/s] of exchanges, the laplacian (volumes, volumes) has their sums on its diagonal and -q off it; fresh
+        (volumes, open gases) has those with open air. `at` (surfaces,) is each surface's gas, `held` (gases, times) the vapour density.
+        [kg/m^3]
+        """
         start = len(order) - len(volumes)
         laplacian, fresh = np.zeros((len(volumes), len(volumes))), np.zeros((len(volumes), start))
         for (a, b), flow in _exchanges(solution, order, volumes).items():
@@ -407,7 +416,11 @@ class _Interval:
         return np.asarray(self._at(s.speed, at)[:, 0] * (state.vapour[s.at] - self._at(s.wall, at)[:, 0]))
 
     def step(self, state: _Water, share: float, width: float, wet: Bools) -> _Water:
-        """Return the state after one Radau step from `share` over `width`, both parts of the interval, with the walls in `wet` wet."""
+        """Return the state after one Radau IIA step of three stages from `share` over `width`, both parts of the interval.
+
+        Volumes: V dc/dt = sum over walls A v (w - c) + fresh c_out - laplacian c, films df/dt = v (c - w), v the speed [m/s] of walls in
+        `wet` (none of the others), c and w the vapour density of the gas and at the wall [kg/m^3].
+        """
         s, n, h = self.system, self.system.size.size, width * self.span
         at = share + width * RADAU_C
         speed, wall, known_density = self._at(s.speed, at) * wet[:, None], self._at(s.wall, at), self._at(s.known, at)
@@ -450,7 +463,11 @@ class _Interval:
             width = max(width, SHORTEST_STEP)
 
     def _doubled(self, state: _Water, share: float, width: float, wet: Bools) -> tuple[_Water, _Water, float]:
-        """Return the state after two half steps, the state between them, and their distance from one whole step over the tolerance [-]."""
+        """Return the state after two half steps of `width` / 2, the state between them, and their distance from one whole step. [-]
+
+        The distance is the largest over vapour densities [kg/m^3] and films [kg/m^2], over `MAX_STEP_ERROR` times their size. `share` is
+        where the step begins and `width` how long it is, both in parts of the interval.
+        """
         whole = self.step(state, share, width, wet)
         middle = self.step(state, share, 0.5 * width, wet)
         after = self.step(middle, share + 0.5 * width, 0.5 * width, wet)
@@ -475,7 +492,10 @@ class _Interval:
         return np.asarray(np.where(wet, (state.film <= NOTHING * self.scale) & (gain < 0.0), gain > -NOTHING * self.scale))
 
     def _width_to_switch(self, state: _Water, share: float, width: float, wet: Bools, middle: _Water) -> float:
-        """Return the width of the step, in parts of the interval, until the first wall dries or passes the dew point; Brent's method."""
+        """Return the width of the step, in parts of the interval, until the first wall dries or passes the dew point; Brent's method.
+
+        The step begins at `share`; `width` is one in which that happens, and `middle` the state after half of it.
+        """
         from scipy.optimize import brentq
 
         high = 0.5 * width if self._crossed(middle, share + 0.5 * width, wet).any() else width

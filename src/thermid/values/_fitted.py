@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from thermid.base.errors import DeckError
+from thermid.base.errors import DeckError, refuse_first
 from thermid.base.files import FileKinds, Places, by_grammar, parse_toml, read_text, toml_key, toml_value
 from thermid.base.linear_algebra import square_root
 from thermid.base.results import Named, Row
@@ -381,19 +381,20 @@ def load_store(path: str | os.PathLike[str]) -> tuple[Store, str]:
     DeckError   When it is missing, is no values file, or was changed by hand.
     """
     target, data = Path(path), read_values(path)
-    if not data:
-        raise DeckError(
+    refuse_first(
+        target.name,
+        (
+            not data,
             "this is not a values file of thermid, because it is empty. Run the calibration again to write it.",
-            target.name,
-            code="file.another-kind",
-        )
-    if "schema" not in data:
-        raise DeckError(
+            "file.another-kind",
+        ),
+        (
+            "schema" not in data,
             "this file was written by hand, so it needs the units and bounds of a deck. Use it with a deck by --values, or as "
             "`values` of a campaign's stage.",
-            target.name,
-            code="file.another-kind",
-        )
+            "file.another-kind",
+        ),
+    )
     checked = by_grammar("thermid.values._schema.ValuesFile", data, Places(target.name))
     store = _read(data, checked)
     for name, v in data["values"].items():

@@ -275,11 +275,11 @@ DISTRIBUTIONS = {kind.__name__: kind for kind in (Normal, LogNormal, Uniform, Ch
 
 
 def uniforms(seed: int, name: str, first: int, members: int) -> Array:
-    """Return uniform random numbers (members,) between 0 and 1 of the members `first`, `first` + 1, ... for a seed and a name. [-]
+    """Return uniform random numbers (k + 1/2) 2^-53 (members,) of the members `first`, `first` + 1, ... for a seed and a name. [-]
 
-    The generator counts (Philox: Salmon et al., Parallel random numbers: as easy as 1, 2, 3, SC11, 2011), one stream per name, one count
-    per member. A draw depends on the seed, the name and the member's index alone: not on how many members there are, what else is drawn, or
-    which process draws it.
+    k are 53 bits of a generator that counts (Philox: Salmon et al., Parallel random numbers: as easy as 1, 2, 3, SC11, 2011), one stream
+    per name, one count per member. A draw depends on the seed, the name and the member's index alone: not on how many members there are,
+    what else is drawn, or which process draws it.
     """
     key = int.from_bytes(hashlib.sha256(f"{seed} {name}".encode()).digest()[:16], "big")
     raw = np.random.Philox(key=key, counter=first).random_raw(4 * members)[::4]

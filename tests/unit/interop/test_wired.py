@@ -11,13 +11,14 @@ import pytest
 import thermid as td
 from by_code import raises_code
 from thermid.base.errors import DeckError
-from thermid.interop._wired import Formula, Text, Writer, conductance_text, named, wired, with_formulas
+from thermid.interop._wired import Formula, Text, conductance_text, named, wired, with_formulas
+from thermid.interop.c99 import C
 from thermid.model.tree import Law
 from thermid.simulation._network.rows import CONDUCTORS, heat
 from thermid.simulation.runs import ConductorRow
 from unit.interop.networks import SIGNALS, hot_box
 
-WIDE = Writer("C", gas=True, hinges=True, smooth=True, loads=True, schedules=True)
+WIDE = C
 
 
 def pipe(**changed: Any) -> td.Model:

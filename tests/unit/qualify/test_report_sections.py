@@ -6,10 +6,12 @@ import html
 import re
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import thermid as td
 from unit.qualify.project import PLAN, measured, project, with_log
+from unit.qualify.things import unit
 from webpage import crossings, limited, lines_of
 
 MORE = """
@@ -113,6 +115,27 @@ def test_the_head_names_the_document_and_who_signed_and_what_is_open(page: dict[
     for word in ("TR-017", "B", "2026-02-03", "A. Author", "B. Checker", "C. Chief", "verdicts failed", "Not decided"):
         assert word in page[""]
     assert re.search("[^.]*MIL-HDBK-340, transient", page[""])
+    assert re.search(r"verdicts failed hot[,;]", page[""])  # which failed
+
+
+def test_readings_stand_over_what_is_simulated_from_the_logged_chamber(tmp_path: Path) -> None:
+    """Seen by a reader: a chamber that left its level early stood 40 K from the planned one's curve, under "met"."""
+    file = project(tmp_path, with_log(PLAN, state='"run"'))
+    times = np.arange(0.0, 6 * 3600.1, 120.0)
+    room = {"times": ["0 [h]", "2 [h]", "2.1 [h]", "6 [h]"], "values": [40.0, 40.0, 52.0, 52.0], "unit": "degC"}
+    as_run = td.Scenario("as run", boundaries={"air": room}, start="20 [degC]", duration="6 [h]")
+    run = td.simulate(unit(), as_run, times=times)
+    table = np.column_stack([times, *(run[n].celsius for n in ("proc", "ele", "air"))])
+    np.savetxt(tmp_path / "hot.csv", table, delimiter=",", header="time_s,T_PROC,T_ELE,ROOM", comments="", fmt="%.3f")
+    found = td.qualify.run_plan(file)
+    assert found["hot"].worst is not None
+    assert found["hot"].worst.by == "measured"
+    page = td.reporting.qualification_report(found, to=tmp_path / "page.html").read_text(encoding="utf-8")
+    drawn = {name: dict(points) for _, name, points in lines_of(limited(page)[0][1])}
+    assert "simulated" not in drawn
+    pairs = [(drawn["measured"][t], y) for t, y in drawn["simulated, inputs as logged"].items() if t in drawn["measured"]]
+    assert len(pairs) > 50
+    assert max(abs(a - b) for a, b in pairs) < 1.0
 
 
 STATES = """loads = ["cpu"]

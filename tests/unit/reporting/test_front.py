@@ -88,6 +88,8 @@ def test_the_network_shows_the_hottest_moment_with_power_and_says_which(campaign
     run = SimpleNamespace(nodes=course.nodes, times=course.times, temperatures=cooling, load_powers={"heat": heat})
     moment = hottest_moment(run, ("a.case", "b.case"))  # type: ignore[arg-type]
     assert moment == int(np.flatnonzero(heat).max())
+    alone = replace(found, fit=replace(found.fit, model=campaign["component"].model))
+    assert (_network(alone, course) is None) == (len(campaign["component"].model.nodes) == 1)  # one node is no picture
     network = _network(found, course)
     assert network is not None
     assert MOMENT.search(network.caption)
@@ -307,4 +309,7 @@ def test_scatter_and_histogram_say_how_many_readings_lie_within_2_3_and_5_kelvin
     assert min(np.diff(heights)) > 8.0  # px: lines that merge tell nothing
     nearly = figures.against_measured([np.full(1000, 300.0)], [np.append(np.full(999, 300.0), 303.68)], "simulated")
     assert all(part in nearly[1].caption for part in ("99.9 %", "3 K (1 of 1,000", ", 100 %", "5 K"))
+    close = [measured[0] - np.array([0.05, -0.04, 0.02, 0.0])]
+    assert "stroke-dasharray:6" not in figures.scatter(measured, close).markup  # lines at kelvins would make one line of the dots
+    assert not re.search(r"[235] K", " ".join(plot.caption for plot in figures.against_measured(measured, close, "simulated")))
     assert "4 " in figures.histogram([measured[0] - predicted[0]]).markup

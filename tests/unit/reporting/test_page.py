@@ -17,6 +17,7 @@ import pytest
 import thermid as td
 from by_code import raises_code
 from thermid.campaign.stages import Campaign
+from thermid.fit.calibration import MovedGroup, Moves
 from thermid.model.tree import Standing
 from thermid.reporting._blocks import content as extras
 from thermid.reporting._pages import campaign as page_module
@@ -114,6 +115,12 @@ def test_the_verdict_comes_first_and_says_what_failed(page: Page, campaign: Camp
     doubted = replace(campaign, verdicts=(replace(good, standing=Standing("not adequate", "why", "submodel")),))
     assert "? 1 of 1 " in " ".join(Page(report(doubted, to=tmp_path / "d.html")).text.split())
     assert re.fullmatch("2 stages, 0 of 1 verdict.*, 1 .* not adequate", doubted.counts)
+    assert "submodel on held out" in page.text  # which verdict failed stands in the head
+    assert 'class="sum good"' in Page(report(replace(campaign, verdicts=(good,)), to=tmp_path / "g.html")).source
+    off = replace(campaign["submodel"], moved=Moves((), (MovedGroup("all together", ("a.power",), 11.6, 1, 0.0007),)))
+    shifted = Page(report(replace(campaign, stages={**campaign.stages, "submodel": off}, verdicts=(good,)), to=tmp_path / "s.html"))
+    assert "inherited values moved in submodel" in shifted.text
+    assert 'class="sum good"' not in shifted.source
     none = Page(report(replace(campaign, verdicts=()), to=tmp_path / "n.html")).text
     assert "a fit alone does not validate the model" in none
 

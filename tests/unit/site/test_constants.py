@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from thermid.site._atmosphere import EARTH_RADIUS, UPPER
-from thermid.site.site import _EPW, _converted
+from thermid.site._constants import EPW
+from thermid.site.site import _converted
 from thermid.site.vapour import _Interval
 
 
@@ -29,7 +30,7 @@ def test_the_codes_of_an_epw_file_for_what_is_missing_are_no_readings() -> None:
     codes = {"temp_air": 99.9, "relative_humidity": 999.0, "atmospheric_pressure": 999999.0, "wind_speed": 999.0, "wind_direction": 999.0}
     codes |= {"dni": 9999.0, "dhi": 9999.0, "ghi": 9999.0, "ghi_infrared": 9999.0, "total_sky_cover": 99.0}
     codes |= {"temp_dew": 99.9, "liquid_precipitation_depth": 999.0}
-    read = _converted(pandas.DataFrame({column: [0.99 * code, code] for column, code in codes.items()}), _EPW)
+    read = _converted(pandas.DataFrame({column: [0.99 * code, code] for column, code in codes.items()}), EPW)
     assert len(read) == len(codes)
     assert [np.isnan(values).tolist() for values in read.values()] == [[False, True]] * len(codes)
 

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from thermid.base.errors import IdentificationError, NameNotFoundError, RecordError, look_up, nearest, quoted, refuse_unknown
+from thermid.base.errors import IdentificationError, NameNotFoundError, RecordError, look_up, quoted, refuse_unknown
 from thermid.base.results import VERDICTS, Result, Row, weigh
 from thermid.base.units import ICE_POINT, Array, Bools, amount
 from thermid.campaign._judge.verdict import CRITERIA, Check, Criteria, Deviation, Residuals, judge
@@ -190,11 +190,8 @@ class Correlation(Result):
         ------
         NameNotFoundError   When no such set was asked for.
         """
-        outcomes = [g.passed for g in self.gates if g.criteria == criteria]
-        if not outcomes:
-            judged = dict.fromkeys(g.criteria for g in self.gates)
-            raise NameNotFoundError(f"no result for the criteria '{criteria}'.{nearest(criteria, judged)}", self.title)
-        return weigh(outcomes)
+        refuse_unknown([criteria], {g.criteria for g in self.gates}, self.title, "no result for the criteria '{}'.", NameNotFoundError)
+        return weigh([g.passed for g in self.gates if g.criteria == criteria])
 
     @property
     def verdicts(self) -> dict[str, bool | None]:

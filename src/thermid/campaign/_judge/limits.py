@@ -21,6 +21,7 @@ from thermid.base.errors import CodedText, NameNotFoundError, ScenarioError, err
 from thermid.base.files import Places, by_grammar, read_toml
 from thermid.base.results import MARKS, Figure, Result
 from thermid.base.units import ICE_POINT, Array, Bools, amount, end_of_range
+from thermid.campaign._judge._constants import COLDER, HEATER_SHARE, SMC, UNTESTED_MARGIN
 from thermid.model.tree import UNJUDGED, Standing
 from thermid.prediction.bands import Foresight
 from thermid.simulation.runs import Dense, Solution, Trace, resolved
@@ -414,12 +415,7 @@ def _crossing(side: str, limit: float, times: Array, kelvin: Array, inside: Bool
     return Crossing(side, limit, begin, limit + sign * float(beyond[worst]), float(times[worst]), outside)
 
 
-SMC = "SMC-S-016"
-COLDER = ((-70, 11), (-87, 10), (-105, 9), (-123, 8), (-141, 7), (-159, 6), (-177, 5), (-195, 4), (-213, 3), (-232, 2))
-"""Lowest temperature [degC] down to which a flat margin [K] holds: SMC-S-016, Table 4.4-2."""
-
-
-HEATER = Figure(0.25, "read", f"{SMC}, 4.4.2.2")
+HEATER = Figure(HEATER_SHARE, "read", f"{SMC}, 4.4.2.2")
 
 
 @dataclass(frozen=True)
@@ -470,7 +466,7 @@ def fixed_margin(kelvin: float, tested: bool) -> Figure:
     (11.0, 17.0, 8.0)
     """
     if not tested:
-        return Figure(17.0, "read", f"{SMC}, 4.4.2.1")
+        return Figure(UNTESTED_MARGIN, "read", f"{SMC}, 4.4.2.1")
     celsius = kelvin - ICE_POINT
     kelvins = next((m for low, m in COLDER if celsius >= low), 1)
     return Figure(float(kelvins), "read", f"{SMC}, 4.4.2.1, Table 4.4-2")
@@ -572,7 +568,7 @@ class Margin(Result):
 
     @property
     def undecided(self) -> str:
-        """Why it is not decided; empty where it is."""
+        """Why it is not decided, as text; empty where it is: below zero, or with a known error above it even by assumed values."""
         if self.mark == "memory":
             return CodedText("a number quoted from memory", "verdict.from-memory")
         if self.margin < 0:
@@ -720,7 +716,9 @@ class HeaterDuty:
 def heater_duty(
     run: Foresight, load: str, full: float, *, window: tuple[float, float] | None = None, name: str = "", policy: Policy | str = SMC
 ) -> HeaterDuty:
-    """Return the duty of a heater: its mean power over its full power, at the lowest bus voltage of the coldest case.
+    """Return the duty of a heater: its mean power over its full power, at the lowest bus voltage of the coldest case. [-]
+
+    The mean is (integral of the power by trapezoids) / (end - begin) over stored times in the window.
 
     Parameters
     ----------

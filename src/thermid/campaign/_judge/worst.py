@@ -295,7 +295,10 @@ def _crossings(item: _LimitSide, grid: np.ndarray, spare: np.ndarray) -> Iterato
 
 
 def _best(least: Spare, grid: np.ndarray, spare: np.ndarray) -> tuple[float, float]:
-    """Return the value at which the worst limit has most to spare, and how much. [K]"""
+    """Return the value at which the worst limit has most to spare, and how much. [K]
+
+    The best of `grid` (points,), where `spare` (points,) is what `least` gives [K], then Brent's search between its neighbours.
+    """
     from scipy.optimize import minimize_scalar
 
     k = int(np.argmax(spare))

@@ -469,13 +469,13 @@ class Rest:
 
 
 def beginning_rest(record: Record, roles: Roles, noise: Mapping[str, float], accuracy: float = ACCURACY) -> Rest:
-    """Return how a record begins without power, and whether that shows offsets.
+    """Return how a record begins without power: how long, how much parts drift, whether that shows offsets, and starts of parts.
 
     Without power are samples of 1 % of the largest at most. Changes are those of the mean from the first half to the second; noise
     explains one up to 3 noise / sqrt(readings of a half) + 0.02 K. A part that follows drifting surroundings changes between not at all
     and as they do; one that cools changes otherwise. How far it is behind them at the beginning depends on how they drifted before, which
-    no reading shows: as much again, twice the change, is one standard deviation. In simulated rooms, of parts with time constants of 10
-    min to 5 h, 4 % were farther than two of them.
+    no reading shows: as much again, twice the change, is one standard deviation of its start. In simulated rooms, of parts with time
+    constants of 10 min to 5 h, 4 % were farther than two of them.
 
     Parameters
     ----------
@@ -543,9 +543,17 @@ def base_deck(roles: Roles, capacity: float, loss: float, contact: float = 0.3, 
 def request_of(
     roles: Roles, records: Sequence[Record], capacity: float, loss: float, contact: float = 0.3, facts: StatedFacts = StatedFacts()
 ) -> Request:
-    """Return the fit of the parts alone, or of the deck to begin with.
+    """Return the fit of a proposal: of the deck in `facts` where there is one, else of parts (masses and conductances) made from the roles.
 
-    Without a power in watts and without a known mass the first heat capacity is assumed and not fitted.
+    Free are each mass's capacitance [J/K] and each link's conductance [W/K], powers that were not logged in watts and the shares of
+    powers; of a deck the free values that nothing states. Without a power in watts and without a known mass only ratios are seen, so the
+    first capacitance is assumed and not fitted. Surroundings that no log and no fact gives are fitted for each record, from the lowest
+    first reading.
+
+    Parameters
+    ----------
+    capacity, loss : float      Starts of a mass [J/K] and of a link to the surroundings. [W/K]
+    contact : float             Start of a link between two parts, over `loss`. [-]
     """
     if facts.deck is not None:
         # the values of a deck that a first fit looks for

@@ -139,7 +139,10 @@ def laws_of(network: Network, c: FlatConductor) -> tuple[Law, ...]:
 
 
 def point_of(courses: Sequence[ElementCourse], c: FlatConductor) -> OperatingPoint | None:
-    """Return where an element was over runs, weighted by |heat|: geometric mean difference [K], mean level [K]; None without."""
+    """Return where an element was over runs: geometric mean of |T_a - T_b| [K] and mean of (T_a + T_b) / 2 [K]; None without heat.
+
+    Both are weighted by its |heat flow| at every time.
+    """
     runs = [r for r in courses if c.path in r.flows]
     if not runs:
         return None

@@ -318,7 +318,10 @@ def _shown(u: Unknown, value: float, variance: float) -> tuple[float, float]:
 
 
 def _opened_in(request: Request, problem: Problem, at: Array, runs: Sequence[int]) -> tuple[list[RangedValue], dict[str, Unknown]]:
-    """Return the ranged values of the model of some runs that nothing gives, and an unknown for each of them and each assumed value."""
+    """Return the ranged values of the model of some runs that nothing gives, and path -> unknown for each of them and each assumed value.
+
+    `at` (unknowns,), fitted form, is where the fit stands.
+    """
     experiments = [problem.experiments[i] for i in runs]
     network, deck = experiments[0].network, experiments[0].network.flat.parameters
     acting = {t.name: u.to_value(float(x)) for u, x in zip(problem.unknowns, at, strict=True) for t in u.targets if t.experiment in runs}
@@ -349,13 +352,14 @@ def _said_of(
 ) -> dict[str, tuple[float, float]]:
     """Return assumed value -> variance that the readings leave it with all else open, and how far away they ask it to be; SI units.
 
-    Without a word of the deck's range: with other assumed values open too, so that what they can only say of several together counts for
-    none of them. Values of which they say nothing are left out.
+    With the information A = J'J / level + P'P the step is -A^-1 (J'r / level + P'p), its covariance A^-1 + A^-1 B A^-1 / level^2, B what
+    autocorrelated noise adds to the scores. Without a word of the deck's range: with other assumed values open too, so that what they can
+    only say of several together counts for none of them. Values of which they say nothing are left out.
 
     Parameters
     ----------
     paths : sequence    The assumed values, the last unknowns.
-    residuals, priors   Of the priors of the unknowns, and their derivatives (priors, unknowns).
+    residuals, priors   Of the priors of the unknowns, and their derivatives (priors, unknowns). [-]
     """
     level, size = noise.variance_factor, priors.shape[1] - len(paths)
     rows = np.concatenate([*(np.sqrt(b.count / level)[:, None] * b.slopes for b in pieces.values()), priors])

@@ -103,7 +103,7 @@ class SurfaceLaw:
         return out | {SHARE_OF: radiated / self.share - convected / max(whole - self.share, 1.0 - LARGEST_SHARE)}
 
     def moved(self, by: Mapping[str, float]) -> SurfaceLaw:
-        """Return the law with another exponent and share, kept to what is possible."""
+        """Return the law with `by` added to its exponent and its share of radiation [-], kept to what is possible."""
         if not self.share:
             return replace(self, exponent=max(self.exponent + by.get(EXPONENT_OF, 0.0), 0.0))
         share = float(np.clip(self.share + by.get(SHARE_OF, 0.0), LEAST_SHARE, LARGEST_SHARE))
@@ -313,9 +313,9 @@ def linear_recipe(c: FlatConductor) -> Any:
 
 
 def _radiation(coefficient: float, at: OperatingPoint, emissivity: float | None, relative: float) -> tuple[float, float]:
-    """Return mean and standard deviation of the share of radiation.
+    """Return mean and standard deviation of the share of radiation in a coefficient h [W/(m^2 K)]: 4 e sigma T^3 / h. [-]
 
-    That of a stated emissivity with its `relative` standard deviation; else any up to the blackest is as likely.
+    That of a stated emissivity e with its `relative` standard deviation; else any up to the blackest is as likely, width / sqrt(12).
     """
     black = 4.0 * STEFAN_BOLTZMANN * at.level**3 / max(coefficient, 1e-9)
     if emissivity is not None:
@@ -417,7 +417,10 @@ def lagged(x: Array, t: Array, time: float) -> Array:
 
 
 def entering_heat(network: Network, course: ElementCourse, node: str) -> Array:
-    """Return the heat of all loads of a node (times,), with what leaves it at the beginning for the first: a run begins in balance. [W]"""
+    """Return the heat of all loads of a node (times,), with what leaves it at the beginning for the first: a run begins in balance. [W]
+
+    The mean of a second before and a second after each time, so that a jump counts half.
+    """
     t, loads = course.times, {load.path for load in network.flat.loads if load.node == node}
     signals = (in_run(power, float(t[-1])) for load, (_, power) in course.powers.items() if load in loads)
     entering: Array = sum((0.5 * (s.at(np.maximum(t - 1.0, 0.0)) + s.at(np.minimum(t + 1.0, t[-1]))) for s in signals), np.zeros(t.size))

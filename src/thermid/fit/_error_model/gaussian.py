@@ -200,12 +200,13 @@ ROOT_STEPS = 60
 
 
 def sampled(log_likelihood: Callable[[Array], Array], count: int, dimensions: int, rounds: int) -> tuple[Array, Array]:
-    """Return points (count, dimensions) under a standard normal prior, and ln of their weights: a likelihood in numbers of evaluations.
+    """Return points x (count, dimensions) under a standard normal prior p, and ln of their weights L p / q: a likelihood in evaluations.
 
-    Adaptive importance sampling: each round lays its points by a normal distribution that has means and deviations of the points before,
-    under weights flattened until as many points as dimensions count, and all rounds together are weighed as one mixture (Cornuet, Marin,
-    Mira and Robert, Scand. J. Stat. 39 (2012) 798). The sum of the weights over `count` estimates the integral. Deviations alone: so few
-    points tell no correlations, and those of their scatter narrow what the next round covers.
+    `log_likelihood` is ln L (points,) at points (points, dimensions), q the mixture of what laid the points. Adaptive importance sampling:
+    each round lays its points by a normal distribution that has means and deviations of the points before, under weights flattened until
+    as many points as dimensions count, and all rounds together are weighed as one mixture (Cornuet, Marin, Mira and Robert, Scand. J.
+    Stat. 39 (2012) 798). The sum of the weights over `count` estimates the integral. Deviations alone: so few points show no correlations,
+    and those of their scatter narrow what the next round covers.
     """
     sizes = [len(x) for x in np.array_split(np.arange(count), rounds)]
     laws: list[tuple[Array, Array]] = [(np.zeros(dimensions), np.ones(dimensions))]
@@ -427,7 +428,7 @@ def members_of(runs: Sequence[RunRows], centre: Array, sizes: Array, own_sizes: 
 
 
 def forward_substitution(lower: Array, right: Array) -> Array:
-    """Return ``L^-1 B`` (members, n, k) of lower triangular L (members, n, n) and B (members, n, k).
+    """Return ``L^-1 B`` (members, n, k) of `lower` triangular L (members, n, n) and `right` B (members, n, k).
 
     `numpy.linalg.solve` would factorise each L again.
     """

@@ -258,7 +258,11 @@ class RecordRun:
         return np.concatenate(self.centres(way.mean, self.means)), parts
 
     def wandering(self, size: float, part: float) -> Array:
-        """Return the variance (rows,) of what no element explains, and the run's fitted values do not follow. [K^2]"""
+        """Return the variance (rows,) of what no element explains, and the run's fitted values do not follow. [K^2]
+
+        The diagonal of M W M', W the covariance of a departure of standard deviation `size` [K] that is lost over `part` of the run, and M
+        what the run's own fit leaves of it.
+        """
         rows = sum(t.times.size for t in self.means)
         if size == 0.0:
             return np.zeros(rows)

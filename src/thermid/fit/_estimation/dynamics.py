@@ -160,7 +160,7 @@ class Dynamics:
         return out
 
     def _grid(self) -> Array:
-        """Return the times at which steps end: readings, and knots of inputs. [s]"""
+        """Return the times (times,) at which steps end: readings, and knots of inputs, less those within 1e-9 of the log of another. [s]"""
         last = float(self.experiment.times[-1])
         knots = [np.zeros(1), self.experiment.times]
         signals = (self.wiring.signals[name] for name in self.wiring.used)
@@ -213,7 +213,11 @@ class Dynamics:
         return out
 
     def local(self, at: At, state: Array, time: float) -> RatesAt:
-        """Return rates and Jacobian at a state (states,) and a time [s]."""
+        """Return rates and Jacobian at a `state` x (states,) and a time [s]: node temperatures [K], then states of the process noise [W].
+
+        dT/dt = (heat into a node) / C [K/s]. Massless nodes are where their heat is zero, and follow by -J_mm^-1 J_mk. Autocorrelated
+        noise falls as dw/dt = -w / tau; a heat w of its target enters with its share.
+        """
         count, coefficients = self.massive.size, self._coefficients_at(state, at)
         outer = np.zeros(len(self.nodes))
         into = np.zeros((len(self.nodes), self.size))
@@ -333,9 +337,10 @@ class Dynamics:
         return self.memo.value(("loads", times.tobytes(), a.coefficients[places].tobytes()), make, MAX_CACHED_COURSES)
 
     def _balance_massless(self, coefficients: Array, temperatures: Array, outer: Array, time: float) -> tuple[Array, Array, Array | None]:
-        """Return heat (nodes,) [W], Jacobian [W/K] and slopes with massless nodes in balance, by Newton's method to 1e-10 K.
+        """Return heat (nodes,) [W], Jacobian (nodes, nodes) [W/K] and slopes with massless nodes in balance, by Newton's method to 1e-10 K.
 
-        Their `temperatures` (nodes,) [K] are put in place; `outer` (nodes,) [W] is heat of the noises, added to it.
+        At `time` [s] with the `coefficients` of laws. Their `temperatures` (nodes,) [K] are put in place; `outer` (nodes,) [W] is heat of
+        the noises, added to it.
         """
         loose = self.massless
         for _ in range(BALANCES if loose.size else 0):
@@ -368,7 +373,11 @@ class Dynamics:
         return read, rows
 
     def _recovered(self, traces: Traces, recover: dict[str, object], node: str, state: Array) -> tuple[float, Array]:
-        """Return temperature [K] and row (states,) of a node that was eliminated, or of a boundary."""
+        """Return temperature [K] and its derivatives by the state (states,) of a node that was eliminated, or of a boundary.
+
+        An eliminated node is T = sum w_k T_k over the nodes and boundaries of `recover`, its derivatives the same sum. A boundary whose
+        error is a state adds that state [K].
+        """
         if node in self.nodes:
             place = self.nodes.index(node)
             return float(traces.stored[0, place]), traces.slopes[0, place]
@@ -388,7 +397,10 @@ class Dynamics:
         return total, row
 
     def start(self, at: At) -> tuple[Array, Array]:
-        """Return mean (states,) and standard deviations (states,) of the state at the start."""
+        """Return mean (states,) and standard deviations (states,) of the state at the start: temperatures [K], then noises [W or K].
+
+        A noise begins at zero: with its stationary size where it has a time, else with that of a level that stays.
+        """
         mean, sd = np.zeros(self.size), np.zeros(self.size)
         count = self.massive.size
         mean[:count] = at.assembled.initial[self.massive]
@@ -423,9 +435,9 @@ class Dynamics:
 
 
 def _units(places: Sequence[int], count: int) -> tuple[NDArray[np.int32], NDArray[np.int32], Array, int] | None:
-    """Return the derivatives of `count` coefficients by those at some places, unit vectors, as CSR: starts, columns, values, width.
+    """Return the derivatives (count, places) of `count` coefficients by those at some places, as CSR: starts, columns, values, width.
 
-    None without places.
+    Row `places[k]` has a 1 in column k; all else is 0. None without places.
     """
     if not places:
         return None

@@ -159,7 +159,8 @@ def _uncounted_noise(problem: Problem, noises: Sequence[ProcessNoise]) -> list[s
 def _foreseen(full: Likelihood, maximum: Maximum, split: Sequence[float], spans: Sequence[float], ahead: float) -> OpenLoopScore:
     """Return how well the later part of every record is foreseen with values (unknowns,) of the earlier one, over `ahead` [s].
 
-    It is foreseen from at most `ORIGINS` instants between `split` and `ahead` before the end `spans` [s] of each record.
+    It is foreseen from at most `ORIGINS` instants, half of `ahead` apart or more, between `split` and `ahead` before the end `spans` of
+    each record. [s]
     """
     covariance = symmetric_inverse(maximum.information)
     outlooks_of_records = []

@@ -190,9 +190,10 @@ class Estimation(Result):
         return self.given_model.with_values(self.values.assignments, f"{self.chosen.name} of '{self.title}'")
 
     def states(self, record: int = 0, *, smooth: bool = True) -> States:
-        """Return the states of a record, by all readings or by those up to each moment, at the values of process noise.
+        """Return the states of a record, by all readings or by those up to each moment, at the values of process noise. [K]
 
-        Their standard deviations hold the errors of the values too.
+        Their variance is that of the filter, or smoother, plus |D R|^2 of the values: derivatives D of the state by central differences, R
+        R' their covariance.
 
         Raises
         ------
@@ -294,7 +295,10 @@ def _as_object(e: Estimator) -> dict[str, Any]:
 
 
 def whiteness_of(likelihood: Likelihood, fitted: Array) -> tuple[Whiteness, ...]:
-    """Return whether the innovations of every sensor of every record are white."""
+    """Return whether the innovations are white, of every sensor of every record with more than ten readings.
+
+    They are those of the filter at the values `fitted` (unknowns,), fitted form, over their standard deviations.
+    """
     out = []
     for i, d in enumerate(likelihood.dynamics):
         filter_innovations = likelihood.passing(i, [fitted]).run().innovations

@@ -179,7 +179,8 @@ class Likelihood:
     def _observed(self, fitted: Array, score: LikelihoodScore) -> tuple[Array, bool]:
         """Return the observed information (unknowns, unknowns), fitted form, and True; the expected one and False where it is not positive.
 
-        By central differences of the gradient, of `CURVED` standard errors, at most a tenth of each scale.
+        H_ij = (g_j(x + h_i) - g_j(x - h_i)) / (2 h_i), made symmetric, g the gradient of minus the log likelihood at `fitted` x
+        (unknowns,). h_i is `CURVED` standard errors, at most a tenth of each scale.
         """
         errors = Maximum(fitted, 0.0, score.information, False, True, 0).errors()
         scale = np.array([u.scale for u in self.unknowns])
@@ -198,7 +199,11 @@ class Likelihood:
 
 
 def likelihood_of(problem: Problem, noises: Sequence[ProcessNoise], start_sd: Mapping[str, float]) -> Likelihood:
-    """Return the likelihood of a problem's records with noises on its model."""
+    """Return the likelihood of a problem's records with noises on its model.
+
+    Unknown besides those of the problem are sizes and times of process noises that are free, and the noise [K] of sensors that state none.
+    `start_sd` is node -> standard deviation of its temperature at the start [K].
+    """
     dynamics = tuple(Dynamics(b, noises, dict(start_sd)) for b in problem.benches())
     observation_of_sensor = {o.sensor: o for e in problem.experiments for o in e.observations}
     stated = {s: o.noise for s, o in observation_of_sensor.items() if o.noise is not None}

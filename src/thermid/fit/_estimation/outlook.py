@@ -68,9 +68,10 @@ class OpenLoopScore:
 
 
 def members_about(likelihood: Likelihood, fitted: Array, covariance: Array) -> tuple[list[Array], Array]:
-    """Return the values (unknowns,), fitted form, their neighbours either way, and a matrix (unknowns, columns) for their differences.
+    """Return the values x (unknowns,), fitted form, x + h_k, x - h_k for each k, and a matrix M (unknowns, columns) for their differences.
 
-    The difference of what two neighbours give, times the matrix, is its derivative times a root of the `covariance`: standard deviations.
+    M_kc = R_kc / (2 h_k) with R R' the `covariance`: the differences (y(x + h_k) - y(x - h_k)) of any answer y times M are its derivatives
+    times R, standard deviations. h_k is `DIFFERENCE` of the scale. Where the covariance is not finite it counts as zero.
     """
     steps = DIFFERENCE * np.array([u.scale for u in likelihood.unknowns])
     finite_covariance = np.where(np.isfinite(covariance), covariance, 0.0)
@@ -100,8 +101,8 @@ def outlooks(likelihood: Likelihood, i: int, fitted: Array, covariance: Array, o
 def _rows_after(passing: Passing, filtered: Pass, root: Array, origin: float, horizon: float) -> list[tuple[int, float, float, float]]:
     """Return sensor, time [s], foreseen less measured [K] and its standard deviation [K] of every reading up to a horizon.
 
-    From `origin` [s] on for `horizon` [s]. Variance P of the state by the reading's row, that of the parameters by members moved by one
-    column of `root` (parameters, parameters) either way, and the noise of the reading.
+    From `origin` [s] on for `horizon` [s]. The variance is H P H' + |g|^2 + r^2: covariance P of the state by the reading's row H, g what
+    one column of `root` (parameters, parameters) moves the reading by, from members moved either way, and the noise r of the reading.
     """
     place = int(np.searchsorted(filtered.times, origin * (1 + 1e-12), side="right")) - 1
     belief, count = filtered.beliefs[place], root.shape[0]
@@ -121,7 +122,10 @@ def _rows_after(passing: Passing, filtered: Pass, root: Array, origin: float, ho
 
 
 def _by_sensor(likelihood: Likelihood, i: int, rows: list[tuple[int, float, float, float]]) -> list[OpenLoopTrace]:
-    """Return the open-loop errors of an experiment by sensor, from rows (observation, time, predicted, standard error)."""
+    """Return the open-loop errors of experiment `i` by sensor.
+
+    `rows` are (number of the observation, time [s], foreseen less measured [K], its standard error [K]).
+    """
     experiment = likelihood.problem.experiments[i]
     out = []
     for k, o in enumerate(experiment.observations):

@@ -127,7 +127,11 @@ class Passing:
         return time_update(belief, root.transition, mean, root.noise), [FilterStep(root.transition, root.noise, belief, mean)]
 
     def ahead(self, belief: Belief, place: int) -> tuple[Belief, tuple[FilterStep, ...]]:
-        """Return the belief at the next time of the grid after `place`, no reading in between, and the legs to it."""
+        """Return the belief at the next time of the grid after `place`, no reading in between, and the legs to it.
+
+        Of a linear network x+ = F (x - a) + f, with the transition F over the step, the states a (members, states) about which it was made
+        linear, and f what inputs bring from there, exact for inputs that are straight in time; else `_bent_step`. [K]
+        """
         if self.dynamics.linear:
             s = self._steps[self.dynamics.lengths[place]]
             mean = np.asarray(np.einsum("mij,mj->mi", s.transition, belief.mean - self.about) + self._forced[:, place])
@@ -137,7 +141,10 @@ class Passing:
         return later, tuple(legs)
 
     def readings(self, belief: Belief, place: int, time: float) -> list[ReadingRow]:
-        """Return the readings of one time in the grid, ready to update with."""
+        """Return the readings due at number `place` of the grid, at `time` [s], ready to update with: y = H x + v.
+
+        The known part h(x_0) - H x_0 of the reading that the model expects at the belief's mean x_0 is taken off each. [K]
+        """
         due = self.dynamics.due[place]
         if not due:
             return []
@@ -152,7 +159,10 @@ class Passing:
         return out
 
     def _foreseen(self, belief: Belief, time: float, sensors: Sequence[int]) -> tuple[Array, Array, Array]:
-        """Return readings (members, sensors) at a state (members, states), their rows (members, sensors, states), and that state."""
+        """Return readings (members, sensors) [K] at a state (members, states), their rows (members, sensors, states), and that state.
+
+        The state is the belief's mean at `time` [s]; of a linear model any state does, and a kept one is taken.
+        """
         d = self.dynamics
         if d.linear and self.still:
             return self.read[:, sensors], self.rows[:, sensors], self.about

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Final
 
-from thermid.base.errors import IdentificationError, ThermidError, nearest
+from thermid.base.errors import IdentificationError, ThermidError, nearest, refuse_unknown
 from thermid.model.tree import literal
 from thermid.simulation.runs import Network
 
@@ -101,17 +101,12 @@ def _one(raw: str, written: Any, network: Network, where: str) -> ProcessNoise:
     """Return a process noise from a text ``SIZE over TIME`` or a table, where it acts as `raw` names it."""
     first, over, after = ("", "", "") if isinstance(written, Mapping) else str(written).partition(" over ")  # a text: SIZE over TIME
     table = dict(written) if isinstance(written, Mapping) else {"size": first.strip(), "time": after.strip()} if over else {"size": written}
-    unknown = [k for k in table if k not in KEYS]
-    if unknown:
-        raise IdentificationError(
-            f"a process noise has {', '.join(KEYS)}, not {unknown[0]}.{nearest(unknown[0], KEYS)}", where, code="name.unknown"
-        )
+    refuse_unknown(table, KEYS, where, "a process noise has {known}, not {}.", IdentificationError)
     target, place = _place(raw, network, where)
     kind = str(table.get("kind", MARKOV if "time" in table else WIENER))
-    if kind not in (WIENER, MARKOV):
-        raise IdentificationError(
-            f"unknown process noise '{kind}'.{nearest(kind, (WIENER, MARKOV))} Write {WIENER} or {MARKOV}.", where, code="name.unknown"
-        )
+    refuse_unknown(
+        [kind], (WIENER, MARKOV), where, f"unknown process noise '{{}}'.{{near}} Write {WIENER} or {MARKOV}.", IdentificationError
+    )
     if kind == WIENER and "time" in table:
         raise IdentificationError(
             f"a {WIENER} noise has no correlation time. Leave time out, or write kind = '{MARKOV}'.", where, code="value.without-effect"

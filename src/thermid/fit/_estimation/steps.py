@@ -15,6 +15,7 @@ from typing import Final
 import numpy as np
 
 from thermid.base.units import Array
+from thermid.fit._estimation._constants import PADE, THETA
 
 MAX_GAUSS_NORM: Final = 0.5
 """Largest norm of A h over which Gauss's rule is taken; ten points are then exact to rounding."""
@@ -41,7 +42,7 @@ class NoisyStep:
 
 
 def lower(rows: Array) -> Array:
-    """Return the lower triangular L (..., n, n), no diagonal below zero, with ``L L' = rows rows'`` of matrices (..., n, m); by QR."""
+    """Return the lower triangular L (..., n, n), no diagonal below zero, with ``L L' = rows rows'`` of `rows` (..., n, m), by QR."""
     size = rows.shape[-2]
     if rows.shape[-1] < size:
         rows = np.concatenate([rows, np.zeros((*rows.shape[:-1], size - rows.shape[-1]))], axis=-1)
@@ -50,29 +51,8 @@ def lower(rows: Array) -> Array:
     return np.asarray(np.swapaxes(triangle, -1, -2) * sign[..., None, :])
 
 
-PADE: Final = (
-    64764752532480000.0,
-    32382376266240000.0,
-    7771770303897600.0,
-    1187353796428800.0,
-    129060195264000.0,
-    10559470521600.0,
-    670442572800.0,
-    33522128640.0,
-    1323241920.0,
-    40840800.0,
-    960960.0,
-    16380.0,
-    182.0,
-    1.0,
-)
-"""Coefficients of the diagonal Pade approximant of order 13 (Higham, SIAM J. Matrix Anal. Appl. 26 (2005) 1179)."""
-THETA: Final = 5.371920351148152
-"""Norm up to which that is exact to rounding."""
-
-
 def exponential(matrices: Array) -> Array:
-    """Return exp(A) of matrices A (..., n, n) [-]: Pade approximant of degree 13 with scaling and squaring, all scaled alike.
+    """Return exp(A) (..., n, n) of matrices A (..., n, n) [-]: Pade approximant of degree 13 with scaling and squaring, all scaled alike.
 
     Many small ones cost one call each of numpy's. Higham, SIAM J. Matrix Anal. Appl. 26 (2005) 1179: `PADE`, `THETA`.
     """

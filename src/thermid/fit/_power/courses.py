@@ -32,7 +32,10 @@ Shape = Callable[[float], tuple[Array, Array, bool]]
 
 
 def _decay(time: float) -> tuple[Array, Array, bool]:
-    """Return times [s], shares of the power, and whether they are held: exp(-t / time), cut to zero at the end."""
+    """Return times (points,) [s], shares (points,) of the power [-], and whether they are held: exp(-t / time), cut to zero at the end.
+
+    Straight between points, which lie closer at the beginning; the end is `DECAY_TIME_CONSTANTS` times `time` [s].
+    """
     at = DECAY_TIME_CONSTANTS * np.linspace(0.0, 1.0, DECAY_POINTS) ** 2
     share = np.exp(-at)
     share[-1] = 0.0

@@ -74,9 +74,9 @@ class PowerHistory(Result):
         return np.asarray(np.sqrt(np.maximum(np.diag(self.covariance), 0.0)))
 
     def weights(self, window: str) -> tuple[Array, Array]:
-        """Return the middle of every whole window [s], and the weights (windows, knots) of the knots in its mean power. [-]
+        """Return the middle of every whole window [s], and the weights W (windows, knots) of the knots in its mean power. [-]
 
-        The power is straight between knots: weights are the integral of a knot's hat over the window, over its width.
+        The power is straight between knots, so W_ik is the integral of knot k's hat over window i, over the window's width: P_mean = W P.
 
         Raises
         ------
@@ -214,7 +214,10 @@ def _misses(h: PowerHistory, model: Model) -> tuple[dict[str, float], float]:
 
 
 def _means(h: PowerHistory) -> tuple[Array, Array, Array, Array]:
-    """Return temperature [degC] and power at the knots where it was unknown, the weights of means over the resolution, their covariance."""
+    """Return temperature [degC] and power [W] (knots,) where it was unknown, weights A (means, knots) of means, and A C A' [W^2].
+
+    C is the covariance of the knots. Windows in which the power was known are left out.
+    """
     open_ = ~h.known
     weights = h.weights(f"{max(h.resolution, float(np.median(np.diff(h.times))))!r} [s]")[1]
     clear = weights[:, h.known].sum(axis=1) < 1e-9
@@ -341,7 +344,10 @@ def _exponential(h: PowerHistory) -> PowerLaw | None:
 
 
 def _vee(h: PowerHistory) -> PowerLaw | None:
-    """Return a V-shaped law fitted to a power, `b0 + b1 |T - b2|`: a thermoelectric cooler works on both sides of a temperature b2."""
+    """Return a V-shaped law P = b0 + b1 |T - b2| [W] fitted to a power, T in degC: a cooler of Peltier elements works on both sides of b2.
+
+    None where no start leads to a fit.
+    """
     low, high, mean, top = _spread(h)
     wide = max(high - low, 0.1)
 
@@ -357,7 +363,10 @@ def _vee(h: PowerHistory) -> PowerLaw | None:
 
 
 def _proportional(h: PowerHistory) -> PowerLaw | None:
-    """A heater that asks for power in proportion to what is missing to a set point, between zero and its largest power."""
+    """Return a proportional heater fitted to a power: P = b0 (b1 - T) [W], cut to 0 .. b2, gain b0 [W/K], set point b1 and T in degC.
+
+    None where no start leads to a fit, or the gain is not positive.
+    """
     low, high, _, top = _spread(h)
     wide = max(high - low, 0.1)
 
@@ -637,7 +646,7 @@ def _shown(unknown: Unknown, fitted: float) -> float:
 def _half_width(row: Array, at: int) -> float:
     """Return the full width at half maximum [knots] of a smoothing kernel, `row` (knots,), about its knot `at`, straight between knots.
 
-    Of a side that does not fall to half the knots up to its end count.
+    Where a side does not fall to half, the knots up to its end count.
     """
     half, out = 0.5 * row[at], 0.0
     for side in (row[at:], row[at::-1]):
@@ -692,7 +701,10 @@ class Colour:
     logdet: float
 
     def rows(self, pieces: Mapping[tuple[str, str], Binned]) -> tuple[Array, Array]:
-        """Return derivatives and residuals of the data in stretches of time, weighed so that their noise is white and of size 1."""
+        """Return derivatives L^-1 J (stretches, unknowns) and residuals L^-1 r (stretches,), L L' the covariance: their noise has size 1.
+
+        All traces of `pieces`, one after the other.
+        """
         from scipy.linalg import solve_triangular
 
         slopes, means = np.concatenate([b.slopes for b in pieces.values()]), np.concatenate([b.mean for b in pieces.values()])
@@ -745,7 +757,10 @@ def _with_heat(problem: Problem, knots: Array, pins: Pins, base: float, prior: s
 
 
 def _residual_noise(problem: Problem, solution: Solved) -> dict[str, float]:
-    """Return sensor -> noise: as stated, or the scatter of its residuals, what the history took of their freedom given back. [K]"""
+    """Return sensor -> noise: the scatter of its residuals, what the history took of their freedom given back. [K]
+
+    sqrt(mean r^2 n / (n - p)), p = tr(C A'A) the unknowns that n readings determine, C their covariance.
+    """
     worth = float(np.trace(solution.covariance @ solution.seen))
     grown = np.sqrt(problem.samples / max(problem.samples - worth, 1.0))
     sizes: dict[str, list[Array]] = {}
@@ -828,7 +843,8 @@ def _in_rounds(problem: Problem, x: Array, knots: Array, pins: Pins, base: float
     """Return the unknowns (unknowns,), fitted form, by Gauss and Newton's method from `x`, the prior's strength anew in every round.
 
     The strength is that of the largest marginal likelihood. It has converged where no unknown moves by more than a hundredth of its
-    standard error; `MAX_HISTORY_ITERATIONS` rounds at most. Where no noise is stated, its level is chi^2 per degree of freedom.
+    standard error; `MAX_HISTORY_ITERATIONS` rounds at most. Where no noise is stated, its level is chi^2 / (n - tr(H^-1 A'A)). `knots`
+    (knots,) are times [s], `base` is the standard deviation of a knot before [W].
     """
     low, high = (np.array(b) for b in zip(*(u.fitted_bounds() for u in problem.unknowns), strict=True))
     levelled = colour is None and any(o.noise is None for o in problem.observations())

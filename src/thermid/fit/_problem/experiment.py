@@ -339,9 +339,10 @@ def first_reading(record: Record, name: str, window: float = 0.0) -> float:
 
 
 def first_readings(record: Record, observations: Sequence[Observation], window: float = 0.0) -> dict[str, dict[str, float]]:
-    """Return observed node -> the sensors that read its start, with their first readings; the node starts at their mean. [SI]
+    """Return observed node -> the sensors that read its start, with their first readings; the node starts at their mean. [K]
 
-    They are those that have read when the first one reads again: one that begins later says where the node is by then.
+    They are those that have read when the first one reads again: one that begins later says where the node is by then. `window` [s] is
+    that of a first reading, as of `first_reading`.
 
     Raises
     ------
@@ -361,7 +362,14 @@ def first_readings(record: Record, observations: Sequence[Observation], window: 
 def starts_of(
     record: Record, base: Scenario, network: Network, first: Mapping[str, float], begun: Mapping[str, Mapping[str, float]], window: float
 ) -> tuple[Any, dict[str, Any], dict[str, str], dict[str, tuple[str, ...]]]:
-    """Return start, initial temperatures, nodes that start at a channel's first reading, and those at their own with its sensors."""
+    """Return start, node -> initial temperature, node -> channel whose first reading it is, and node -> sensors that it starts at.
+
+    Parameters
+    ----------
+    first : dict        Node -> first reading of its own sensors. [K]
+    begun : dict        Node -> sensor -> first reading. [K]
+    window : float      Of which a first reading is the mean. [s]
+    """
     initial: dict[str, Any] = {}
     readings: dict[str, str] = {}
 
@@ -482,7 +490,10 @@ def _balance_temperatures(engine: Engine, loose: Sequence[int]) -> tuple[Array, 
 
 
 def _groups(jacobian: Array, loose: Sequence[int]) -> list[list[int]]:
-    """Return the loose nodes in groups that exchange heat among themselves."""
+    """Return the loose nodes (positions) in groups that exchange heat among themselves.
+
+    Two nodes exchange heat where the `jacobian` (nodes, nodes) [W/K] has an entry other than zero between them, in either direction.
+    """
     linked = (jacobian != 0.0) | (jacobian.T != 0.0)
     is_loose, out = np.zeros(jacobian.shape[0], dtype=bool), []
     is_loose[list(loose)] = True
@@ -754,7 +765,11 @@ class Experiment:
 
     @property
     def jumps(self) -> dict[str, tuple[Jump, ...]]:
-        """Name in the wiring -> the jumps of inputs that it moves: an instant its own, offset and rate of a clock all of its steps."""
+        """Name in the wiring -> the jumps of inputs that it moves: an instant its own, offset and rate of a clock all of its steps.
+
+        A jump has the table, path and row of its input, and by how many seconds it moves per unit of the name: the interval before its
+        sample of an instant, 1 of an offset, the sample's own time of a rate. Of a clock with more than `MAX_JUMPS` steps there are none.
+        """
         rates = {n: ticks.at[RATE] for ticks in self.ticks for n in ticks.clock.channels}
         out: dict[str, tuple[Jump, ...]] = {
             x.name: (Jump(x.table, x.path, x.row, x.interval * rates.get(x.channel, 1.0)),) for x in self.instants

@@ -50,10 +50,7 @@ def build_problem(request: Request) -> Problem:
     twice = sorted({n for n in names if names.count(n) > 1})
     if twice:
         raise RecordError(f"two records are named '{twice[0]}'.", where, code="name.taken")
-    for name in (n for n in request.scenarios if n not in (*names, "*")):
-        raise RecordError(
-            f"a scenario is given for '{name}', which is not a record of this fit.{nearest(name, names)}", where, code="name.unknown"
-        )
+    refuse_unknown(request.scenarios, (*names, "*"), where, "a scenario is given for '{}', which is not a record of this fit.")
     experiments = tuple(
         Experiment.bind(request.model, r, request.scenario(r), request.window, request.weights, request.held_errors)
         for r in request.records
@@ -181,7 +178,10 @@ def _locals(request: Request, experiments: Sequence[Experiment]) -> list[Unknown
 
 
 def _mean(i: int, experiment: Experiment, name: str, sd: float, instrument: bool) -> Unknown:
-    """Return the error of the mean of a boundary [K] or power (relative) in one record; that of an `instrument` may act there too."""
+    """Return the error of the mean of a boundary [K] or power (relative) in one record; that of an `instrument` may act there too.
+
+    `sd` is its standard deviation, in the same unit.
+    """
     power = name.startswith(SCALE)
     target = Influence(i, name, 1.0 if power and not instrument else 0.0, 1.0)
     label = f"{experiment.record.name}: error of the mean of {name.removeprefix(SCALE)}"

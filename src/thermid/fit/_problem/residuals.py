@@ -243,7 +243,8 @@ def pooled(parts: list[Sums]) -> Sums:
 def loss_of(squares: Array, loss: str, loss_scale: float) -> tuple[Array, Array]:
     """Return the loss c^2 rho(z) and its derivative rho'(z) by r^2 of squared residuals r^2 of any shape, z = r^2 / c^2. [-]
 
-    r is in units of the noise and c is `loss_scale`, as in the kernel; rho as of `scipy.optimize.least_squares`.
+    Soft L1 rho = 2 (sqrt(1 + z) - 1), Huber z or, above 1, 2 sqrt(z) - 1, Cauchy ln(1 + z), else z: as of `scipy.optimize.least_squares`
+    and in the kernel. r is in units of the noise and c is `loss_scale`.
     """
     # c^2 rho(z) and rho'(z), z = (r/c)^2: soft L1 rho = 2 (sqrt(1 + z) - 1), Huber z or 2 sqrt(z) - 1, Cauchy ln(1 + z)
     z = squares / loss_scale**2
@@ -424,7 +425,7 @@ def _parts(node: str, recover: Mapping[str, Mapping[str, Number]]) -> dict[str, 
 
 
 def clock_at(problem: Problem, i: int, fitted: Array) -> ClockPlaces:
-    """Return `Ticks.at` of every unknown clock of an experiment at some values of the unknowns."""
+    """Return offset [s] and rate [-] of every unknown clock of experiment `i` at `fitted` (unknowns,), as `Ticks.at` holds them."""
     at = [[*ticks.at] for ticks in problem.experiments[i].ticks]
     for k, number, place in problem.ticking(i):
         at[number][place] = float(fitted[k])
@@ -434,7 +435,8 @@ def clock_at(problem: Problem, i: int, fitted: Array) -> ClockPlaces:
 def slopes_of_clock(problem: Problem, i: int, fitted: Array, times: Array | None = None) -> dict[int, Array]:
     """Return position of an unknown -> what offset or rate of a clock does to readings (times, sensors), but for steps of inputs.
 
-    By differences; none for a clock that nothing but steps are on.
+    (T(x + h) - T(x - h)) / (2 h) at `fitted` x (unknowns,), in K per s of an offset, K per unit of a rate; none for a clock that nothing
+    but steps are on.
     """
     out: dict[int, Array] = {}
     experiment, here = problem.experiments[i], clock_at(problem, i, fitted)
@@ -458,7 +460,10 @@ def slopes_of_clock(problem: Problem, i: int, fitted: Array, times: Array | None
 def compressed_in_full(
     problem: Problem, i: int, fitted: Array, loss: str, loss_scale: float
 ) -> tuple[Array, Array, float, list[tuple[str, str, Sums]]]:
-    """Return what `Problem.compressed` takes of experiment `i`, from all its residuals at `fitted` (unknowns,): as `as_triangle`."""
+    """Return what `Problem.compressed` takes of experiment `i`, from all its residuals at `fitted` (unknowns,): as `as_triangle`.
+
+    `loss_scale` is in units of the noise. [-]
+    """
     experiment = problem.experiments[i]
     blocks, slopes = problem.blocks_and_slopes(i, fitted)
     full = np.concatenate([slopes[o.index, k, :] for k, o in enumerate(experiment.observations)])
@@ -560,7 +565,7 @@ class Problem:
         return [(k, target) for k, target in there if clock_target(target.name) is None]
 
     def _bias(self, sensor: str, fitted: Array) -> tuple[float, int | None]:
-        """Return the constant error of a sensor and its position among the unknowns."""
+        """Return the constant error of a sensor [K] at `fitted` (unknowns,), and its position among these; None where it is fixed."""
         for k, u in enumerate(self.unknowns):
             if u.kind == "sensor" and u.name == f"sensor {sensor}":
                 return float(fitted[k]), k
@@ -599,10 +604,12 @@ class Problem:
 
     @np.errstate(over="ignore", invalid="ignore")  # what overflows is refused
     def compressed(self, fitted: Array, loss: str = "linear", loss_scale: float = 1.0, meshes: Sequence[Array] = ()) -> Compressed:
-        """Return the weighted residuals of all data with their derivatives, from one run of each record.
+        """Return the weighted residuals r of all data with their derivatives J by `fitted` (unknowns,), from one run of each record.
 
-        Each record gives a triangle with one row per free name and constant error, and one row for what no unknown can change. With the
-        `meshes` of another evaluation the steps are the same, and the difference of both is smooth.
+        A record gives Q'r and R of J = Q R, a triangle with a row per free name and constant error, and one row sqrt(r'r - |Q'r|^2) for
+        what no unknown can change: J'J, J'r and r'r are those of all readings. R comes by free names of the record [SI]; the chain rule
+        turns it into the fitted form. With the `meshes` of another evaluation the steps are the same, and the difference of both is
+        smooth. `loss_scale` is in units of the noise.
 
         Raises
         ------
@@ -702,7 +709,11 @@ class Problem:
         return self._blocks(i, fitted, columns), slopes
 
     def _slopes(self, i: int, fitted: Array, times: Array | None) -> tuple[Array, Array]:
-        """Return the temperatures (times, sensors) of the sensors' nodes [K], and `slopes`."""
+        """Return the temperatures (times, sensors) of the sensors' nodes [K], and the derivatives (times, sensors, unknowns) of residuals.
+
+        Those are of (measured - predicted - bias) / noise by `fitted` (unknowns,), of record `i`: -dT/dx dx/dfitted, less 1 for the
+        sensor's own bias, over the noise. At the times of the record where `times` [s] is None.
+        """
         x, chain = self.inputs(i, fitted)
         clocks = [(k, f"{CLOCK} {number} {place}") for k, number, place in self.ticking(i)]
         bench, inner = self.bench(i, fitted, [name for _, name in clocks]), x.size
@@ -730,7 +741,10 @@ class Problem:
 
 
 def _chain_product(derivatives: Array, chain: Array) -> Array:
-    """Return the product of derivatives (times, sensors, names) and slopes (names, unknowns), most of which act on one name alone."""
+    """Return the product D C (times, sensors, unknowns) of `derivatives` D (times, sensors, names) and `chain` C (names, unknowns).
+
+    Most columns of C act on one name alone, which is faster than a product. [K per fitted form]
+    """
     places, several = np.abs(chain).argmax(axis=0), np.count_nonzero(chain, axis=0) > 1
     out: Array = np.take(derivatives, places, axis=2)
     out *= chain[places, np.arange(places.size)]
@@ -741,12 +755,14 @@ def _chain_product(derivatives: Array, chain: Array) -> Array:
 def prior_rows(
     unknowns: Sequence[Unknown], coupled: Sequence[tuple[NDArray[np.int64], Array, Array]], fitted: Array
 ) -> tuple[Array, Array]:
-    """Return the residuals of priors and their derivatives (residuals, unknowns). [-]
+    """Return the residuals (rows,) of priors and their derivatives (rows, unknowns). [-]
+
+    (x - m) / s of each normal prior, R (x - m) of those known together.
 
     Parameters
     ----------
-    coupled : sequence          Positions, means and the root of the information of what stages below found together.
-    fitted : array (unknowns,)  In the fitted form.
+    coupled : sequence          Positions, means m and the root R of the information of what stages below found together.
+    fitted : array (unknowns,)  Values x, in the fitted form.
     """
     values, slopes = [], []
     below = {int(k) for at, _, _ in coupled for k in at}

@@ -316,7 +316,10 @@ def _meaning(used: Sequence[tuple[str, float, float, str]]) -> str:
 
 
 def _product(used: Sequence[tuple[str, float, float, str]]) -> str:
-    """Return a product of powers as text; `used` has name, exponent, value and unit of each factor."""
+    """Return a product of powers as text without its value, such as ``area*htc^0.5/mass``.
+
+    `used` has name, exponent, value and unit of each factor; only name and exponent are read.
+    """
 
     def factor(name: str, power: float) -> str:
         """Return one factor as text."""

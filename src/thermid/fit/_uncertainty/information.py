@@ -206,7 +206,10 @@ def opened_at(
 
 
 def _alike(parameters: ParameterSet, group: Sequence[str]) -> tuple[str, ...]:
-    """Return the paths of a group that hold its value here; none where its first one is derived from others, or is not there."""
+    """Return those paths of a group that state one number here, that of its first path to 1e-9.
+
+    None where the first one is derived from others, or is not in these parameters.
+    """
     table = parameters.table
     here = [p for p in group if p in table and table[p].parameter.is_literal]
     if here[:1] != list(group[:1]):
@@ -395,7 +398,11 @@ def _fixed(request: Request, unknowns: tuple[Unknown, ...]) -> list[State]:
 
 
 def _consider(table: _Table, request: Request, problem: Problem, minimum: Fit, fixed: list[State], gain: Array) -> None:
-    """Add the responses to the errors of what was fixed; an instrument of which nothing is known counts with its accuracy."""
+    """Add the responses to the errors of what was fixed; an instrument of which nothing is known counts with its accuracy.
+
+    A fixed value that is off by d moves the unknowns by -G J'K d (Schmidt's consider filter), J the derivatives of the weighted residuals
+    by the unknowns, K those by what was fixed, and `gain` G (unknowns, unknowns) the inverse of the information, all in the fitted form.
+    """
     here = covering(problem.unknowns)
     groups = {s.path: tuple(p for p in s.acts if p not in here) for s in fixed if s.kind == "parameter"}
     named = {group[0]: request.store[path] for path, group in groups.items()} | {s.path: s for s in fixed if s.kind != "parameter"}

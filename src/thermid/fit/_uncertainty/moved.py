@@ -99,10 +99,11 @@ class Test:
 
 
 def _opened(a: Test, chosen: Sequence[int], loose: Sequence[int]) -> tuple[Array, Array, Array]:
-    """Return scores T, information I and covariance of T, of values opened together; those in `loose` are free besides.
+    """Return scores T (models, opened), information I and covariance of T (models, opened, opened), of values opened together.
 
-    The other values stand where they were known, with their covariance ``root root'``. The data alone put the opened values I^-1 T off.
-    What the values were known with adds ``I root root' I``, less what the errors of the others, through the data, have in common with it.
+    `chosen` are their positions, those in `loose` are free besides; fitted form. The other values stand where they were known, with their
+    covariance ``root root'``. The data alone put the opened values I^-1 T off. What the values were known with adds ``I root root' I``,
+    less what the errors of the others, through the data, have in common with it.
     """
     others = [k for k in range(len(a.root)) if k not in {*chosen, *loose}]
     inside, sources = list(chosen), a.root.shape[1]
@@ -168,7 +169,10 @@ def _detectable_shift(weights: Array, errors: Array, tests: int) -> float:
 
 
 def holm(chances: Sequence[float]) -> list[float]:
-    """Return probabilities adjusted for their number, (n - rank) p made monotone (Holm, Scand. J. Statist. 6 (1979) 65); NaN stays."""
+    """Return probabilities `chances` adjusted for their number, (n - rank) p made monotone (Holm, Scand. J. Statist. 6 (1979) 65). [-]
+
+    `rank` counts from 0 for the least; 1 is the most, and NaN stays.
+    """
     out, worst = [math.nan] * len(chances), 0.0
     order = sorted((k for k, p in enumerate(chances) if math.isfinite(p)), key=lambda k: chances[k])
     for rank, k in enumerate(order):
@@ -198,9 +202,10 @@ def shifts(a: Test, positions: Sequence[int]) -> list[Shift]:
 
 
 def _shift(weights: Array, sizes: Array, errors: Array, chance: float, tests: int) -> Shift:
-    """Return a shift, fitted form, averaged over noise models by `weights` (models,), from `sizes` and `errors` (models,) of each.
+    """Return a shift s = sum w_m s_m, fitted form, averaged over noise models by `weights` w (models,), from their `sizes` and `errors` e.
 
-    Its error includes the scatter between models. Open, not a number, where some model with weight leaves it open.
+    Its error is the root of sum w_m (e_m^2 + (s_m - s)^2): the scatter between models is included. `chance` is the shift's probability
+    without a change [-], `tests` how many are looked at. Open, not a number, where some model with weight leaves it open.
     """
     if not np.isfinite(errors[weights > 0]).all():
         return Shift(math.nan, math.inf, math.nan, math.inf)
@@ -666,7 +671,7 @@ def moved_instruments(before: Store, after: Store) -> MovedGroup:
 
 
 def _covariance_difference(below: Array, here: Array) -> Array:
-    """Return `below` - `here`, both covariances (values, values); `below` alone in directions where less than a tenth of it is left.
+    """Return `below` - `here`, both covariances (values, values), fitted form; of directions with less than a tenth of it left, `below`.
 
     Directions are those of the shares of the variance below that stand here: eigenvectors of L^-1 here L'^-1, below = L L'.
     """

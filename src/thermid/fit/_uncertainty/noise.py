@@ -80,8 +80,8 @@ class Binned:
     ) -> dict[tuple[str, str], Binned]:
         """Return (record, sensor) -> its residuals as means over at most `bins` stretches of time, weighted and in units of the noise. [-]
 
-        A trace of up to twice `MAX_STRETCHES` samples stays as it is. With a loss each residual counts as its derivative does. `fitted`
-        (unknowns,) is in the fitted form.
+        A trace of up to twice `MAX_STRETCHES` samples stays as it is. With a loss each residual z counts as rho'(z^2) z, its derivative;
+        `loss_scale` is in units of the noise. `fitted` (unknowns,) is in the fitted form.
         """
         out: dict[tuple[str, str], Binned] = {}
         blocks = iter(problem.blocks(fitted))
@@ -137,7 +137,8 @@ def binned_trace(
 def rounding_of(block: SensorTrace, o: Observation, place: Indices, size: int) -> tuple[Array, float, Array] | None:
     """Return what the rounding errors of a trace have in common over stretches, in units of the noise; None where it has no steps.
 
-    See `shared_rounding`; the third is where the signal stands in each stretch, in steps.
+    These are columns (stretches, causes), each reading's own variance, and where the signal stands in each stretch, in steps (stretches,).
+    See `shared_rounding`; `place` (samples,) is each sample's stretch of `size`.
     """
     if not o.step:
         return None
@@ -198,7 +199,10 @@ def answers_to_inputs(problem: Problem, fitted: Array, pieces: Mapping[tuple[str
 
 
 def _borders(times: Array, held: bool) -> Array:
-    """Return the borders of stretches of a signal's samples (stretches + 1,): those that hold begin there, others lie amid them. [s]"""
+    """Return the borders (stretches + 1,) of at most `STRETCHES` stretches of a signal's samples at `times` (samples,). [s]
+
+    A stretch begins at its sample where a signal holds its value (`held`); else the borders lie amid the samples, (t_k + t_k+1) / 2.
+    """
     before, after = times[1] - times[0], times[-1] - times[-2]
     middles = np.concatenate([[times[0] - 0.5 * before], 0.5 * (times[1:] + times[:-1]), [times[-1] + 0.5 * after]])
     borders = np.append(times, times[-1] + after) if held else middles
@@ -284,9 +288,10 @@ def _errors_of_means(noise: InputNoise, times: Array, values: Array, place: Indi
 
 
 def score_of_inputs(pieces: Mapping[tuple[str, str], Binned], inputs: Mapping[tuple[str, str], Array]) -> Array:
-    """Return what the noise of logged boundaries and powers adds to the covariance of J'r (unknowns, unknowns).
+    """Return what the noise of logged boundaries and powers adds to the covariance of J'r (unknowns, unknowns). [-]
 
     A cause that moves the residuals by h moves J'r by J'h, summed over the sensors of its record: covariance ``sum (J'h) (J'h)'``.
+    `inputs` is (record, sensor) -> h (stretches, causes), in units of the noise.
     """
     size = next((b.slopes.shape[1] for b in pieces.values()), 0)
     moved: dict[str, Array] = {}
@@ -513,11 +518,12 @@ def score_excess(
 def covariance_of_means(
     pieces: Mapping[tuple[str, str], Binned], traces: Sequence[TraceNoise], inputs: Mapping[tuple[str, str], Array]
 ) -> Array:
-    """Return the covariance (stretches, stretches) of the means of several traces, one after the other, in squares of their noise.
+    """Return the covariance (stretches, stretches) of the means of several traces, one after the other, in squares of their noise. [-]
 
-    The same noise as in `score_excess`, for who weighs readings by it: white and autocorrelated parts, rounding that neighbours share, and
-    what noise of logged signals does to all sensors of a record at once. Weights would make rounding errors of distant plateaus cancel, as
-    they do about the true signal; the predicted one is not it, so that their covariance ends over some steps.
+    A trace has white variance over the count of readings, plus s^2 exp(-|t - t'| / tau), plus rounding R R' that fades with the distance
+    in steps; `inputs` H (stretches, inputs) of a sensor adds H H', shared by all sensors of a record. It is the noise of `score_excess`,
+    for who weighs readings by it. Weights would make rounding errors of distant plateaus cancel, as they do about the true signal; the
+    predicted one is not it, so that their covariance ends over some steps.
     """
     size = sum(b.count.size for b in pieces.values())
     out, begin = np.zeros((size, size)), 0
@@ -750,7 +756,11 @@ class _TraceBasis:
 
     @classmethod
     def of_trace(cls, b: Binned, scale: Array) -> _TraceBasis:
-        """Return a trace in the eigenbases of its correlations, one for each time of the grid; slopes in units of `scale` (unknowns,)."""
+        """Return a trace in the eigenbases of its correlations, one for each time of the grid; slopes in units of `scale` (unknowns,).
+
+        With N the counts of stretches, sqrt(N) R sqrt(N) = U L U' for R = exp(-|dt| / time); kept are 1 / (1 + ratio L) (times, ratios,
+        stretches), U' sqrt(N) r and U' sqrt(N) J. [-]
+        """
         root = np.sqrt(b.count)
         sizes, vectors = _bases(b.times.tobytes(), b.count.tobytes())
         turned = np.swapaxes(vectors, 1, 2)
@@ -973,9 +983,12 @@ def _sums(t: _TraceBasis, grid: _Grid, flat: Indices) -> tuple[Array, Array]:
 
 
 def _likely(t: _TraceBasis, others: Array, vector: Array, nodes: Indices) -> _Grid:
-    """Return the probability of the noise of a trace at some nodes.
+    """Return the probability of the noise of a trace at the `nodes` of a grid of correlation times and ratios of correlated noise.
 
-    `others` and `vector` are information and scores of all that is known beside this trace: they say where the unknowns may stand.
+    For each node the white variance v runs over `GRID_SIZES` places about its likeliest, and the unknowns are integrated out, which gives
+    ``-2 ln p = (q - sum c_k / (l_k + v)) / v + (n - m) ln v + sum ln(l_k + v) - ln|W|``. W whitens the n stretches, q = z'W z, l_k and c_k
+    are the m eigenvalues of the information of the slopes and the squared scores along them. `others` and `vector` are information and
+    scores of all that is known beside this trace: they say where the unknowns may stand.
     """
     sizes, vectors = np.linalg.eigh(others + ZERO_INFORMATION * np.eye(others.shape[0]))
     root = vectors / np.sqrt(np.maximum(sizes, ZERO_INFORMATION))

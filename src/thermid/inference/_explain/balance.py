@@ -118,9 +118,10 @@ def energy_balance(
 
 
 def _by_values(fit: Calibration, case: _Case, moved: Callable[[Model], _Case]) -> Array:
-    """Return the change of each node's balance by one standard deviation of each source of errors (sources, nodes). [W]
+    """Return the change (sources, nodes) of each node's balance by one standard deviation of each source of errors. [W]
 
-    By differences over `BALANCE_STEP` of each fitted value; `moved` makes the case of another model.
+    R'D, with the differences D (values, nodes) over `BALANCE_STEP` of each fitted value, and R R' the covariance of the values; `moved`
+    makes the case of another model.
     """
     states = [s for s in fit.store.states.values() if s.kind == "parameter" and s.known]
     here, out = case.parts(case.given).left, []
@@ -203,7 +204,10 @@ class _Case:
         self.network = network
 
     def parts(self, x: Array) -> _Parts:
-        """Return the balance at values `x` (inputs,): for each measured node loads less heat to neighbours less C dT/dt. [W]"""
+        """Return the balance at values `x` (inputs,), in SI: residual = loads - heat to neighbours - C dT/dt of each measured node. [W]
+
+        Heat flows count positive out of the node. Nodes that were not measured stand where they settle with the measured ones held.
+        """
         by = {slot: float(value) for slot, value in zip(self.slots, x, strict=True)}
         boundaries = {p: Constant(v) for (role, p), v in by.items() if role == "boundary"}
         loads = {p: Constant(v) for (role, p), v in by.items() if role == "load"}

@@ -344,11 +344,14 @@ class Fitted:
 
 
 def _of_traces(traces: Iterable[SensorTrace]) -> tuple[dict[str, float], dict[str, float]]:
-    """Return node -> range of its predicted temperature [K], and the largest root mean square of its residuals in noises [-]."""
+    """Return node -> range of its predicted temperature [K], and node -> root mean square of its residuals over their noise [-].
+
+    Of several traces of a node it is the largest of each.
+    """
     rises: dict[str, float] = {}
     misfits: dict[str, float] = {}
     for t in traces:
-        rises[t.node] = float(np.ptp(t.predicted))
+        rises[t.node] = max(rises.get(t.node, 0.0), float(np.ptp(t.predicted)))
         misfits[t.node] = max(misfits.get(t.node, 0.0), float(np.sqrt(np.mean(t.weighted**2))))
     return rises, misfits
 
@@ -558,8 +561,9 @@ def _adding(name: str, free: tuple[str, ...], **tables: Mapping[str, Any]) -> Ca
 def _started(request: Request, node: str, channels: Sequence[str]) -> Request:
     """Return a request in which a new node starts beside the readings there, where nothing else says how.
 
-    Where records begin at a given temperature, and not at rest, the new node has a start of its own in each: about the mean of the first
-    readings, within half their range.
+    Where records begin at rest or as measured, it begins at the first reading of the one channel in `channels`. Where they begin at a
+    given temperature, and first readings differ by more than 3 K, it has a start of its own in each record: at the lowest first reading,
+    with half their range as standard deviation, 1 K at least.
     """
     scenarios = dict(request.scenarios)
     local = {name: dict(table) for name, table in request.record_local.items()}
@@ -632,7 +636,11 @@ def _moved_source(request: Request, place: _Place, mass: MissingElement, name: s
 
 
 def _second_mass(request: Request, place: _Place, word: str) -> MissingElement:
-    """Return a mass with fitted capacitance behind a fitted conductance at a node; `word` is part of its name."""
+    """Return a mass with fitted capacitance C2 [J/K] behind a fitted conductance G2 [W/K] at a node; `word` is part of its name.
+
+    First it has 0.3 of the node's capacitance and C2 / G2 = 300 s. It is possible where C2 is within the sizes of a mass beside the node's
+    and C2 / G2 is at most `SLOWEST_MASS` of the longest log.
+    """
     name = _free_name(request, f"{place.word}_{word}")
     held, link = 0.3 * place.capacity, f"{name}_link"
     longest = SLOWEST_MASS * max(float(np.ptp(r.times)) for r in request.records)

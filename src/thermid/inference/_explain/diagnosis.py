@@ -56,7 +56,10 @@ class Case:
     starts: Mapping[str, tuple[str, ...]]
 
     def run(self, values: Mapping[str, float], only: str = "") -> tuple[Array, dict[str, Array], Array]:
-        """Return temperatures (sensors, bins), their derivatives by free name (one, or all), and temperatures of the room (bins,)."""
+        """Return temperatures (sensors, bins) [K], name -> their derivatives (sensors, bins), and temperatures of the room (bins,). [K]
+
+        At `values` (name -> SI); derivatives are in K per SI unit of the name, `only` of one name or of all where it is empty.
+        """
         run = self.ready.run(self.ready.with_units(values), sensitivities=True)
         at = np.array([np.interp(self.centres, run.times, run[n].kelvin) for n in self.nodes])
         several = [run.slopes(n) for n in self.nodes]
@@ -120,7 +123,10 @@ class FaultBench:
         return np.concatenate(parts)
 
     def moved(self, c: Fault, amount: float) -> tuple[Array, Array]:
-        """Return the change of the simulated readings (readings,) by an amount of a candidate [K], and its response there."""
+        """Return the change of the simulated readings (readings,) by an amount of a candidate [K], and its response there [K per amount].
+
+        A capacitance is multiplied by 1 + amount, any other value is moved by it; a fault of a sensor is linear.
+        """
         if not c.free:
             s = self.response(c, self.nominal)
             return amount * s, s

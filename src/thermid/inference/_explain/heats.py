@@ -259,7 +259,10 @@ class Pulses:
 
     @classmethod
     def of_record(cls, request: Request, fit: RoughFit, experiment: int) -> Pulses:
-        """Return the pulses of a record."""
+        """Return the pulses of a record, whose number is `experiment`: 1 W in each of `PULSES` equal stretches at each of its nodes.
+
+        Nodes that are measured or heated come first, at most `MAX_HEATED_NODES`.
+        """
         e = fit.problem.experiments[experiment]
         span = e.scenario.seconds
         near = {*(t.node for t in fit.traces), *(load.node for load in e.network.flat.loads)}
@@ -349,14 +352,17 @@ def _windows(request: Request, fit: RoughFit, base: RoughEnd, i: int) -> Iterato
 
 
 def best_windows(block: Array, residuals: Array, sd: float, edges: Array) -> dict[tuple[float, float], float]:
-    """Return the windows that take most squares away, and how many: the best one that lasts to the end, and the best one at all.
+    """Return window (begin, end) [s] -> squares that it takes away [-]: the best one that lasts to the end, and the best one at all.
+
+    A heat of the size q in the stretches of a window answers with b, the sum of their columns; with a prior of q about zero it takes
+    (b'r)^2 / (b'b + 1 / sd^2) away from the residuals r.
 
     Parameters
     ----------
-    block : array (rows, stretches)     Answers to heat in each stretch.
-    residuals : array (rows,)           What is to be explained.
-    sd : float                          Standard deviation of the amount about zero.
-    edges : array                       Of the stretches. [s]
+    block : array (rows, stretches)     Answers to heat in each stretch, per unit of its amount.
+    residuals : array (rows,)           What is to be explained. [-]
+    sd : float                          Standard deviation of the amount about zero, in that unit.
+    edges : array (stretches + 1,)      Of the stretches. [s]
     """
     count = block.shape[1]
     sums = np.concatenate([np.zeros((block.shape[0], 1)), np.cumsum(block, axis=1)], axis=1)
@@ -440,9 +446,11 @@ def _start_up(base: FittedStructure, begins: Mapping[str, float]) -> Iterator[Mi
 def _weighed_courses(
     base: FittedStructure, courses: Sequence[PowerCourse], values: Mapping[str, float]
 ) -> list[tuple[float, PowerCourse, dict[str, float]]]:
-    """Return cost, course with its power, and values (fitted form), of a linearised fit with each course alone; all of one run.
+    """Return cost [-], course with its power [W], and name -> value (fitted form), of a linearised fit with each course alone.
 
-    The first course acts with its power, at `values`; all others lie over the model so small that they do not act.
+    All come from one run. The cost is half the least squares of the residuals with the course's power and all other values free, each held
+    by a step of `PROMISED_STEP` of its scale; infinite where the power is not positive. The first course acts with its power, at `values`;
+    all others lie over the model so small that they do not act.
     """
     request, powers = base.request, [c.power if k == 0 and c.power != 1.0 else IDLE_SHARE * c.power for k, c in enumerate(courses)]
     for k, c in enumerate(courses):

@@ -506,10 +506,12 @@ def _exchanges(request: Request, fit: RoughFit) -> Iterator[Hypothesis]:
 
 
 def _of_other_readings(fit: RoughFit, other: RoughFit) -> float:
-    """Return what a fit to other readings must gain, so that both explain the same: all of them, by itself or as what drives the model.
+    """Return what a fit to other readings must gain, so that both explain the same: all of them, by itself or as what drives the model. [-]
 
-    What drives a model has a density too, that of a walk whose steps are as large as those that are seen. Of readings that a fit takes
-    from another's drive the density by the model replaces that of the walk, errors and all.
+    It is the difference of two logarithms of densities, each sum over sensors of ln|W| + n (ln s + 1/2), W the whitener of its residuals
+    and s the root mean square of the steps of its n readings. What drives a model has a density too, that of a walk whose steps are as
+    large as those that are seen. Of readings that a fit takes from another's drive the density by the model replaces that of the walk,
+    errors and all.
     """
 
     def density(of: RoughFit) -> float:
@@ -627,7 +629,10 @@ def _shifted(request: Request, names: list[str], shift: float) -> Request:
 
 
 def of_reading(extra: Extra, fit: RoughFit) -> Hypothesis:
-    """Return the hypothesis that one sensor is wrong from an instant on."""
+    """Return the hypothesis that one sensor is wrong from an instant on.
+
+    Its amount is an error of the reading [K], or of a loose sensor the share [-] of the reading that comes from its surroundings.
+    """
     t = fit.traces[extra.trace]
     begin = t.centres[extra.since] - 0.5 * float(np.median(np.diff(t.centres))) if extra.since else 0.0
     when = (f" from {duration_text(max(float(begin), 0.0))} on" if extra.since else " throughout") + (

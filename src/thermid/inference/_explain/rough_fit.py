@@ -183,7 +183,9 @@ class RoughFit:
         return sum(t.measured.size for t in self.traces)
 
     def at(self, x: Array) -> RoughEnd:
-        """Return residuals and slopes at `x` (unknowns,), in the fitted form; the amount of the extra is last.
+        """Return residuals W r and slopes -W dT/dx at `x` (unknowns,), fitted form, priors below; the amount of the extra is last. [-]
+
+        W whitens the means of each trace in stretches, r is measured less simulated [K].
 
         Raises
         ------
@@ -269,7 +271,8 @@ class RoughFit:
     def best_since(self, end: RoughEnd, trace: int, loose: bool, sd: float) -> int:
         """Return the stretch from which an `Extra` on a trace would take most squares away, by one step from an end without it.
 
-        `sd` is the standard deviation of its amount about zero. [-] or [K]
+        A column c, cleared of what the slopes span, takes (c'r)^2 / (c'c + 1 / s^2). `sd` s is the standard deviation of its amount about
+        zero, [-] of a `loose` sensor (air less predicted), else [K].
         """
         sizes = [t.measured.size for t in self.traces]
         first, size = sum(sizes[:trace]), sizes[trace]
@@ -317,7 +320,10 @@ def _with_weak_prior(model: Model, u: Unknown) -> Unknown:
 
 
 def _stretches(times: Array) -> tuple[Array, Array]:
-    """Return the middle of every stretch of a record, and the edges between them; each holds readings. [s]"""
+    """Return the middle of every stretch of a record (stretches,), and the edges between them (stretches + 1,); each holds readings. [s]
+
+    At most `STRETCHES_PER_RECORD`, of equal counts where samples are evenly spaced in `times` (samples,), else of equal length.
+    """
     if times.size <= STRETCHES_PER_RECORD:
         parts = list(times[:, None])
     elif np.ptp(np.diff(times)) < 0.5 * float(np.median(np.diff(times))):

@@ -584,9 +584,10 @@ def linearised(problem: Problem, at: Array) -> tuple[Array, Array]:
 
 
 def _systems(problem: Problem, at: Array, noise: int | None, like: Sequence[Binned]) -> list[tuple[Array, Array]]:
-    """Return residuals (rows,) and derivatives (rows, unknowns), priors below the readings: in white noise, and in `noise` where given.
+    """Return residuals (rows,) and derivatives (rows, unknowns) at `at` (unknowns,), fitted form, priors below the readings. [-]
 
-    `like` are the traces of the structure before, by which white noise is as large as it is inside their stretches.
+    In white noise, and in `noise`, a column of a score, where given. `like` are the traces of the structure before, by which white noise
+    is as large as it is inside their stretches.
     """
     if noise is None:
         compressed = problem.compressed(at)
@@ -632,7 +633,8 @@ def _laid_together(
 ) -> Iterator[tuple[Problem, Array, list[tuple[MissingElement, Collection[str], Mapping[str, float]]], Collection[str]]]:
     """Yield problems over which small elements lie together, where they are looked at, which they are, and all unknowns that they add.
 
-    They are so small that they do not act: a derivative says what each would do. Those that cannot be laid over it so are left out.
+    Where they are looked at are the unknowns (unknowns,), fitted form; an element comes with its free names and their starts. They are so
+    small that they do not act: a derivative says what each would do. Those that cannot be laid over it so are left out.
     """
     together: list[MissingElement] = []
     names: set[str] = set()
@@ -766,7 +768,17 @@ def _ended(
     rounds: int = MOST_EVALUATIONS,
     noise: int | None = None,
 ) -> tuple[Fit, CauseScore]:
-    """Return where a fit ended, and how likely readings are there."""
+    """Return where a fit ended, and how likely readings are there.
+
+    Parameters
+    ----------
+    sizes : dict            Name -> likely size of what an added element holds.
+    chosen : float          Taken off the logarithm of the likelihood: that this structure was chosen among others. [-]
+    values_before : dict    Name -> value, fitted form, where a fit before ended.
+    start : dict            Name -> start of values that are new, SI.
+    rounds : int            Most evaluations of the descent; none where 0.
+    noise : int or None     Number of the noise model that is kept; searched for where None.
+    """
     begun, at = time.process_time(), starting_values(problem, values_before, start)
     loss = request.loss, request.loss_scale
     if noise is not None or not rounds:
@@ -818,10 +830,11 @@ def _with_loose_priors(problem: Problem, sizes: Mapping[str, SizedValue]) -> Pro
 
 
 def telling_test(one: FittedStructure, other: FittedStructure) -> str:
-    """Return in words which test would separate two structures: the one in which their fits differ most, in noises of the readings.
+    """Return in words which test would separate two structures: the one in which their fits differ most, in units (ln of the odds).
 
-    Tests from rest, with every logged power at its highest: on for half of the log and off for the other half; on and off in turns of a
-    twentieth; on for twice the log. Readings are those of the first record, as often as there.
+    Three tests are simulated with both fits, each from rest and with all logged powers together at their highest [W]: on for half of the
+    log's duration and off for the other half; on and off in turns of a twentieth of it; on for twice the duration. Readings are those of
+    the first record, as often as there. A difference below `TIE` decides nothing.
     """
     experiment = one.problem.experiments[0]
     record = experiment.record

@@ -78,8 +78,9 @@ def weighed_in_noise(
 ) -> tuple[CauseScore, Array]:
     """Return the score of a problem at the values that are likeliest in one noise, the column `noise` of a score, and these (unknowns,).
 
-    White noise, by which fits are made, and noise that wanders have other ends. A descent from `fitted` in that noise leads to the other;
-    what the linearisation promises beyond it does not count, for no run confirms it.
+    White noise, by which fits are made, and autocorrelated noise have other ends. A descent from `fitted` (fitted form) in that noise
+    leads to the other; what the linearisation promises beyond it does not count, for no run confirms it. `loss_scale` is in units of the
+    noise.
 
     Raises
     ------
@@ -117,6 +118,10 @@ def _prior_rows(problem: Problem, fitted: Array, sizes: Mapping[str, SizedValue]
 
 def _weighed(problem: Problem, fitted: Array, sizes: Mapping[str, SizedValue], pieces: Sequence[Binned]) -> tuple[CauseScore, Array, Array]:
     """Return the logarithms (noises,) of the evidence of a problem: all unknowns integrated out, readings linear about `fitted`.
+
+    ``ln Z = ln|P|/2 - ln|A|/2 + b'A^-1 b / 2 - r'W r / 2 - p'p / 2`` and the noise's own terms, as of `evidences`: A = J'W J + P, P the
+    information of the priors, b = -(J'W r + P_rows' p). A size whose prior is about nothing counts its upper half alone: ln 2 + ln Phi((1
+    + move) / error) more.
 
     Parameters
     ----------

@@ -197,6 +197,9 @@ class Fleet(Result):
     def next_unit(self, covariates: Mapping[str, float | str] | None = None) -> FittedValues:
         """Return the values of a unit not built yet with their errors and covariance, the errors of the means counted.
 
+        In the fitted form its mean is reference + x beta, its covariance Omega + x V x' + that of shared errors, x the unit's design and V
+        the covariance of beta.
+
         Raises
         ------
         IdentificationError   When a covariate is none of the fleet's.

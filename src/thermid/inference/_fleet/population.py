@@ -171,7 +171,10 @@ class RootForm:
         return cls(order, base, np.array(columns).reshape(-1, size, size))
 
     def start(self, omega: Array) -> Array:
-        """Return t (free,) whose L L' is near an Omega (values, values), fitted form: by least squares of its Cholesky factor."""
+        """Return t (free,) whose L L' is near `omega` (values, values), fitted form.
+
+        By least squares of ``base + sum t_k columns_k`` to the Cholesky factor L of `omega` in the order of this form.
+        """
         size = omega.shape[0]
         there = omega[np.ix_(self.order, self.order)]
         lower = np.linalg.cholesky(there + 1e-12 * np.diag(np.diag(there)) + 1e-300 * np.eye(size))
@@ -280,10 +283,11 @@ class PopulationFit:
 
 
 def _begun(summaries: Summaries, together: Bools) -> Array:
-    """Return an Omega (values, values) to begin at: how far what units say is apart, and steps of expectation and maximisation from there.
+    """Return an Omega (values, values), fitted form, to begin at: how far units are apart, then steps of expectation and maximisation.
 
-    A step is ``Omega + Omega slope Omega / units`` (Laird and Ware, Biometrics 38 (1982) 963); it never lowers R (Dempster, Laird
-    and Rubin, J. R. Stat. Soc. B 39 (1977) 1).
+    A unit says score / information of each value; its weight is that information, at most the upper quartile. A step is ``Omega + Omega
+    slope Omega / units`` (Laird and Ware, Biometrics 38 (1982) 963), within the correlations in `together`; it never lowers R (Dempster,
+    Laird and Rubin, J. R. Stat. Soc. B 39 (1977) 1).
     """
     size = summaries.score.shape[1]
     diagonal = np.diagonal(summaries.information, axis1=1, axis2=2)

@@ -401,11 +401,14 @@ def _level(answers: Sequence[UnitSummary]) -> float:
 
 
 def _refuse_unseen(summaries: Summaries, design: CovariateDesign, unknowns: Sequence[Unknown], title: str) -> None:
-    """Refuse a fleet whose logs together do not tell the means.
+    """Refuse a fleet whose logs together do not determine the means.
+
+    That is where sum over units A'J A, its diagonal scaled to one, has a smallest eigenvalue below `LEAST_MEAN_INFORMATION` of the
+    largest: J (values, values) is the information of a unit, A (values, means) its design, both in the fitted form.
 
     Raises
     ------
-    IdentificationError   Names the values.
+    IdentificationError   Names the values that the eigenvector of that smallest one holds.
     """
     total = np.einsum("nia,nij,njb->ab", summaries.design, summaries.information, summaries.design, optimize=True)
     length = np.sqrt(np.maximum(np.diag(total), 1e-300))
@@ -456,7 +459,8 @@ def _summed(
 ) -> Fleet:
     """Return the result: values and intervals [SI] from the population about `reference` (values,), fitted form, and what is said of units.
 
-    Effects of covariates and correlations between values have 95 % intervals; odd units are those beyond a threshold distance.
+    Effects of covariates (entries of beta, fitted form) and correlations Omega_jk / (s_j s_k) between values, s their standard deviations
+    between units, have 95 % intervals; odd units are those beyond a threshold distance.
     """
     size, at, shared = len(unknowns), population.at, _shared(judged)
     worth = _worth(population, units)

@@ -62,6 +62,9 @@ def heat_rates(
 ) -> tuple[list[HeatRate], list[str]]:
     """Return the heat rates of a file, and the nodes that it names without a rate.
 
+    A rate is the array's number times the scale (array 4) times the node's area (array 3), in the deck's unit of power; times (array 5)
+    that begin at zero repeat after the last.
+
     Parameters
     ----------
     arrays : dict       Number of an array -> its numbers.

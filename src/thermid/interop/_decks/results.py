@@ -232,7 +232,7 @@ class Agreement:
 
 
 def agreement(network: NetworkFile, prints: Sequence[Printed]) -> Agreement:
-    """Return the temperatures of a deck's own runs, computed anew, against their prints.
+    """Return the temperatures of a deck's own runs, computed anew, less their prints (prints, nodes). [K]
 
     Of a steady state the last print counts, of a transient every one, and the run ends at the last. Nodes that the print lacks are named.
 

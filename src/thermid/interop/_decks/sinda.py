@@ -18,7 +18,8 @@ from typing import Final
 import numpy as np
 
 from thermid.base.errors import DeckError, ThermidError, cap, raising
-from thermid.base.units import HOUR, ICE_POINT, MINUTE, STEFAN_BOLTZMANN, counted
+from thermid.base.units import HOUR, ICE_POINT, STEFAN_BOLTZMANN, counted
+from thermid.interop._constants import BTU, ENERGY, LENGTH, RANKINE, TIME, ZERO
 from thermid.interop._decks.cards import card_blocks
 from thermid.interop._decks.emissivities import PROPERTY, FileEmissivity, read_emissivities
 from thermid.interop._decks.heat_rates import CALL, OWNER, SUFFIX, CommentedArrays, heat_rates
@@ -44,15 +45,6 @@ from thermid.interop._decks.network_file import (
 )
 from thermid.interop._wired import distinct
 
-BTU: Final = 1055.05585262
-"""International table British thermal unit. [J]"""
-RANKINE: Final = 5.0 / 9.0
-"""A degree of Rankine or Fahrenheit. [K]"""
-_ENERGY: Final = {"J": 1.0, "KJ": 1e3, "BTU": BTU, "CAL": 4.184, "W-HR": HOUR, "W*S": 1.0}
-_TIME: Final = {"S": 1.0, "SEC": 1.0, "MIN": MINUTE, "HR": HOUR, "H": HOUR}
-_LENGTH: Final = {"M": 1.0, "MM": 1e-3, "CM": 1e-2, "IN": 0.0254, "FT": 0.3048}
-_ZERO: Final = {"K": 0.0, "R": 0.0, "C": -ICE_POINT, "F": -459.67}
-"""Absolute zero in a unit of temperature."""
 INSULATION: Final = 20_000
 """By how much the number of an insulation's node exceeds that of the surface below, as Thermal Desktop numbers them."""
 Cells = list[tuple[str, TextSpan]]
@@ -113,16 +105,16 @@ class Units:
         DeckError   When a word is none of them, or when no temperature or no power is among them.
         """
         for word in re.findall(r"[^\s,]+", words.upper()):
-            if word in _ZERO:
-                self.zero, self.degree, self.temperature_stated = _ZERO[word], RANKINE if word in "FR" else 1.0, True
-            elif word == "W" or word in _ENERGY:
-                self.energy, self.power_stated = _ENERGY.get(word, 1.0), True
-            elif word in _TIME:
-                self.time = _TIME[word]
-            elif word in _LENGTH:
-                self.length = _LENGTH[word]
+            if word in ZERO:
+                self.zero, self.degree, self.temperature_stated = ZERO[word], RANKINE if word in "FR" else 1.0, True
+            elif word == "W" or word in ENERGY:
+                self.energy, self.power_stated = ENERGY.get(word, 1.0), True
+            elif word in TIME:
+                self.time = TIME[word]
+            elif word in LENGTH:
+                self.length = LENGTH[word]
             else:
-                names = ", ".join(("W", *_ENERGY, *_TIME, *_LENGTH, *_ZERO))
+                names = ", ".join(("W", *ENERGY, *TIME, *LENGTH, *ZERO))
                 raise DeckError(f"'{word}' is not a unit of a SINDA deck. There are {names}.", "units", code="value.wrong-kind")
 
     def exchange_area(self) -> float:
@@ -301,13 +293,13 @@ def _stated_unit(deck: SindaDeck, row: str) -> None:
     if not match:
         return
     what, unit = match[1], match[2].upper()
-    if what == "Energy" and unit in _ENERGY:
+    if what == "Energy" and unit in ENERGY:
         deck.units.take(unit)
-    elif what == "Time" and unit in _TIME:
-        deck.units.time = _TIME[unit]
-    elif what == "Length" and unit in _LENGTH:
-        deck.units.lengths.add(_LENGTH[unit])
-        deck.units.length = _LENGTH[unit] if unit in ("FT", "IN") else 1.0  # radiation conductors stay in m^2 under mm
+    elif what == "Time" and unit in TIME:
+        deck.units.time = TIME[unit]
+    elif what == "Length" and unit in LENGTH:
+        deck.units.lengths.add(LENGTH[unit])
+        deck.units.length = LENGTH[unit] if unit in ("FT", "IN") else 1.0  # radiation conductors stay in m^2 under mm
     elif what == "Temp":
         deck.units.take(unit)
 
@@ -322,8 +314,8 @@ def _control(deck: SindaDeck, _: str, lines: list[Line]) -> None:
             if name.upper() == "UID":
                 deck.units.power_stated = True
                 if word.upper().startswith("E"):
-                    deck.units.energy, deck.units.time, deck.units.degree, deck.units.length = BTU, HOUR, RANKINE, 0.3048
-                deck.units.lengths.add(0.3048 if word.upper().startswith("E") else 1.0)
+                    deck.units.energy, deck.units.time, deck.units.degree, deck.units.length = BTU, HOUR, RANKINE, LENGTH["FT"]
+                deck.units.lengths.add(LENGTH["FT"] if word.upper().startswith("E") else 1.0)
             elif name.upper() in _RUN:
                 deck.reading.take_control(name, word, line)
     if "TMPZRO" in control:
@@ -1058,7 +1050,7 @@ def _read_units(deck: SindaDeck, path: Path, words: str) -> None:
     units, stated = deck.units, Units()
     stated.take(words)
     other_zero = stated.temperature_stated and round(stated.zero) != round(units.zero)
-    lengths = {_LENGTH[word] for word in re.findall(r"[^\s,]+", words.upper()) if word in _LENGTH}
+    lengths = {LENGTH[word] for word in re.findall(r"[^\s,]+", words.upper()) if word in LENGTH}
     if (
         other_zero
         or (lengths and units.lengths and not lengths <= units.lengths)

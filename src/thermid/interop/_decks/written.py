@@ -33,7 +33,7 @@ def to_sinda(model: Model, scenario: Scenario, path: str | os.PathLike[str] | No
     DeckError       When a law, a load or a boundary cannot be written.
     ScenarioError   When the scenario does not fit the model or follows a schedule.
     """
-    w = wired(model, scenario, Writer("SINDA", stores=True, numbers=True))
+    w = wired(model, scenario, Writer("SINDA", forms=("linear", "radiation", "table"), stores=True, numbers=True, load_tables=False))
     return exported(w, _Sinda(w).lines(), path, "C ")
 
 
@@ -52,7 +52,7 @@ def to_esatan(model: Model, scenario: Scenario, path: str | os.PathLike[str] | N
     DeckError       When a law, a load or a boundary cannot be written.
     ScenarioError   When the scenario does not fit the model or follows a schedule.
     """
-    w = wired(model, scenario, Writer("ESATAN", numbers=True))
+    w = wired(model, scenario, Writer("ESATAN", forms=("linear", "radiation"), numbers=True, load_tables=False))
     return exported(w, _Esatan(w).lines(), path, "#")
 
 
@@ -100,13 +100,6 @@ class _Deck:
 
     def course(self, source: HeatSource) -> TableSignal | None:
         """Return the table of a source; None where its power is constant."""
-        if source.curve is not None:
-            raise DeckError(
-                f"the load '{source.load}' depends on temperature, which is not written to {self.tool}. Give its power: --load "
-                f"{source.load}=0 leaves it out.",
-                self.w.network.title,
-                code="output.not-expressible",
-            )
         signal: Drawn = source.signal
         if resting(signal) is not None:
             return None
@@ -121,11 +114,6 @@ class _Deck:
     def watts(self, source: HeatSource) -> float:
         """Return the power of a source that does not change. [W]"""
         return float(source.power) * (resting(source.signal) or 0.0)
-
-    def refused(self, label: str, row: ConductorRow) -> DeckError:
-        """Return the refusal of a law."""
-        what = "changes with the pressure of its gas in time" if row.signal else f"is of a form ({row.form})"
-        return DeckError(f"'{label}' {what}, which is not written to {self.tool}.", self.w.network.title, code="output.not-expressible")
 
 
 def _array(arrays: list[list[float]], x: Iterable[float], y: Iterable[float]) -> str:
@@ -193,25 +181,15 @@ class _Sinda(_Deck):
         return f"      {number}, {start}, {number_text(float(capacitance)) if capacitance is not None else '-1.'} $ {one_line(node)}"
 
     def _conductor(self, k: int, label: str, row: ConductorRow, arrays: list[list[float]]) -> str:
-        """Return the line of a conductor; a law that the format does not have is refused."""
+        """Return the line of a conductor."""
         ends = ", ".join(f"{owner}.{number}" for owner, number in (self.numbers[end] for end in row.ends))
         tail = f"$ {one_line(label)}"
-        if row.signal:
-            raise self.refused(label, row)
         if row.form == "linear":
             return f"      {k}, {ends}, {number_text(value_of(row.coefficients[0]))} {tail}"
         if row.form == "radiation":
             return f"      -{k}, {ends}, {number_text(self.radiation(row))} {tail}"
-        if row.form == "table" and not row.signal and row.curve is not None and row.curve.over != "difference" and not row.curve.film:
-            x, y, held = table_points(row.curve)
-            if not held:
-                raise DeckError(
-                    f"'{label}' has outside = 'refuse', but SINDA uses its last value there. Use outside = 'hold'.",
-                    self.w.network.title,
-                    code="output.not-expressible",
-                )
-            return f"      SIV {k}, {ends}, {_array(arrays, _celsius(x), y)}, {number_text(value_of(row.coefficients[0]))} {tail}"
-        raise self.refused(label, row)
+        x, y, _ = table_points(row.curve)  # type: ignore[arg-type]  # a table has one
+        return f"      SIV {k}, {ends}, {_array(arrays, _celsius(x), y)}, {number_text(value_of(row.coefficients[0]))} {tail}"
 
     def _followed(self, source: HeatSource, table: TableSignal, arrays: list[list[float]]) -> Iterator[str]:
         """Yield the statements of a course, and put its array down."""
@@ -274,10 +252,8 @@ class _Esatan(_Deck):
         return f"D{number} = '{label}', T = {start}{mass}{power};"
 
     def _conductor(self, label: str, row: ConductorRow) -> str:
-        """Return the line of a conductor; a law that the format does not have is refused."""
+        """Return the line of a conductor."""
         a, b = (self.numbers[end][1] for end in row.ends)
-        if row.signal or row.form not in ("linear", "radiation"):
-            raise self.refused(label, row)
         if row.form == "linear":
             return f"GL({a}, {b}) = {number_text(value_of(row.coefficients[0]))}; # {one_line(label)}"
         return f"GR({a}, {b}) = {number_text(self.radiation(row))}; # {one_line(label)}"

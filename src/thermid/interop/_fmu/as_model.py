@@ -24,7 +24,7 @@ from weakref import finalize
 
 import numpy as np
 
-from thermid.base.errors import DeckError, ScenarioError, SolverError, ThermidError, UnitError, optional, quoted
+from thermid.base.errors import DeckError, ScenarioError, SolverError, ThermidError, UnitError, optional, quoted, refuse_first
 from thermid.base.files import scratch
 from thermid.base.units import DIMENSIONLESS, ICE_POINT, Array, Dimension, gradient_of, si_unit, unit, value_of
 from thermid.interop._fmu.archive import DESCRIPTION, check_archive, check_trust, digest_of
@@ -155,12 +155,20 @@ class FmuFile(FmuDescribed):
                 described = self.fmpy.read_model_description(file)
         except Exception as error:  # whatever FMPy finds wrong with it
             raise ThermidError(f"it is no FMU that FMPy reads: {error}", str(path), code="file.another-kind") from error
-        if str(described.fmiVersion)[:2] not in ("2.", "3."):
-            raise ThermidError(
-                f"it is an FMU of FMI {described.fmiVersion}; 2.0 and 3.0 are supported.", str(path), code="file.another-kind"
-            )
-        if described.modelExchange is None and described.coSimulation is None:
-            raise ThermidError("it offers neither model exchange nor co-simulation.", str(path), code="file.another-kind")
+        refuse_first(
+            str(path),
+            (
+                str(described.fmiVersion)[:2] not in ("2.", "3."),
+                f"it is an FMU of FMI {described.fmiVersion}; 2.0 and 3.0 are supported.",
+                "file.another-kind",
+            ),
+            (
+                described.modelExchange is None and described.coSimulation is None,
+                "it offers neither model exchange nor co-simulation.",
+                "file.another-kind",
+            ),
+            error=ThermidError,
+        )
         try:
             super().__init__(path, described)
         except AttributeError as error:
@@ -233,9 +241,10 @@ class FmuFile(FmuDescribed):
     def _by_directions(
         self, setting: FmuSetting, times: Array, wanted: Sequence[int], ways: Sequence[FmuSetting]
     ) -> tuple[Array, Array] | None:
-        """Return what `with_slopes` does by directional derivatives; None where these are not offered for what moves, or are wrong.
+        """Return outputs (times, wanted) and slopes (times, wanted, ways), as `with_slopes`, by directional derivatives of the FMU.
 
-        They are compared with differences of runs once for every set of variables that move.
+        None where these are not offered for what moves, or are wrong: they are compared with differences of runs to `AGREE` of the
+        largest, once for every set of variables that move. `wanted` are numbers of outputs.
         """
         moving = tuple(sorted({k for way in ways for k in (*way.values, *way.inputs)}))
         if self._agreeing.get(moving) is False:
@@ -260,7 +269,9 @@ class FmuFile(FmuDescribed):
         return run
 
     def _difference(self, setting: FmuSetting, times: Array, wanted: Sequence[int], way: FmuSetting, base: Array) -> Array:
-        """Return derivatives (times, wanted) in a direction `way` by central differences; one-sided from `base` where a side cannot be run.
+        """Return derivatives (times, wanted) in a direction `way` by central differences (y(p + h) - y(p - h)) / (2 h), h from `stride`.
+
+        One-sided from `base` where a side cannot be run. The unit is that of the outputs per unit of length of `way`.
 
         Parameters
         ----------
@@ -328,7 +339,10 @@ class FmuFile(FmuDescribed):
 
 
 def stride(setting: FmuSetting, way: FmuSetting, end: float) -> float:
-    """Return how far to move along a direction: a part `DIFFERENCE_SHARE` of what moves, of temperatures and powers over the run."""
+    """Return how far to move along a direction: `DIFFERENCE_SHARE` over the largest of |d| / |x| of the values x that it moves by d. [-]
+
+    Of an input both are its largest over 16 instants of the run up to `end` [s].
+    """
     sizes = [abs(d) / max(abs(setting.values[k]), 1e-6) for k, d in way.values.items()]
     at = np.linspace(0.0, end, 16)
     for k, d in way.inputs.items():
@@ -539,7 +553,10 @@ class FmuRunner:
         return Answer(kelvin[rows], moves[rows], a.initial, final, *flows, end, statistics, np.zeros(0, dtype=np.int32))
 
     def _cached_run(self, wiring: Wiring, key: tuple[Any, ...], size: int, make: Callable[[], tuple[Array, Array]]) -> tuple[Array, Array]:
-        """Return a run, or the latest one of the same wiring and numbers, where that has the derivatives that are asked for."""
+        """Return a run, or the latest one of the same wiring and numbers, where that has the derivatives that are asked for.
+
+        It is temperatures (times, nodes) [K] and derivatives (times, nodes, size), `size` how many; `make` computes both.
+        """
         for other, same, had, result in self.memo:
             if other is wiring and same == key and had in (size, *([] if size else [len(wiring.free)])):
                 return result[0], result[1][..., :size]

@@ -97,7 +97,13 @@ class _FmuRun(ABC):
         self.messages.append(text.decode("utf-8", "replace") if isinstance(text, bytes) else str(text))
 
     def run(self) -> tuple[Array, Array]:
-        """Return outputs and slopes."""
+        """Return outputs (times, outputs) and slopes (times, outputs, ways) of the FMU, in its own units.
+
+        Raises
+        ------
+        EventsFound   With derivatives, at an event.
+        SolverError   When the FMU cannot be run.
+        """
         fmpy, form = self.file.fmpy, "ModelExchange" if self.file.exchange else "CoSimulation"
         self.fmu = fmpy.instantiate_fmu(self.file.folder, self.file.described, form, logger=self.logged)
         self.get, self.put = (self.fmu.getReal, self.fmu.setReal) if self.file.second else (self.fmu.getFloat64, self.fmu.setFloat64)
@@ -118,7 +124,7 @@ class _FmuRun(ABC):
             self.fmu.freeInstance()
 
     def _begin(self) -> None:
-        """Set up the experiment and enter initialisation with the values and inputs of the setting."""
+        """Set up the experiment and pass through initialisation, with the values and inputs of the setting at time zero."""
         if self.file.second:
             self.fmu.setupExperiment(tolerance=CVODE_TOLERANCE, startTime=0.0, stopTime=None)
         if self.setting.values:
@@ -161,7 +167,10 @@ class _Seed:
 
     @classmethod
     def of_direction(cls, states: Sequence[int], way: FmuSetting) -> _Seed:
-        """Return the seed of a direction."""
+        """Return the seed of a direction: references of `states`, then of the values and inputs that move, with how much each does.
+
+        `states` are references; values of states are put in at every instant, since they move along the run.
+        """
         fixed = {r: d for r, d in way.values.items() if r not in states}
         every = [*states, *fixed, *way.inputs]
         values = (c_double * len(every))(*([0.0] * len(states)), *fixed.values())
@@ -321,7 +330,10 @@ class _Exchange(_FmuRun):
             whole[(1 + k) * self.n : (2 + k) * self.n] = whole[: self.n] * DIFFERENCE_SHARE / stride(self.setting, way, self.end)
 
     def _derived(self, unknowns: Sequence[int], time: float | None = None) -> Array:
-        """Return the derivatives (unknowns, ways) of some variables where the FMU stands."""
+        """Return the derivatives (unknowns, ways) of some variables where the FMU stands, by its directional derivatives.
+
+        Those of states are the moved states of each way; inputs move as their course at `time` [s], now where None.
+        """
         at = self.now if time is None else time
         out = np.zeros((len(self.ways), len(unknowns)))
         which = (c_uint32 * len(unknowns))(*unknowns)

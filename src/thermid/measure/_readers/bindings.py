@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any, Final
 
-from thermid.base.errors import NameNotFoundError, RecordError, ThermidError, errors_at, refuse_unknown
+from thermid.base.errors import NameNotFoundError, RecordError, ThermidError, errors_at, refuse_first, refuse_unknown
 from thermid.base.units import DIMENSIONLESS, TEMPERATURE, amount, require, unit
 from thermid.measure._readers.headers import LETTERED
 from thermid.measure._readers.power_of_columns import POWER_KEYS
@@ -99,7 +99,8 @@ def _one(key: str, written: Any, where: str) -> Binding:
     between = written.get("interpolation", INTERPOLATIONS[0])
     refuse_unknown([written.get("samples", "instant")], SAMPLES, where, "samples = '{}' is neither 'instant' nor 'average'.")
     refuse_unknown([between], INTERPOLATIONS, where, "interpolation = '{}' is neither 'linear' nor 'previous'.")
-    for broken, message, code in (
+    refuse_first(
+        where,
         (len(roles) > 1, f"it has the roles {' and '.join(roles)}. Give a channel one role.", "value.incomplete"),
         (
             "gain" in written and role not in ("load", "command"),
@@ -135,9 +136,8 @@ def _one(key: str, written: Any, where: str) -> Binding:
             "averages are steps over their intervals. Give samples or interpolation.",
             "value.incomplete",
         ),
-    ):
-        if broken:
-            raise RecordError(message, where, code=code)
+        error=RecordError,
+    )
     rest = {word: written[word] for word in ("gain", "full_scale", *_OF_SAMPLES) if word in written}
     certificate = SensorCertificate.read(written["certificate"], f"{where}, certificate") if "certificate" in written else None
     part, target = SensorPart.read(written, where), written[role] if roles else None

@@ -190,7 +190,7 @@ def _columns(first_rows: Cells, text: str, starts: Any, mark: str) -> list[Seque
 
 
 def _numbers_of_lines(lines: list[str], mark: str, plain: list[int], width: int) -> FloatArray | None:
-    """Return the numbers of some columns of lines (columns, lines), NaN where one is missing.
+    """Return the numbers (columns, lines) of the columns `plain` of lines, NaN where one is missing, in the file's units.
 
     None where a cell is text, a line has not `width` cells, or is blank or a comment.
     """

@@ -129,9 +129,10 @@ class LogCourse:
         return self.values.size >= 8 and float(np.ptp(self.values)) > 0.0
 
     def responses(self, fine: float, count: int, longest: float) -> Explanation:
-        """Return first-order responses to a power less its first value, on a grid of step `fine` [s].
+        """Return first-order responses (times, constants) to a power less its first value, on a grid of step `fine` [s]. [W]
 
-        Their `count` time constants run from `fine` to `longest` by equal factors. [s], [W]
+        y_i = d y_(i-1) + (1 - d) x_(i-1), d = exp(-fine / constant): what `count` lags would show of the power x held between samples.
+        Their time constants run from `fine` to `longest` by equal factors. [s]
         """
         from scipy.linalg import solve_banded
 
@@ -211,7 +212,10 @@ def common_step(first: Sequence[LogCourse], second: Sequence[LogCourse]) -> Comm
 
 
 def _as_pairs_agree(offsets: Sequence[CommonStep]) -> list[CommonStep]:
-    """Return offsets; errors of those from a power get the between-pair variance added (DerSimonian and Laird 1986)."""
+    """Return offsets; errors of those from a power get the between-pair variance added (DerSimonian and Laird 1986). [s]
+
+    (Q - (n - 1)) / (sum w - sum w^2 / sum w) with w = 1 / error^2 and Q = sum w (offset - mean)^2, at least zero.
+    """
     sure = [f for f in offsets if not (f.lags or f.candidate)]
     weights, values = np.array([f.error**-2.0 for f in sure]), np.array([f.offset for f in sure])
     if len(sure) < 2:
@@ -287,7 +291,10 @@ def _disagreement(effect: LogCourse, cause: LogCourse, responses: Explanation, o
 
 
 def _quarter_time(course: LogCourse) -> float:
-    """Return the shortest time in which a temperature changes by a quarter of its range: what one place may lag another by. [s]"""
+    """Return the shortest time s with max |T(t + s) - T(t)| >= `QUARTER` of the range of T: what one place may lag another by. [s]
+
+    It is one of 32 times in geometric steps, from a hundredth of the log's duration to all of it.
+    """
     for length in np.geomspace(0.01 * course.times[-1], course.times[-1], 32):
         later = np.interp(course.times + length, course.times, course.values)
         if float(np.max(np.abs(later - course.values))) >= QUARTER * float(np.ptp(course.values)):
@@ -390,10 +397,11 @@ def _fitted(rows: FloatArray, target: FloatArray) -> tuple[FloatArray, FloatArra
 
 
 def _error(effect: LogCourse, responses: Explanation, best: float, step: float) -> float:
-    """Return the standard error of an offset: where the logarithm of the squares rises by one over the independent points.
+    """Return the standard error of an offset `best` [s]: where ln of the sum of squares rises by 1 / n, n the independent points. [s]
 
-    Points of residuals that wander are not independent. Of n points that follow each other with a correlation r, n (1 - r) / (1 + r) count,
-    at least four, and the sign changes acos(r) / pi times a point (Rice), which wandering of a few points does not disturb. [s]
+    Points of residuals that are autocorrelated are not independent. Of m points with a correlation r between neighbours m (1 - r) / (1 +
+    r) count, at least `MIN_INDEPENDENT`, r from the sign changes acos(r) / pi times a point (Rice), which slow changes of a few points do
+    not disturb. At least `step` / sqrt(12), `step` [s] that of the coarser log.
     """
     residuals, _ = _fitted(*_rows(effect, responses, best))
     changes = np.count_nonzero(np.diff(np.sign(residuals)))

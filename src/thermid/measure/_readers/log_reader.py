@@ -238,7 +238,9 @@ def _channel(cells: Cells, binding: Binding, parsed: list[FloatArray | int], tim
 
 
 def _samples(cells: Cells, parsed: list[FloatArray | int], at: int) -> FloatArray:
-    """Return the readings (samples,) of a column in its own unit, infinite where an instrument states an overload.
+    """Return the readings (samples,) of the column `at` in its own unit, infinite where an instrument states an overload.
+
+    `parsed` has numbers, or of a column with a text that text's row.
 
     Raises
     ------
@@ -378,7 +380,10 @@ def _origin(cells: Cells, clock: Clock, times: Times, parsed: list[FloatArray | 
 
 
 def _one_per_stamp(times: FloatArray, channels: list[Channel]) -> tuple[FloatArray, list[Channel], str]:
-    """Return times and channels with one sample for each stamp: the mean, of a held channel the last; and a note where some repeat."""
+    """Return times (stamps,) [s] and channels with one sample for each stamp, and a note where some of `times` (samples,) repeat.
+
+    A sample is the mean of those of its stamp, of a held channel the last.
+    """
     new = np.diff(times, prepend=-np.inf) > 0
     if new.all():
         return times, channels, ""

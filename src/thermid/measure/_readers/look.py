@@ -248,7 +248,10 @@ class Look(Result):
         return [f'{key} = {{ {column}{role} = "{target}"{options} }}{why}']
 
     def courses(self) -> list[LogCourse]:
-        """Return temperatures, powers and duties over the clock of the log, and the powers of its supplies and counters of energy."""
+        """Return temperatures [K], powers and duties [W] over the clock of the log [s], with powers of supplies and counters of energy.
+
+        A counter E gives dE/dt up to its next reading, a supply voltage times current; a duty that goes with a power is left out.
+        """
         if self.times is None:
             return []
         times = self.times.values - self.times.values[0]

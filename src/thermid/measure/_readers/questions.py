@@ -70,6 +70,9 @@ def repeated_stamps(times: FloatArray, columns: Mapping[str, FloatArray]) -> Ite
 def lost_hour(times: FloatArray, stamps: Sequence[str], temperatures: Mapping[str, FloatArray]) -> Iterator[str]:
     """Yield a question where one gap, of an hour and at night, without a change of temperature may be the beginning of summer time.
 
+    The gap is 1 h and a step long, within half a step, and no temperature changes across it by more than `GOES_ON` times the change that
+    nine tenths of its samples stay below.
+
     Parameters
     ----------
     times : array (samples,)    [s]
@@ -129,7 +132,7 @@ def board_restarts(times: FloatArray, columns: Mapping[str, FloatArray]) -> Iter
 
 
 def hidden_switches(times: FloatArray, powers: Mapping[str, FloatArray]) -> Iterator[str]:
-    """Yield a sentence for each change of a power within a gap between its readings.
+    """Yield a sentence for each change of a power, by more than `SWITCH` of its range, within a gap between its readings.
 
     Parameters
     ----------

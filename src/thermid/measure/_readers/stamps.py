@@ -282,7 +282,7 @@ def read_times(cells: Cells, clock: Clock, decimal: str, form: str | None, unit_
 
 
 def _counted(cells: Cells, clock: Clock, parsed: FloatArray, unit_text: str | None, unit_is_given: bool) -> Times:
-    """Return times that are numbers: since 1970, or in the unit of the column.
+    """Return times that are numbers `parsed` (rows,): since 1970, or in the unit of the column. [s]
 
     Raises
     ------

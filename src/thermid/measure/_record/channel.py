@@ -14,17 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from thermid.base.arguments import guard_methods
-from thermid.base.errors import (
-    CodedText,
-    ExpressionError,
-    NameNotFoundError,
-    RecordError,
-    UnitError,
-    code_of,
-    errors_at,
-    nearest,
-    refuse_unknown,
-)
+from thermid.base.errors import CodedText, ExpressionError, RecordError, UnitError, code_of, errors_at, look_up, refuse_unknown
 from thermid.base.results import Row, Shown
 from thermid.base.units import (
     DEVIATION_OF_MEDIAN,
@@ -621,12 +611,7 @@ class Samples:
         ------
         NameNotFoundError   When the record has none of that name.
         """
-        if not isinstance(name, str) or name not in self.channels:
-            names = ", ".join(self.channels) or "none"
-            raise NameNotFoundError(
-                f"no channel '{name}'; it has {names}.{nearest(name, self.channels)}", f"record '{self.name}'", code="name.unknown"
-            )
-        return self.channels[name]
+        return look_up(name, self.channels, "no channel '{}'; it has {known}.", f"record '{self.name}'")
 
     __getitem__ = channel
 
@@ -738,9 +723,10 @@ SWITCHED: Final = 8
 
 
 def _step_of(channel: Channel) -> float:
-    """Return the step that the readings of a sensor show, zero where they show none. [SI]
+    """Return the step that the readings of a sensor show, zero where they show none, in the channel's SI unit.
 
-    It is the distance of levels of which nine tenths, by readings, lie whole numbers of steps apart, within `ON_GRID`.
+    It is the distance s of levels of which nine tenths, by readings, lie whole numbers of s apart, within `ON_GRID` of s; tried are the
+    lower quartile of the distances of neighbouring levels, then the least.
     """
     readings = channel.values[channel.valid]
     levels, count = np.unique(np.round(readings, 6), return_counts=True)

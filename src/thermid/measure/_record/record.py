@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 import numpy as np
 
-from thermid.base.errors import RecordError, ThermidError, errors_at, optional, quoted, refuse_unknown
+from thermid.base.errors import RecordError, ThermidError, errors_at, optional, quoted, refuse_first, refuse_unknown
 from thermid.base.files import FileKinds
 from thermid.base.results import PlottedTrace, Result, Row
 from thermid.base.units import (
@@ -591,19 +591,21 @@ class Record(Samples, Result):
                 code="record.does-not-apply",
             )
         low, high = clock_range(by, "s", "delay", self.name)
-        if max(abs(low), abs(high)) >= self.duration:
-            raise RecordError(
+        refuse_first(
+            f"{self.name}, delay",
+            (
+                max(abs(low), abs(high)) >= self.duration,
                 f"a delay of up to {max(abs(low), abs(high)):g} s is as long as the record. Give a shorter delay.",
-                f"{self.name}, delay",
-                code="record.too-short",
-            )
-        if low < high and any(set(chosen) & set(c.channels) for c in self.clocks):
-            raise RecordError(
+                "record.too-short",
+            ),
+            (
+                low < high and any(set(chosen) & set(c.channels) for c in self.clocks),
                 "the clock of these channels is left to the fit already, and the log does not determine a delay beside it. "
                 "State this delay as one time.",
-                f"{self.name}, delay",
-                code="record.second-clock",
-            )
+                "record.second-clock",
+            ),
+            error=RecordError,
+        )
         late = replace(self, channels={n: self.channels[n] for n in chosen})
         rest = replace(self, channels={n: c for n, c in self.channels.items() if n not in chosen})
         middle = 0.5 * (low + high)

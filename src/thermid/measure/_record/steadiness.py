@@ -13,8 +13,9 @@ from typing import Final, Generic, NamedTuple, TypeVar
 
 import numpy as np
 
-from thermid.base.errors import RecordError, look_up, nearest
+from thermid.base.errors import RecordError, look_up, nearest, refuse_first
 from thermid.base.units import HOUR, MINUTE, amount, duration_text, format_value, positive_seconds
+from thermid.measure._record._constants import STABILITY
 from thermid.measure._record.channel import Channel, FloatArray, Samples
 from thermid.measure._record.rounding import rounding_of_line
 
@@ -120,16 +121,20 @@ class StabilityRule:
         """
         channel, end = record.channel(name), float(record.times[-1] if at is None else at)
         where = f"{record.name}, {name}"
-        if self.stored:
-            raise RecordError(
+        refuse_first(
+            where,
+            (
+                self.stored,
                 f"'{self.name}' is a rule on stored heat, which cannot be found from readings alone. Give a rule on the rate, or a model.",
-                where,
-                code="record.does-not-apply",
-            )
-        if channel.quantity != "temperature":
-            raise RecordError(
-                f"it is a {channel.quantity}; a rule of stability applies to temperatures only.", where, code="record.does-not-apply"
-            )
+                "record.does-not-apply",
+            ),
+            (
+                channel.quantity != "temperature",
+                f"it is a {channel.quantity}; a rule of stability applies to temperatures only.",
+                "record.does-not-apply",
+            ),
+            error=RecordError,
+        )
         first = max(since, float(record.times[0]))
         if self.window:
             if end - self.window < first - 0.5 * record.step:
@@ -179,19 +184,7 @@ class StabilityRule:
         return earliest
 
 
-RULES: Final[Mapping[str, StabilityRule]] = {
-    r.name: r
-    for r in (
-        StabilityRule("3 C/h", 3.0 / HOUR, 0.0, "SMC-S-016, 6.3.8.3 and 8.3.8.3", "read"),
-        StabilityRule("0.2 C/h over 5 h", 0.2 / HOUR, 5.0 * HOUR, "SMC-S-016, 8.3.7: less than 1 C over 5 h", "read"),
-        StabilityRule("0.05 C/h over 6 h", 0.05 / HOUR, 6.0 * HOUR, "GEVS, thermal balance", "secondary"),
-        StabilityRule("1 K/h", 1.0 / HOUR, 0.0, "ECSS-E-ST-10-03C", "memory"),
-        StabilityRule("1 K over 4 h", 0.25 / HOUR, 4.0 * HOUR, "ECSS-E-ST-10-03C, thermal balance", "memory"),
-        StabilityRule("2 C/h", 2.0 / HOUR, 0.0, "MIL-STD-810H, part one", "memory"),
-        StabilityRule("stored 2 %", 0.02, 0.0, "GSFC-STD-7000B, thermal balance", "memory", True),
-        StabilityRule("stored 5 %", 0.05, 0.0, "GSFC-STD-7000B, thermal balance", "memory", True),
-    )
-}
+RULES: Final[Mapping[str, StabilityRule]] = {row[0]: StabilityRule(*row) for row in STABILITY}
 """Rules by name."""
 
 _DIGITS = r"\d+\.?\d*|\.\d+"
@@ -323,10 +316,10 @@ TRIED_MEANS, TRIED_CORRELATION_TIMES, TRIED_VARIANCE_RATIOS = 60, 8, 10
 def _with_autocorrelation(t: FloatArray, y: FloatArray, line: _Line, at: float) -> _Line:
     """Return a line with errors averaged over models of its autocorrelated noise; never smaller than before.
 
-    A stretch of a few correlation times does not show its own autocorrelation, so each of a grid of models, with a covariance 1 + k R of
-    bins, R = exp(-|dt| / time), counts by its restricted likelihood (Patterson and Thompson, Biometrika 58 (1971) 545): k of 0 and 0.05 to
-    1000, times from a bin to a quarter of the stretch. The mean is of ln(variance), so that an unlikely time of hours does not decide.
-    Parameters as of `_line`.
+    A stretch of a few correlation times does not show its own autocorrelation, so each of a grid of models, with a covariance s^2 (1 + k
+    R) of the means of bins, R = exp(-|dt| / time), counts by its restricted likelihood (Patterson and Thompson, Biometrika 58 (1971) 545):
+    k of 0 and 0.05 to 1000, times from a bin to a quarter of the stretch. The mean is of ln(variance), so that an unlikely time of hours
+    does not decide. `t` [s] and `y` (samples,) are the readings, `at` [s] is where the line's value is asked for.
     """
     edges = np.linspace(t[0], t[-1], min(TRIED_MEANS, t.size) + 1)
     place = np.clip(np.searchsorted(edges, t, side="right") - 1, 0, edges.size - 2)
@@ -545,7 +538,9 @@ def steady_point(
 
 
 def _value(where: str, channel: Channel, times: FloatArray, inside: np.ndarray, tau: float, most: float, corrected: bool) -> SteadyValue:
-    """Return one channel over the stretch: level + tau rate, with its error.
+    """Return one channel over the stretch: level + tau rate, with its error: the root of the sum of squares of its parts.
+
+    Parts are the line's error tau ahead, `TAU_ERROR` of the correction and, where nothing is corrected, |rate| times half the stretch.
 
     Parameters
     ----------

@@ -11,12 +11,11 @@ from typing import Any, Final
 import numpy as np
 
 from thermid.base.arguments import guard_methods
-from thermid.base.errors import DeckError, NameNotFoundError, cap, raising, refuse_unknown
+from thermid.base.errors import DeckError, NameNotFoundError, cap, raising, refuse_first, refuse_unknown
 from thermid.base.results import Shown
 from thermid.base.units import Array, Ints, amount
 from thermid.model._deck.modelfile import model_from_dict
 from thermid.model._laws.signal import Constant, Signal, signal
-from thermid.model._laws.stores import refuse_first
 from thermid.model._tree.model import Model
 
 FACES: Final = ("-x", "+x", "-y", "+y", "-z", "+z")
@@ -447,7 +446,11 @@ def _nodes(block: Block, names: list[str], parameters: dict[str, Any]) -> dict[s
 
 
 def _between(block: Block, names: list[str], parameters: dict[str, Any]) -> dict[str, Any]:
-    """Return the deck's conductors between neighbouring cells; a uniform conductivity goes to `parameters`."""
+    """Return the deck's conductors between neighbouring cells, as table name -> fields.
+
+    Conductances G [W/K] are those of the block's links; a uniform conductivity k [W/(m K)] goes to `parameters`, and a link then has the
+    area A = G d / k [m^2] over its step d [m].
+    """
     uniform = not isinstance(block.conductivity, np.ndarray)
     if uniform:
         parameters["conductivity"] = f"{block.conductivity!r} [W/(m K)]"

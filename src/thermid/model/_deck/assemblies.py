@@ -15,13 +15,13 @@ from typing import Annotated, Any, Final
 
 from pydantic import Field
 
-from thermid.base.errors import DeckError, errors_at
+from thermid.base.errors import DeckError, errors_at, refuse_first
 from thermid.base.grammar import StrictTable
 from thermid.base.units import Expression, unit
 from thermid.model._deck.fields import Raw, plain, value_table
 from thermid.model._deck.rows import Reader, rows_of_file
 from thermid.model._laws.signal import literal
-from thermid.model._laws.stores import Where, refuse_first
+from thermid.model._laws.stores import Where
 from thermid.model._parts.elements import KINDS
 
 MAX_TWO_RESISTOR_ERROR: Final = 0.3

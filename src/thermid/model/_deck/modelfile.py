@@ -13,7 +13,7 @@ from keyword import iskeyword
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from thermid.base.errors import DeckError, ThermidError, cap, errors_at, nearest, raising
+from thermid.base.errors import DeckError, ThermidError, cap, errors_at, look_up, nearest, raising, refuse_first
 from thermid.base.files import (
     FileKinds,
     Places,
@@ -29,7 +29,6 @@ from thermid.base.files import (
 )
 from thermid.base.units import RESERVED, Expression
 from thermid.model._deck.rows import written_out
-from thermid.model._laws.stores import refuse_first
 from thermid.model._parts.parameter import Parameter
 from thermid.model._tree.arrays import Instances, made_instances, merged
 from thermid.model._tree.flat import Flat
@@ -226,14 +225,9 @@ def _parts(deck: Any, site: _Site) -> Iterator[tuple[str, Instances]]:
         if isinstance(used.use, Model):
             part, definition = used.use, definition_of(used.use)
         elif used.use.startswith(STANDARD):
-            parts = standard_parts()
-            if used.use not in parts:
-                raise DeckError(
-                    f"no standard part '{used.use}'.{nearest(used.use, parts)} 'thermid example --parts' lists all.",
-                    site.where(f"{key}.use"),
-                    code="name.unknown",
-                )
-            part, definition = _load(parts[used.use], (), {})
+            refusal = "no standard part '{}'.{near} 'thermid example --parts' lists all."
+            file = look_up(used.use, standard_parts(), refusal, site.where(f"{key}.use"), DeckError)
+            part, definition = _load(file, (), {})
         elif site.use is None:
             raise DeckError(
                 "a file name works in a deck file only. Here pass a Model: td.load_model(file).",

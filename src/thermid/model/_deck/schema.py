@@ -13,7 +13,7 @@ from typing import Annotated, Any, TypeAlias, get_args
 import numpy as np
 from pydantic import ConfigDict, Field, create_model
 
-from thermid.base.errors import DeckError, errors_at, nearest, refuse_unknown
+from thermid.base.errors import DeckError, errors_at, nearest, refuse_first, refuse_unknown
 from thermid.base.grammar import Real, StrictTable, reads
 from thermid.model._deck.assemblies import CoolerTable, FanTable, LadderTable, PackageTable
 from thermid.model._deck.fields import (
@@ -30,7 +30,7 @@ from thermid.model._deck.fields import (
 )
 from thermid.model._laws.options import Box, CarriedBy, StandsFor
 from thermid.model._laws.signal import literal
-from thermid.model._laws.stores import Curve, Rule, Supercooling, Where, limited, melting, refuse_first, tabulated
+from thermid.model._laws.stores import Curve, Rule, Supercooling, Where, limited, melting, tabulated
 from thermid.model._parts.controls import CONTROL_SLOTS, KINDS_OF_CONTROL, Control, ModeChange, check_modes, followed, of_difference
 from thermid.model._parts.elements import (
     CARRIED_BY,
@@ -127,7 +127,10 @@ class NodeTable(ElementTable):
         return Node(fields, self.reference_point, self.test_only, next(iter(tables.items()), None), self.stands_for or "", cools)
 
     def _supercooling(self, melts: Mapping[str, float], where: Where) -> Supercooling | None:
-        """Return liquidus, degree of supercooling [K] and start of a node that supercools; None without supercooling."""
+        """Return liquidus [K], degree of supercooling [K] and start ("solid" or "liquid") of a node that supercools, None of any other.
+
+        `melts` holds the temperatures of melting as the keys of the table name them: "melts_from" and, where it was given, "melts_to". [K]
+        """
         cools = self.supercooling is not None
         refuse_first(
             where,

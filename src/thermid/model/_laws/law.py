@@ -7,10 +7,10 @@ from typing import Any, Final, Literal
 
 import numpy as np
 
-from thermid.base.errors import DeckError, errors_at, nearest
+from thermid.base.errors import DeckError, errors_at, refuse_first, refuse_unknown
 from thermid.base.units import Array, Indices, si_value
 from thermid.model._laws.options import Source
-from thermid.model._laws.stores import Curve, hermite, refuse_first
+from thermid.model._laws.stores import Curve, hermite
 
 MIN_POINT_DISTANCE: Final = 1e-3
 """Points stand no closer than this: a kink is rounded over it. [K]"""
@@ -49,12 +49,7 @@ def law(
     ------
     DeckError   When the function fails, jumps, is not finite or swings too fast somewhere; the message says where.
     """
-    if over not in ("temperature", "difference"):
-        raise DeckError(
-            f"over = '{over}' is neither 'temperature' nor 'difference'.{nearest(over, ('temperature', 'difference'))}",
-            "law",
-            code="name.unknown",
-        )
+    refuse_unknown([over], ("temperature", "difference"), "law", "over = '{}' is neither 'temperature' nor 'difference'.", DeckError)
     low, high = (_end(b, "temperature" if over == "temperature" else "K") for b in between)
     refuse_first(
         "law, {}".format,
@@ -125,7 +120,10 @@ class _CheckedFunction:
             ) from error
 
     def slopes(self, at: Array, low: float, high: float) -> Array:
-        """Return the slopes (points,) by central differences of `SLOPE_STEP`; at the ends one-sided ones of second order. [SI/K]"""
+        """Return the slopes (points,) at temperatures `at` (points,) [K], in the function's unit per K.
+
+        (f(T + h) - f(T - h)) / (2 h) with h = `SLOPE_STEP`; within h of `low` and `high` [K] the one-sided slope of second order, by f''.
+        """
         middle = np.clip(at, low + SLOPE_STEP, high - SLOPE_STEP)
         below, right = middle - SLOPE_STEP, middle + SLOPE_STEP
         before, here, after = self(below), self(middle), self(right)
@@ -190,7 +188,15 @@ def _interval(x: Array, at: Array) -> Indices:
 
 
 def _refuse_jumps(checked: _CheckedFunction, x: Array, sharp: Indices, largest: float) -> None:
-    """Refuse a function that jumps in one of the intervals `sharp`: the change across it does not shrink as it is bisected 24 times."""
+    """Refuse a function that jumps in one of the intervals `sharp` between points `x` (points,): the change across it does not shrink.
+
+    Each interval is halved 24 times, towards the half with the larger change. A jump keeps more than half of the change and is above 1e-9
+    of the `largest` value, in the unit of the function.
+
+    Raises
+    ------
+    DeckError   Names the temperature of the jump.
+    """
     for k in sharp.tolist():
         ends = np.array([x[k], x[k + 1]])
         values = checked(ends)

@@ -355,7 +355,10 @@ class TableSignal:
         return replace(self, values=self.values + shift)
 
     def drawn(self, end: float) -> TableSignal:
-        """Return the signal as a run from zero to `end` [s] sees it: its rows of that time, and periods laid one after the other."""
+        """Return the signal as a run from zero to `end` [s] sees it: its rows of that time, and periods laid one after the other.
+
+        Of a table that does not repeat the rows from the last at or before zero to the first at or after `end` stay.
+        """
         if self.after != "repeat":
             if end <= 0.0:
                 return self
@@ -510,7 +513,11 @@ class Sine(_Endless):
         return np.unique(np.linspace(begin, end, max(2, _samples((end - begin) / self.period * SINE_SAMPLES, self.period))))
 
     def mean_over(self, begin: float, end: float) -> float:
-        """Return its mean over `begin` .. `end` [s], the integral over the length; its value at `begin` where the length is zero. [SI]"""
+        """Return its mean over `begin` .. `end` [s].
+
+        m + A (cos(w begin + phase) - cos(w end + phase)) / (w (end - begin)), w = 2 pi / period; its value at `begin` where the length is
+        zero. [SI]
+        """
         if end <= begin:
             return float(self.at(np.array([begin]))[0])
         rate = 2.0 * math.pi / self.period
@@ -753,7 +760,10 @@ class Until:
 
 
 def common_cycle(cycles: Sequence[float | None]) -> float | None:
-    """Return the least common multiple of periods; zero without any above zero, None where one is None or it exceeds 1000 of them. [s]"""
+    """Return the least common multiple of periods; zero without any above zero. [s]
+
+    None where one is None, they have no common multiple to 1e-9, or it exceeds 1000 times the shortest.
+    """
     from fractions import Fraction
 
     if any(c is None for c in cycles):

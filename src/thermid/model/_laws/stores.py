@@ -24,25 +24,13 @@ from typing import Any, Final, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from thermid.base.errors import DeckError
+from thermid.base.errors import DeckError, refuse_first
 from thermid.base.units import AMBIENT_DEFAULT, Array
 
 Where = Callable[[str], str]
 """Key below an element, or none for the element itself -> its place in the deck."""
 Rule: TypeAlias = tuple[object, str, str, str]
 """Whether it is broken, the message for that, the key that the message is about, and the code of the cause."""
-
-
-def refuse_first(where: Where, *rules: Rule) -> None:
-    """Refuse an element for the first of some rules that it breaks.
-
-    Raises
-    ------
-    DeckError   At the rule's key, with its message and code.
-    """
-    for broken, message, key, code in rules:
-        if broken:
-            raise DeckError(message, where(key), code=code)
 
 
 INTERPOLATIONS: Final = ("linear", "smooth")
@@ -358,14 +346,15 @@ def tabulated(name: str, curve: Curve, where: str) -> Curve:
     ------
     DeckError   When it is not over temperature, or holds values that no material has.
     """
-    if curve.over != "temperature":
-        raise DeckError(f"{name} must be a table over temperature.", where, code="model.law-refused")
-    if curve.x[0] <= MIN_PROPERTY_TEMPERATURE or curve.x[-1] >= MAX_PROPERTY_TEMPERATURE:
-        raise DeckError(
+    refuse_first(
+        where,
+        (curve.over != "temperature", f"{name} must be a table over temperature.", "model.law-refused"),
+        (
+            curve.x[0] <= MIN_PROPERTY_TEMPERATURE or curve.x[-1] >= MAX_PROPERTY_TEMPERATURE,
             f"the points of {name} must lie between {MIN_PROPERTY_TEMPERATURE:g} and {MAX_PROPERTY_TEMPERATURE:g} K.",
-            where,
-            code="value.outside-range",
-        )
+            "value.outside-range",
+        ),
+    )
     if name == "enthalpy" and (np.diff(curve.y) <= 0.0).any():
         k = int(np.argmax(np.diff(curve.y) <= 0.0))
         raise DeckError(
@@ -453,7 +442,10 @@ def _integral(curve: Curve) -> tuple[Array, Array, Array]:
 
 
 def _inverse(curve: Curve, x: Array, y: Array, d: Array | None) -> Curve:
-    """Return the temperatures x over the levels y, and behind them the identity and the table as written; d: slopes over the levels."""
+    """Return the temperatures x over the levels y (points,) [K], and behind them the identity and the table as written.
+
+    `d` (points,) are the slopes dx/dy of a smooth table; None for straight lines. Limits of the table [K] become limits of the levels.
+    """
     identity = Curve(
         "temperature",
         np.array([0.5 * MIN_PROPERTY_TEMPERATURE, 2.0 * MAX_PROPERTY_TEMPERATURE]),
@@ -522,23 +514,31 @@ def store(name: str, curve: Curve, supercooling: Supercooling | None = None) -> 
 
 
 def _melt(curve: Curve, x: Array, y: Array, supercooling: Supercooling) -> Melt:
-    """Return the liquid branch of temperatures x over levels y: the line above the liquidus, carried on below it.
+    """Return the liquid branch of temperatures x [K] over levels y [K] (points,): the line above the liquidus, carried on below it.
 
-    Freezing begins where the melt has reached its nucleation temperature; the heat that it holds then belongs to the table, so that its
-    temperature rises at once to the one that the table gives (recalescence, in no time and without a loss; Günther, Mehling and Hiebler,
-    Modelling Simul. Mater. Sci. Eng. 15 (2007) 879).
+    Freezing begins at the level y_liquidus - r degree, r = dy/dx of the liquid: there the melt has its nucleation temperature. The heat
+    that it holds then belongs to the table, so that its temperature rises at once to the one that the table gives (recalescence, in no
+    time and without a loss; Günther, Mehling and Hiebler, Modelling Simul. Mater. Sci. Eng. 15 (2007) 879).
+
+    Raises
+    ------
+    DeckError   When the liquidus is no point of the table, the degree is not possible, or the melt has lost more than its latent heat.
     """
     liquidus, nucleation = supercooling.liquidus, supercooling.nucleation
     k = int(np.searchsorted(x, liquidus, side="right")) - 1
-    if not (0 < k < x.size - 1 and x[k] == liquidus):
-        raise DeckError(
+    refuse_first(
+        "",
+        (
+            not (0 < k < x.size - 1 and x[k] == liquidus),
             f"melts_to = {liquidus:.6g} K is not a point of the enthalpy table. Add that point; supercooling is counted from it.",
-            code="model.law-refused",
-        )
-    if not (supercooling.degree > 0.0 and nucleation > MIN_PROPERTY_TEMPERATURE):
-        raise DeckError(
-            f"supercooling of {supercooling.degree:.6g} K below {liquidus:.6g} K cannot be; give some kelvin.", code="value.outside-range"
-        )
+            "model.law-refused",
+        ),
+        (
+            not (supercooling.degree > 0.0 and nucleation > MIN_PROPERTY_TEMPERATURE),
+            f"supercooling of {supercooling.degree:.6g} K below {liquidus:.6g} K cannot be; give some kelvin.",
+            "value.outside-range",
+        ),
+    )
     rate = (y[k + 1] - y[k]) / (x[k + 1] - x[k])
     xs, ys = np.r_[MIN_PROPERTY_TEMPERATURE, x[k:]], np.r_[y[k] - rate * (liquidus - MIN_PROPERTY_TEMPERATURE), y[k:]]
     freezes = float(y[k] - rate * supercooling.degree)

@@ -9,8 +9,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Final
 
-from thermid.base.errors import DeckError, refuse_unknown
-from thermid.model._laws.stores import Curve, refuse_first
+from thermid.base.errors import DeckError, refuse_first, refuse_unknown
+from thermid.model._laws.stores import Curve
 from thermid.model._parts.parameter import Parameter
 
 KINDS_OF_CONTROL: Final = ("thermostat", "proportional", "pid", "table", "modes")

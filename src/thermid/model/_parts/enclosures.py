@@ -9,9 +9,8 @@ from typing import Any, Final
 
 import numpy as np
 
-from thermid.base.errors import DeckError
+from thermid.base.errors import DeckError, refuse_first
 from thermid.base.units import STEFAN_BOLTZMANN, Array, Memo, Number, gradient_of, value_of, values_of
-from thermid.model._laws.stores import refuse_first
 from thermid.model._parts.elements import Enclosure, Law, Surface, Take, exposed_area
 from thermid.physics.enclosure import absorbing_areas, check_view_factors, exchange_areas_of
 from thermid.physics.view_factors import SHAPES
@@ -126,7 +125,10 @@ class FaceExchange:
         return out
 
     def _factors(self, size: Array, names: list[str], areas: list[Number]) -> tuple[Array, Array, list[Number]]:
-        """Return the view factors (faces, faces), the areas that they are of, and these as numbers with derivatives."""
+        """Return the view factors F_ij (faces, faces) [-], the areas (faces,) that they are of [m^2], and these with derivatives.
+
+        Of a shape they are computed, and its own areas replace `size` (faces,), those of the deck.
+        """
         if not self.enclosure.shape:
             return np.array(self.enclosure.view_factors), size, areas
         factors, size = self._of_shape(size, names)

@@ -480,7 +480,10 @@ def _outliers(view: _View) -> Iterator[Finding]:
 
 
 def _ranges(view: _View) -> Iterator[Finding]:
-    """Yield a warning for each spreading resistance outside the range of its formula."""
+    """Yield a warning for each spreading resistance outside the range of its formula.
+
+    That is where a source is above a quarter of its plate [m^2], or the plate thinner than 0.1 sqrt(a / pi), a its area.
+    """
     for c in view.flat.conductors:
         if c.kind == "spreading":
             source, plate, thickness = (view.values[c.fields[f]] for f in ("source_area", "plate_area", "thickness"))

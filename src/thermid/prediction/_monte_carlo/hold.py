@@ -58,9 +58,9 @@ class Driver:
 def drivers_of(draws: Mapping[str, Array], result: Array) -> tuple[Driver, ...]:
     """Return the drivers of a result (members,), the largest first; empty where there are too few members or nothing varies.
 
-    The share of an input is its standardised coefficient in a regression of ranks times its rank correlation with the result (Pratt 1987;
-    Thomas, Hughes and Zumbo, Social Indicators Research 45, 1998): also for correlated inputs these add up to R squared. Of more inputs
-    than a fifth of the members, those with the largest correlations are in the regression.
+    An input of `draws` (members,) has the share b_k r_k, its standardised coefficient in a regression of ranks times its rank correlation
+    with the result (Pratt 1987; Thomas, Hughes and Zumbo, Social Indicators Research 45, 1998): also for correlated inputs these add up to
+    R squared. Of more inputs than a fifth of the members, those with the largest correlations are in the regression.
     """
     # inputs that share a value count once
     named: dict[bytes, tuple[str, Array]] = {}

@@ -338,7 +338,13 @@ class UncertainRuns(Result):
         return self._followed(node)[0]
 
     def _followed(self, node: str) -> tuple[Array, MemberTurnings | None]:
-        """Return the temperatures and the turning points of the members that were kept and reached the end."""
+        """Return the temperatures (members, times) [K] and the turning points of the members that were kept and reached the end.
+
+        Raises
+        ------
+        NameNotFoundError   When the node was not stored.
+        ScenarioError       When no member reached the end.
+        """
         path = self.job.model.canonical(node)
         refuse_unknown([path], self.nodes, self.title, f"'{node}' was not stored.{{near}} Name it in 'nodes'.", NameNotFoundError)
         if len(self.failed) == len(self):

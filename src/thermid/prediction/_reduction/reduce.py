@@ -100,11 +100,19 @@ class Condensed:
 
 
 def part_of(network: Network, run: Solution, inside: str, shown: frozenset[str], points: Sequence[str]) -> Subnetwork:
-    """Return the part of a network whose paths begin with a prefix, linearised at the mean temperatures of a run.
+    """Return the part of a network whose paths begin with `inside`, with conductances [W/K] and capacitances [J/K] at the mean of a run.
+
+    Parameters
+    ----------
+    run : Solution              Whose mean temperatures are where conductors are made linear.
+    inside : str                Prefix of the paths, with its dot.
+    shown : frozenset           Nodes that stay as nodes of their own.
+    points : sequence           Nodes whose temperatures judge a reduction.
 
     Raises
     ------
-    DeckError   When a conductor of the part changes with its gas in the run, a node of it stores latent heat, or nothing is outside it.
+    DeckError   When controls of the part follow temperatures, a conductor of it changes with its gas or a schedule, a node of it stores
+                latent heat, or nothing is outside it.
     """
     numbers = network.numbers()
     nodes = tuple(n for n in network.nodes if n.startswith(inside))
@@ -367,7 +375,10 @@ def condensed(part: Subnetwork, choice: Partition) -> Condensed:
 
 
 def _schur(whole: Array, stay: Sequence[int]) -> Array:
-    """Return the Schur complement K_ss - K_sg K_gg^-1 K_gs: conductances between nodes that stay, the others eliminated. [W/K]"""
+    """Return the Schur complement K_ss - K_sg K_gg^-1 K_gs (stay, stay): conductances between nodes that stay, the others eliminated. [W/K]
+
+    `whole` K (nodes, nodes) is symmetric, with the sum of a node's conductances on its diagonal and -G_ij off it.
+    """
     gone = [k for k in range(whole.shape[0]) if k not in set(stay)]
     if not gone:
         return whole[np.ix_(stay, stay)]

@@ -398,9 +398,9 @@ def _rule_excess(leg: Leg, wanted: WaitRequest, times: Array, traces: Array) -> 
 
 
 def _trailing_mean(of: Array, times: Array, average: float) -> Array:
-    """Return temperatures (times, nodes) averaged over the time `average` before each output, by trapezoids; times are evenly spaced. [K]
+    """Return temperatures (times, nodes) averaged over the time `average` [s] before each output, by trapezoids. [K]
 
-    Outputs before one whole average stay as they are.
+    `of` (times, nodes) are the temperatures at evenly spaced `times` (times,) [s]. Outputs before one whole average stay as they are.
     """
     if not average:
         return of

@@ -19,6 +19,7 @@ from thermid.base.results import Figure, Result
 from thermid.base.units import ATMOSPHERE, HOUR, ICE_POINT, TEMPERATURE, Kelvin, Quantity, amount, si_value
 from thermid.measure.records import StabilityRule
 from thermid.model.tree import literal
+from thermid.qualify._profiles._constants import CYCLES
 from thermid.qualify._profiles.numbers import SLOTS, USUAL, WORDS
 
 
@@ -141,11 +142,7 @@ class Equivalence:
         return float(self.cycles * (self.range / span) ** self.exponent)
 
 
-EQUIVALENCE: Final[Mapping[str, Equivalence]] = {
-    "qualification": Equivalence(27, 105.0, 1.4, "SMC-S-016, 6.3.8.3"),
-    "protoqualification": Equivalence(20, 95.0, 1.4, "SMC-S-016, 6.3.8.3"),
-    "acceptance": Equivalence(14, 85.0, 1.4, "SMC-S-016, 6.3.8.3"),
-}
+EQUIVALENCE: Final[Mapping[str, Equivalence]] = {level: Equivalence(*row, "SMC-S-016, 6.3.8.3") for level, row in CYCLES.items()}
 """Level -> the formula of SMC-S-016; read."""
 
 

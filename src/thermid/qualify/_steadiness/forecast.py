@@ -610,7 +610,9 @@ def forecast(
 
 
 def _readings(record: Record, channel: str, since: str | float, until: str | float, level: float) -> tuple[str, Bools, Array, Array]:
-    """Return the name of a temperature, the only one by default, the samples of a stretch, times and valid readings there. [s], [K]
+    """Return the name of a temperature, the only one by default, the samples of a stretch (samples,), times [s] and valid readings [K].
+
+    The stretch is from `since` to `until` [s or text]; times and readings are (readings,), `level` is that of a band [-].
 
     Raises
     ------
@@ -676,7 +678,10 @@ def _why_declined(final: IntervalEstimate, within: float, slow: float, span: flo
 
 
 def _time_rule_holds(curve: Approach, rule: StabilityRule, probability: float, span: float) -> float | None:
-    """Return the time at which the rule will hold with a probability; None beyond a hundred times `span` from now. [s]"""
+    """Return the time at which the rule will hold with a probability; None beyond a hundred times `span` from now. [s]
+
+    It holds where |T(t) - T(t - window)| <= rate times window for curves of that weight together; doubled steps ahead, then bisection.
+    """
     window = rule.window or RATE_WINDOW
 
     def holds(at: float) -> bool:

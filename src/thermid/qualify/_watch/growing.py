@@ -154,7 +154,10 @@ def _block_length(duration: float) -> float:
 
 
 def block_means(record: Record, least: float = 0.0) -> Record:
-    """Return a record of means over complete blocks of at least `least` [s], each channel's noise that of such a mean [K]."""
+    """Return a record of means over complete blocks of at least `least` [s], each channel's noise that of such a mean. [K]
+
+    A last block that lacks more than one and a half steps of the log is left out.
+    """
     step, ends = _raw_step(record), record.times - record.times[0]
     block = max(_block_length(float(ends[-1])), least)
     complete = step >= block or ends[-1] % block >= block - 1.5 * step
@@ -175,8 +178,9 @@ def block_means(record: Record, least: float = 0.0) -> Record:
 def without_spikes(record: Record) -> Record:
     """Return a record with spikes masked: up to three readings in a row that lie far from the median about them.
 
-    Readings after a jump at the very end are masked too, until more of them show whether it stays. Where more than `MAX_SPIKE_SHARE` of the
-    readings are far, the quantity moves like that, and all stay.
+    Far is `MIN_SPIKE_CHANGES` times the noise s, the larger of median |x_k+1 - x_k| / 0.6745 and the noise of a reading [K]; the median is
+    that of 2 h + 1 readings, h up to `MAX_SPIKE_READINGS`. Readings after a jump at the very end are masked too, until more of them show
+    whether it stays. Where more than `MAX_SPIKE_SHARE` of the readings are far, the quantity moves like that, and all stay.
     """
     cleaned = []
     for c in record.channels.values():

@@ -219,7 +219,8 @@ class _Fit:
     def _residuals(self, z: Array) -> tuple[list[Array], list[Array]]:
         """Return residuals measured - predicted - offset (samples,) of every sensor, and derivatives (samples, unknowns). [K]
 
-        The derivatives are those of prediction plus offset by the unknowns.
+        `z` (unknowns,) are the free values in their fitted form, then an offset per sensor [K]; the derivatives are those of prediction
+        plus offset by z.
         """
         x, scale = self._values(z)
         read, slopes = self.bench.temperatures(x, True, Options())
@@ -247,7 +248,10 @@ class _Fit:
         return compressed.chi_square
 
     def run(self) -> None:
-        """Fit, estimate the noise from the residuals, and fit again; `inverse` becomes the covariance of the unknowns."""
+        """Fit, estimate the noise from the residuals, and fit again; `inverse` becomes the covariance (P + sum J_k'J_k / s_k^2)^-1.
+
+        P is the information of the priors, J_k (samples, unknowns) and s_k [K] are the derivatives and the noise of sensor k.
+        """
         for _ in range(2):
             minimum = minimise(self, start=self.z, done=DONE_STEP)
             self.z = minimum.fitted
@@ -257,10 +261,11 @@ class _Fit:
         self.inverse = np.linalg.inv(np.diag(1.0 / self.prior**2) + sum(j.T @ j / s**2 for j, s in zip(rows, self.sizes, strict=True)))
 
     def _set_noise_from_residuals(self, residuals: Sequence[Array], rows: Sequence[Array]) -> None:
-        """Set the standard deviation by which each sensor's readings are weighed, from its residuals.
+        """Set the standard deviation by which each sensor's readings are weighed, from its residuals r (samples,). [K]
 
-        It is the residuals' scatter, at least step / sqrt(12), times sqrt(n / effective n); degrees of freedom that the fit took are
-        counted off.
+        s = max(sqrt(r'r / f), step / sqrt(12)) sqrt(n / m), m the effective samples of n, f = n - p n / m the degrees of freedom left, at
+        least n / 4. p is what the fit took, trace(J C J') / s_0^2 with J of `rows` (samples, unknowns), C the covariance and s_0 the
+        weight before.
         """
         self.worth, self.wander = 0.0, {}
         for k, (r, j) in enumerate(zip(residuals, rows, strict=True)):
@@ -276,7 +281,8 @@ class _Fit:
     def ends(self, rule: StabilityRule, within: float, level: float) -> dict[str, ModelForecast]:
         """Return sensor -> forecast of its end, declined where the half-width of its interval exceeds `within` [K].
 
-        The variance is s'Cs + (0.03 (end - now))^2 + step^2 / 12 with the sensitivities s of the steady state and the covariance C.
+        The variance is s'Cs + (0.03 (end - now))^2 + step^2 / 12 with the sensitivities s of the steady state and the covariance C; the
+        interval of probability `level` [-] is of Student's t with the effective samples less the free values as degrees of freedom.
         """
         from scipy.special import stdtrit
 
@@ -320,7 +326,11 @@ class _Fit:
         return out
 
     def _temperatures_about(self, x: Array, last: float, window: float) -> tuple[Array, Array]:
-        """Return times [s] from `window` [s] before `last` [s] on, and the temperatures of the sensors' nodes then (times, sensors). [K]"""
+        """Return times [s] from `window` [s] before `last` [s] on, and the temperatures of the sensors' nodes then (times, sensors). [K]
+
+        At the values `x` (free,) [SI]: `INSTANTS_AHEAD` times up to `last`, as many in geometric steps after it, to `MAX_STRETCHES_AHEAD`
+        of it.
+        """
         times = np.concatenate(
             [
                 np.linspace(max(last - window, 0.0), last, INSTANTS_AHEAD),
@@ -337,9 +347,9 @@ class _Fit:
 
 
 def unknowns_with_priors(experiment: Experiment) -> tuple[tuple[str, ...], Array, Array, Array]:
-    """Return the names of free values, the model's numbers, prior standard deviations, and whether these are of the logarithm.
+    """Return the names of free values, the model's numbers (free,) [SI], prior deviations (free,), and whether these are of the logarithm.
 
-    Free are values that a fault would change, capacitances, and starts that are not known; values that are not positive stay fixed.
+    Free are values that a fault would change, capacitances, and starts that are not known [K]; values that are not positive stay fixed.
     """
     network = experiment.network
     values = network.numbers().values
@@ -506,7 +516,10 @@ class Stopping:
         self.last = self._advice(record, ends, why or self._model_contradicts(ends, settles), late, level, doubt)
 
     def _advice_now(self, record: Record, names: tuple[str, ...], last: StopAdvice, doubt: str) -> StopAdvice:
-        """Return the last decision as it holds now: declined by a doubt, or a stop where the readings meet the plan's rule."""
+        """Return the last decision as it holds now: declined by a doubt, or a stop where the readings meet the plan's rule.
+
+        The latter only after the time at which it was expected, and with no limit undecided.
+        """
         now = float(record.times[-1])
         if doubt:
             return replace(last, word=DECLINED, because=doubt)

@@ -239,12 +239,12 @@ def _decides(decisive: Decisive, run: Solution | None) -> Plot:
 
 
 def _network(decisive: Decisive, run: Solution | None) -> Plot | None:
-    """Return the coloured network at the hottest moment of the record; None where the run cannot be made again."""
-    if run is None:
-        return None
+    """Return the coloured network at the hottest moment of the record; None for one node, or where the run cannot be made again."""
     model = decisive.fit.model
     flat = Flat.of_model(model)
     nodes = [n.path for n in flat.nodes]
+    if run is None or len(nodes) < 2:
+        return None
     inside = {*nodes, *flat.names.boundaries}  # a sensor that lags has a node in the run, and none in the model
     k = hottest_moment(run, nodes)
     temperatures = {n: t for n, t in zip(run.nodes, run.temperatures[k].tolist(), strict=True) if n in inside}
@@ -332,6 +332,8 @@ def report(
         to,
         title=campaign.title,
         campaign=campaign,
+        missed=[f"{v.model} on {v.record}" for v in campaign.verdicts if v.passed is False],
+        moved=[c.stage for c in campaign.fits if MOVED in (m.verdict for m in (*c.moved.values, *c.moved.groups))],
         made=tables.made_records(campaign),
         notes=[p for p in (campaign.note, *paragraphs, *map("NOT PREDICTED: '{0[0]}': {0[1]}".format, failed.items())) if p],
         verdicts=replace(tables.verdicts(campaign, audience == "summary"), key=VERDICTS_TABLE) if campaign.verdicts else None,

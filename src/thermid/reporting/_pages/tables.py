@@ -703,7 +703,7 @@ def _remedy(p: CampaignPrediction) -> str:
 
 
 def _envelope(campaign: Campaign) -> str:
-    """Return where the model was seen to hold."""
+    """Return a sentence on where the model was seen to hold: the lowest and highest reading of the sensors in its verdicts. [degC]"""
     judged = [v.prediction for v in campaign.verdicts if v.prediction is not None]
     read = [o.measured for fit in judged for e in fit.experiments for o in e.observations if o.measured.size]
     if not read:

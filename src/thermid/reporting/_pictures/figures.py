@@ -111,7 +111,7 @@ def shade(ratio: float) -> str:
 
 
 def scatter(measured: Sequence[Array], predicted: Sequence[Array]) -> Graphic:
-    """Return measured less predicted over measured temperatures of all traces, with lines 2, 3 and 5 K from equality.
+    """Return measured less predicted over measured temperatures of all traces, with those lines of `BANDS` that are in view.
 
     Predicted over measured would put these lines on the diagonal, where a range of 100 K leaves a few pixels between them.
 
@@ -121,7 +121,8 @@ def scatter(measured: Sequence[Array], predicted: Sequence[Array]) -> Graphic:
     """
     x = np.concatenate(measured) - ICE_POINT
     y = x + ICE_POINT - np.concatenate(predicted)
-    (left, right), far = widened(float(x.min()), float(x.max())), widened(0.0, max(float(np.abs(y).max()), BANDS[-1][0]))[1]
+    bands = _bands_in_view(y)
+    (left, right), far = widened(float(x.min()), float(x.max())), widened(0.0, max(float(np.abs(y).max()), *(k for k, _ in bands), 0.0))[1]
     box = BOX
 
     def at(v: float, w: float) -> tuple[float, float]:
@@ -129,7 +130,7 @@ def scatter(measured: Sequence[Array], predicted: Sequence[Array]) -> Graphic:
         return box[0] + box[2] * (v - left) / (right - left), box[1] + box[3] * 0.5 * (1.0 - w / far)
 
     out = [_scatter_axes(box, (left, right), (-far, far), ("measured, °C", "measured less predicted, K"))]
-    for shift, dash in [(0.0, ""), *((sign * k, dash) for k, dash in BANDS for sign in (1.0, -1.0))]:
+    for shift, dash in [(0.0, ""), *((sign * k, dash) for k, dash in bands for sign in (1.0, -1.0))]:
         (x1, y1), (x2, y2) = at(left, shift), at(right, shift)
         look = f"stroke-width:{1.3 if shift == 0 else 0.9};stroke-dasharray:{dash or 'none'}"
         out.append(f'<path d="M{x1:.1f} {y1:.1f}L{x2:.1f} {y2:.1f}" style="fill:none;stroke:var(--f-soft,{SOFT});{look}"/>')
@@ -178,17 +179,23 @@ def against_measured(measured: Sequence[Array], predicted: Sequence[Array], word
     residuals = [m - p for m, p in zip(measured, predicted, strict=True)]
     r = np.concatenate(residuals)
     spread = f"mean {r.mean():+.2f} K, standard deviation {r.std():.2f} K; {_shares_within(r)}"
-    caption = f"Measured less {word}, over measured{of}; lines at ± 2 K, ± 3 K (dashed) and ± 5 K (dotted)."
+    lines = [f"± {k:g} K{look}" for (k, _), look in zip(_bands_in_view(r), ("", " (dashed)", " (dotted)"), strict=False)]
+    caption = f"Measured less {word}, over measured{of}{'; lines at ' + ', '.join(lines) if lines else ''}."
     return (
         Plot(scatter(measured, predicted), caption, "", "fig-scatter"),
         Plot(histogram(residuals), f"Residuals{of}: {spread}.", "", "fig-histogram"),
     )
 
 
+def _bands_in_view(residuals: Array) -> list[tuple[float, str]]:
+    """Return those lines of `BANDS` beside which residuals (samples,) [K] do not shrink to a straight line, as for a limit."""
+    return [b for b in BANDS if b[0] < LIMIT_IN_VIEW * float(np.abs(residuals).max())]
+
+
 def _shares_within(residuals: Array) -> str:
-    """Return which shares of residuals (samples,) lie within 2, 3 and 5 K; all but a few are never 100 %, and these are counted."""
-    out = []
-    for k, _ in BANDS:
+    """Return the largest of residuals (samples,) [K], and their shares within the lines in view; what a rounded 100 % hides is counted."""
+    out = [f"largest {np.abs(residuals).max():.2g} K"]
+    for k, _ in _bands_in_view(residuals):
         beyond, text = int((np.abs(residuals) > k).sum()), ""
         share = 100.0 * (1.0 - beyond / residuals.size)
         if beyond and share >= 99.5:

@@ -67,6 +67,8 @@ def qualification_report(q: Qualification, *, to: str | os.PathLike[str]) -> Pat
     outcomes = [t.passed for t in q.trials] + [m.passed for m in q.margins]
     failed, open_ = outcomes.count(False), outcomes.count(None)
     summary = f"{counted(len(q.trials), 'test')}, {counted(len(q.margins), 'margin')}" + (f"; {open_} not decided" if open_ else "")
+    missed = [t.test.name for t in q.trials if t.passed is False] + [f"margin of {m.point}, {m.side}" for m in q.margins if m.passed is False]
+    summary = f"{', '.join(missed)}; {summary}" if missed else summary
     summary += f"; {len(q.waived)} waived" if q.waived else ""
     summary += f"; smallest margin: {worst}" if worst is not None else ""
     document = content.document.model_dump()
@@ -119,7 +121,7 @@ def correlation_report(c: Correlation, *, to: str | os.PathLike[str], synthetic:
         Section.of_blocks("overlays", "Measured over simulated", [all_overlays(c, "o", synthetic)]),
         Section.of_blocks("made", "Made with", [versions()]),
     ]
-    verdicts = list(c.verdicts.values())
+    verdicts, missed = list(c.verdicts.values()), [name for name, passed in c.verdicts.items() if passed is False]
     watermark = "SYNTHETIC DATA" if synthetic else ""
     banner = [(watermark, "The readings are synthetic.")] if synthetic else []
     # predicted against measured, and the residuals counted, of all overlays
@@ -133,7 +135,7 @@ def correlation_report(c: Correlation, *, to: str | os.PathLike[str], synthetic:
         passed=weigh(verdicts),
         failed=verdicts.count(False),
         judged=len(verdicts),
-        summary=f"{counted(len(c.gates), 'gate')}, {len(c.failed)} not met",
+        summary="; ".join([*missed, f"{counted(len(c.gates), 'gate')}, {len(c.failed)} not met"]),
         outcome=[Figures(figures.against_measured(measured, simulated, "simulated"))] * bool(c.overlays)
         + [Notes(c.remarks, "Remarks")] * bool(c.remarks),
         sections=blocks,
@@ -406,20 +408,25 @@ LOOKS = {"operating": "bound", "non-operating": "bound off", "start-up": "bound 
 
 
 def course(t: Trial, key: str) -> Graphic | None:
-    """Return the worst part of a test over time with its 95 % interval, and its limits where their state holds; None without a limit.
+    """Return the worst part of a test over time, and its limits where their state holds; None without a limit.
 
-    The line is what was held against the limits: the run with the best values, or the readings.
+    The lines are what was held against the limits: the prediction with its 95 % interval, or the readings with what is simulated from the
+    inputs of the log.
     """
     worst = t.worst
     if worst is None:
         return None
-    band = t.foresight.prediction[worst.node]
-    low, high = band.interval()
-    lines = [curve("simulated", "simulated", band.times, band.simulated - ICE_POINT)]
     read = [o for o in t.correlation.overlays if o.node == worst.node] if t.correlation is not None and worst.by == "measured" else []
-    lines += [curve("measured", "measured", o.times, o.measured - ICE_POINT) for o in read]
+    if read:  # beside readings stands what the criteria compared them with, not the chamber that was planned
+        interval = None
+        lines = [curve("simulated, inputs as logged", "simulated", o.times, o.simulated - ICE_POINT) for o in read]
+        lines += [curve("measured", "measured", o.times, o.measured - ICE_POINT) for o in read]
+    else:
+        band = t.foresight.prediction[worst.node]
+        interval = Area("95 % interval", band.times, *band.interval())
+        lines = [curve("simulated", "simulated", band.times, band.simulated - ICE_POINT)]
     lines += [line for one in t.limits if one.point == worst.point for line in _limits(t, one)]
-    return curves(lines, key, f"{worst.point} in {t.test.name}", band=Area("95 % interval", band.times, low, high), size=(440, 240))
+    return curves(lines, key, f"{worst.point} in {t.test.name}", band=interval, size=(440, 240))
 
 
 def _limits(t: Trial, one: Limits) -> Iterator[Stroke]:

@@ -67,12 +67,13 @@ def tests(q: Qualification) -> Table:
             Head("correlation"),
             Head("smallest margin"),
             Head("at", True),
-            Head("left, K", True, "less the uncertainty of the model and the margins of the policy"),
+            Head("of the margin, K", True, "left, less the uncertainty of the model and the margins of the policy"),
             Head("state"),
             Head("lasts", True),
             Head("course", wrapped=True),
         ],
         rows,
+        "Limits: of the temperatures as they are. The margin is what is left of them less the uncertainty and the margins of the policy.",
         title="Tests",
     )
 

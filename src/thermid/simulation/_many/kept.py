@@ -79,7 +79,7 @@ class JobFolder:
         return cls(place)
 
     def load(self, name: str) -> dict[str, NDArray[Any]] | None:
-        """Return the arrays by name that a finished task saved; None where its file is missing or cannot be read."""
+        """Return name -> array that a finished task saved, of any shape; None where its file is missing or cannot be read."""
         try:
             with (self.place / f"{name}.npz").open("rb") as file, np.load(file) as data:
                 return dict(data)

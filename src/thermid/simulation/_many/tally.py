@@ -99,7 +99,11 @@ class Tally:
 
     @classmethod
     def of_values(cls, grid: CountGrid, values: Array) -> Tally:
-        """Return the counts and moments of values (rows, members), all finite. [K]"""
+        """Return the counts and moments of values (rows, members), all finite. [K]
+
+        A bin is floor(T / 2^exponent). Moments are sums of integers x = (T - centre) 2^`MOMENT_BITS` and of x^2, in halves of `HALF_BITS`
+        bits, so that sums over members come out the same in any order.
+        """
         at = np.floor(values * np.ldexp(1.0, -grid.exponents)[:, None]).astype(np.int64)
         place = at - grid.first[:, None]
         inside = (place >= 0) & (place < grid.bins[:, None])
@@ -157,7 +161,11 @@ class Tally:
         return (quantiles, error) if np.ndim(share) else (quantiles[0], error[0])
 
     def _rows(self) -> list[tuple[Array, Array, Indices]]:
-        """Return for each row the bins that hold members, in order: middles [K], half widths [K] and numbers of members."""
+        """Return for each row the bins that hold members, in order: middles [K], half widths [K] and numbers of members, each (bins,).
+
+        A bin k of level l reaches from k 2^e to (k + 1) 2^e K, with e = l + the exponent of its row; level 0 is the grid, higher levels
+        lie beyond it.
+        """
         grid, out = self.grid, []
         row, level = self.keys >> ROW_BIT, (self.keys >> LEVEL_BIT) & ((1 << ROW_BIT - LEVEL_BIT) - 1)
         index = (self.keys & ((1 << LEVEL_BIT) - 1)) - (1 << LEVEL_BIT - 1)

@@ -143,7 +143,9 @@ class ControlRow:
         return self.rest if name.startswith(COMPLEMENT) else self.share
 
     def read(self, form: FactorForm, at: Callable[[str], Array], modes: Array, signal: Callable[[int], Any] = lambda _: 1.0) -> Array:
-        """Return a factor (times,), for its modes (times,) and the temperatures of nodes by name. [-]
+        """Return a factor (times,), for its modes (times,) and the temperatures `at` of nodes by name [K]. [-]
+
+        By its form: the value of the mode; else of z = c_0 + sum c_n T_n either a table's value or z cut to its low and high end.
 
         `signal`: place of a coefficient -> what it is multiplied by (times,).
         """

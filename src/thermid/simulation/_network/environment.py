@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from numbers import Real
 from typing import Any
 
-from thermid.base.errors import ScenarioError
+from thermid.base.errors import ScenarioError, refuse_first
 from thermid.base.units import ATMOSPHERE, STANDARD_GRAVITY
 from thermid.model.tree import Constant, Signal, literal, signal
 from thermid.physics.gas import MolecularGas
@@ -61,7 +61,8 @@ class Environment:
                 raise ScenarioError(f"it takes a name, not {getattr(self, name)!r}.", f"environment, {name}", code="value.wrong-kind")
         MolecularGas.named(self.gas, "environment")
         (low, high), humidity = self.pressure.bounds, self.humidity
-        for broken, message, code in (
+        refuse_first(
+            "",
             (
                 humidity is not None and not 0.0 <= humidity <= 1.0,
                 f"the relative humidity is {humidity}. Give 0 to 1.",
@@ -84,9 +85,8 @@ class Environment:
                 "give a vented volume the gas node that it is vented to, and a time constant above zero.",
                 "value.incomplete",
             ),
-        ):
-            if broken:
-                raise ScenarioError(message, code=code)
+            error=ScenarioError,
+        )
 
     def __str__(self) -> str:
         """Return it in words: its gas, its pressure, and whatever else is not as on the ground."""

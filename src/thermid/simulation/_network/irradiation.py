@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from thermid.base.errors import DeckError, NameNotFoundError, ScenarioError, errors_at, refuse_unknown
+from thermid.base.errors import DeckError, NameNotFoundError, ScenarioError, errors_at, refuse_first, refuse_unknown
 from thermid.base.results import Shown
 from thermid.base.units import STEFAN_BOLTZMANN, TEMPERATURE, Array, amount
 from thermid.model.tree import Constant, Facing, Flat, FlatLoad, FlatSurface, Mixed, Signal, signal
@@ -66,7 +66,8 @@ class Irradiation(Shown):
                 )
         view = None if self.sky_view is None else amount(self.sky_view, "1", "irradiation, sky_view")
         object.__setattr__(self, "sky_view", view)
-        for broken, message, code in (
+        refuse_first(
+            "irradiation",
             (
                 self.total is not None and (self.direct is not None or self.diffuse is not None),
                 "total is the sum of direct and diffuse. Give either the sum or the parts.",
@@ -78,9 +79,8 @@ class Irradiation(Shown):
                 "value.incomplete",
             ),
             (view is not None and not 0.0 <= view <= 1.0, f"sky_view is {view}. Give 0 to 1.", "value.outside-range"),
-        ):
-            if broken:
-                raise ScenarioError(message, "irradiation", code=code)
+            error=ScenarioError,
+        )
 
     def signals(self) -> dict[str, Signal]:
         """Return the signals by the names of their fields, without those that are not given."""
@@ -214,18 +214,19 @@ def _loads(path: str, face: FlatSurface, source: Irradiation | Sky) -> list[Flat
         )
     out = _sunlit(path, face, partial(_sun, source, face.facing)) if solar else []
     if wave and not (outdoors and face.sees != face.to):
-        if "emissivity" not in face.fields:
-            raise DeckError(
+        refuse_first(
+            face.where,
+            (
+                "emissivity" not in face.fields,
                 f"'{path}' receives long-wave radiation but has no emissivity. Give an emissivity or a finish, or leave the sky out.",
-                face.where,
-                code="value.incomplete",
-            )
-        if not face.sees:
-            raise DeckError(
+                "value.incomplete",
+            ),
+            (
+                not face.sees,
                 f"'{path}' is a face of an enclosure, which computes its long-wave radiation already. Give a sky to outer surfaces only.",
-                face.where,
-                code="value.contradicts",
-            )
+                "value.contradicts",
+            ),
+        )
         out.append(_load(path, face, "longwave", "emissivity", partial(_longwave, source, face, path)))
     if stream is not None:
         out.append(_load(path, face, "stream", "", partial(_stream, stream)))

@@ -60,7 +60,9 @@ class Modes:
 
 
 def state_space(network: Network, numbers: Numbers | None = None) -> StateSpace:
-    """Return the state-space matrices of a linear network.
+    """Return the state-space matrices of a linear network: dT/dt = A T + B T_boundary + C P, P the powers of loads [W].
+
+    A is -K / C per node with massless nodes eliminated: their temperatures are weights times states, boundaries and loads.
 
     Parameters
     ----------
@@ -124,9 +126,10 @@ def _conductances(network: Network, numbers: Numbers) -> tuple[Array, Array]:
 
 
 def _weights(network: Network, heat: Array, everything: Array, massless: list[int]) -> Array:
-    """Return the weights (massless, columns of `everything`) of states, boundaries and loads in the temperature of each massless node.
+    """Return the weights W (massless, columns of `everything`) of states, boundaries and loads in the temperature of each massless node.
 
-    They solve -K_mm W = E_m, with the rows m of the massless nodes in K and in `everything`.
+    They solve -K_mm W = E_m, with the rows m of the massless nodes in `heat` K (nodes, nodes) [W/K], the heat into a node per kelvin, and
+    in `everything` E. [-], of loads [K/W]
 
     Raises
     ------

@@ -16,7 +16,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from thermid.base.errors import CodedText, DeckError, errors_at
+from thermid.base.errors import CodedText, DeckError, errors_at, refuse_first
 from thermid.base.units import Memo, Number, value_of
 from thermid.model.tree import COMPLEMENT, Curve, Flat, FlatConductor, FlatLoad, FlatNode, HeatStore, Law, Model, exposed_area, streams_of
 from thermid.simulation._network.controls import PHASE, ControlRow, control_names, control_row, phase_row, state_of
@@ -302,18 +302,19 @@ def _control(load: FlatLoad, f: Mapping[str, Number]) -> tuple[str, tuple[Number
     """
     if "thermostat.on_below" in f:
         low, high = f["thermostat.on_below"], f["thermostat.off_above"]
-        if value_of(low) == value_of(high):
-            raise DeckError(
+        refuse_first(
+            load.where,
+            (
+                value_of(low) == value_of(high),
                 "the thermostat switches on and off at the same temperature and would switch endlessly. Set off_above some kelvin higher.",
-                load.where,
-                code="value.outside-range",
-            )
-        if value_of(low) > value_of(high):
-            raise DeckError(
+                "value.outside-range",
+            ),
+            (
+                value_of(low) > value_of(high),
                 "the thermostat switches on above the temperature where it switches off. Exchange on_below and off_above.",
-                load.where,
-                code="value.outside-range",
-            )
+                "value.outside-range",
+            ),
+        )
         return "thermostat", (low, high)
     if "proportional.band" in f:
         return "proportional", (1.0, f["proportional.setpoint"], f["proportional.band"])

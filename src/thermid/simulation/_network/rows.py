@@ -92,7 +92,10 @@ def tables_behind(form: str, curve: Curve) -> tuple[Curve, ...]:
 
 
 def _evaluated(form: str, coefficients: Sequence[Any], curve: Curve | None, hot: Array, cold: Array) -> Array:
-    """Return (5, times) from the kernel: heat Q [W], dQ/dT_hot, dQ/dT_cold [W/K], dQ/dc_1, dQ/dc_2 of a law at temperatures [K]."""
+    """Return (5, times) from the kernel: heat Q [W], dQ/dT_hot, dQ/dT_cold [W/K], dQ/dc_1, dQ/dc_2 of a law.
+
+    `hot` and `cold` (times,) are the temperatures of its ends [K]; Q counts from the first end, `hot`, to the second.
+    """
     law = conductor_law(form, curve)
     hot, cold = (np.ascontiguousarray(t, dtype=float) for t in np.broadcast_arrays(hot, cold))
     pair = [np.broadcast_to(np.asarray(c, dtype=float), hot.shape) for c in (*coefficients, 0.0)[:2]]

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thermid import _kernel
-from thermid.base.errors import CodedText, ScenarioError, SolverError, nearest, refuse_unknown
+from thermid.base.errors import CodedText, ScenarioError, SolverError, refuse_first, refuse_unknown
 from thermid.base.units import ICE_POINT, Array, value_of
 from thermid.model.tree import Constant, Sine, TableSignal
 from thermid.simulation._network.controls import PHASE, state_of
@@ -264,9 +264,9 @@ class Modal:
     def _roughness(self, name: str, a: Assembled, capacity: Array, rates: Array) -> float:
         """Return how many steps a second an input's noise asks of the integrator. [1/s]
 
-        12 (b k^2 r sqrt(d))^(2/5), where a node of rate k is moved by the input at a rate b, r is the size of the noise [K] and d the
-        time between samples: fitted to steps counted over noises from 2 mK to 0.5 K, right within 2.5 times
-        (docs/design/simulation.md).
+        12 (b k^2 r sqrt(d))^(2/5), where a node of rate k [1/s] is moved by the input at a rate b, r is the size of the noise [K] and d
+        the time between samples [s]: fitted to steps counted over noises from 2 mK to 0.5 K, right within 2.5 times
+        (docs/design/simulation.md). `capacity` (nodes,) [J/K]; `rates` (nodes, nodes) [1/s].
         """
         signal, s = self.wiring.signals[name], self.wiring.structure
         if not isinstance(signal, TableSignal) or ends_steps(signal):
@@ -345,10 +345,8 @@ class Engine(KernelProblem):
         """
         method = options.method
         if method not in LARGE_METHODS and method not in METHODS:
-            methods = tuple(dict.fromkeys((*METHODS, *LARGE_METHODS)))
-            raise ScenarioError(
-                f"unknown method '{method}'.{nearest(method, methods)} There are {', '.join(methods)}.", self.title, code="name.unknown"
-            )
+            methods = dict.fromkeys((*METHODS, *LARGE_METHODS))
+            refuse_unknown([method], methods, self.title, "unknown method '{}'.{near} There are {known}.", ScenarioError)
         if method not in LARGE_METHODS or (method == "auto" and len(self.nodes) < WITHOUT_LARGE):
             return False
         why = (
@@ -578,18 +576,20 @@ class Engine(KernelProblem):
         unknown, start = np.isnan(a.initial), self.wiring.start
         if not unknown.any():
             return a
-        if self.runner is not None:
-            raise ScenarioError(
+        refuse_first(
+            self.wiring.scenario.title,
+            (
+                self.runner is not None,
                 "an FMU has no steady start here. Give a temperature as its start.",
-                self.wiring.scenario.title,
-                code="model.element-not-supported",
-            )
-        if not unknown.all():
-            raise ScenarioError(
+                "model.element-not-supported",
+            ),
+            (
+                not unknown.all(),
                 "a steady start gives the temperatures of all nodes. Leave 'initial' out.",
-                self.wiring.scenario.title,
-                code="value.excludes-another",
-            )
+                "value.excludes-another",
+            ),
+            error=ScenarioError,
+        )
         if start is None or start.kind == STEADY:
             temperatures, slopes = settle(self, a, start.time if start is not None else 0.0, gradients)
         else:
@@ -609,9 +609,10 @@ def settle(problem: KernelProblem, a: Assembled, time: float, gradients: bool = 
 
 
 def at_rest(problem: KernelProblem, a: Assembled, time: float, gradients: bool = False) -> tuple[Array, Array, NDArray[np.int32]]:
-    """Return what `settle` does, and the states (controls,) of thermostats, -1 for those by temperature, and of controls with modes.
+    """Return what `settle` does with the inputs at `time` [s], and the states (controls,) of thermostats and of controls with modes.
 
-    Controls with modes begin in their first and go on to those that the temperatures found ask for, until they rest.
+    The state of a thermostat that goes by temperature is -1. Controls with modes begin in their first and go on to those that the
+    temperatures found ask for, until they rest.
 
     Raises
     ------
@@ -749,8 +750,9 @@ class _Balance:
     def leaving(self, temperatures: Array, jacobian: Array, outside: Sequence[float]) -> Array | None:
         """Return the heat per kelvin (nodes,) that each node loses to boundaries [W/K]; None where that is not all that the network loses.
 
-        The columns of the Jacobian sum to it, but only to rounding of their largest entry: a weak path to a boundary beside a strong one
-        between nodes would be lost. So the conductors that end at a boundary are asked by themselves. What follows temperatures, what goes
+        The columns of the `jacobian` J (nodes, nodes) [W/K] of the heat into nodes sum to minus it, but only to rounding of their largest
+        entry: a weak path to a boundary beside a strong one between nodes would be lost. So the conductors that end at a boundary are
+        asked by themselves, by central differences; `outside` are the temperatures of boundaries [K]. What follows temperatures, what goes
         one way and powers that depend on temperature are left to the Jacobian as it is.
         """
         s, size = self.problem.wiring.structure, temperatures.size
@@ -786,7 +788,10 @@ class _Balance:
         return levels
 
     def moves(self, temperatures: Array, moves: Array) -> Array:
-        """Return the derivatives of the states (states, free) from those of the temperatures (nodes, free)."""
+        """Return the derivatives of the states (states, free) from `moves` dT/dx (nodes, free), both in K per SI unit.
+
+        A node with a store has its level as state: du/dx = c(T) / c_ref dT/dx.
+        """
         changes = moves[self.place]
         for k, store, liquid in self.held:
             changes[k] *= float(store.share(temperatures[self.place[k]], liquid))
@@ -846,10 +851,15 @@ def _no_steady(problem: KernelProblem, a: Assembled) -> CodedText:
 
 
 def _periodic(engine: Engine, a: Assembled, guess: Array, slopes: Array, gradients: bool) -> tuple[Array, Array]:
-    """Return the state (nodes,) that comes back after every period of the inputs [K], and its derivatives (nodes, free).
+    """Return the state x (nodes,) that comes back after every period P of the inputs [K], and its derivatives (nodes, free).
 
-    Newton's method on T(P) - T(0) with the monodromy matrix exp(P C^-1 J) of the network linearised at the mean, mended after Broyden
-    (Math. Comp. 19 (1965) 577) where it is not linear. A linear network takes one step, and one more that shows it.
+    Newton's method on T(P) - T(0), x+ = x + (1 - M)^-1 (T(P) - x), with the monodromy matrix M = exp(P C^-1 J) of the network linearised
+    at the mean, mended after Broyden (Math. Comp. 19 (1965) 577) where it is not linear. A linear network takes one step, and one more
+    that shows it. It begins at `guess` (nodes,) [K] and `slopes` (nodes, free), those of the mean.
+
+    Raises
+    ------
+    SolverError   When something switches at its own period, or no such state is found.
     """
     from scipy.linalg import expm
 

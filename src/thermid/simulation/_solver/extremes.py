@@ -186,7 +186,10 @@ def resolved(times: Array, above: Array, dense: Callable[[Array], Array] | None,
 
 
 def first_above(times: Array, above: Array, dense: Callable[[Array], Array] | None = None, switches: Array | None = None) -> float | None:
-    """Return the first time at which a course is above zero, interpolated linearly; None where never. Arguments as in `resolved`. [s]"""
+    """Return the first time at which a course `above` (times,) is above zero, interpolated linearly; None where never. [s]
+
+    `dense` and `switches` as in `resolved`, which refines the interval in which it passes zero.
+    """
     over = np.flatnonzero(above > 0.0)
     if not over.size:
         return None

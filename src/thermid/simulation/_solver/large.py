@@ -370,7 +370,7 @@ def _levelled(problem: KernelProblem, a: Assembled, temperatures: Array) -> Arra
 def integrate_model(
     problem: KernelProblem, a: Assembled, times: Array, nodes: Sequence[str], end: float, options: Options, gone: Gone | None = None
 ) -> Answer:
-    """Return what `Engine.integrate` does, by the integrator of large networks.
+    """Return what `Engine.integrate` does to `end` [s], by the integrator of large networks.
 
     Turning points are followed where `gone` is given: the eliminated nodes as sums, as `Engine._sums` returns them.
     """

@@ -179,9 +179,10 @@ def _preconditioner(matrix: Any, where: str) -> tuple[Any, str]:
 
 
 def _moved(problem: Any, time: float, temperatures: Array, change: Array, heat: Array) -> Array:
-    """Return the temperatures (nodes,) [K] after a change, halved until the norm of the net heat falls below that of `heat`.
+    """Return the temperatures (nodes,) [K] after a change, halved until the norm of the net heat q falls below that of `heat`.
 
-    T + change / 2^k with the first k of 0 .. 11 for which ``|q(T + change / 2^k)| < |q(T)|``, and T + change where none is; 0.1 K at least.
+    T + change / 2^k with the first k of 0 .. 11 for which ``|q(T + change / 2^k)| < |q(T)|``, and T + change where none is; 0.1 K at
+    least. q [W] (nodes,) is taken with the inputs at `time` [s].
     """
     before = float(np.linalg.norm(heat))
     for halving in range(12):

@@ -653,7 +653,11 @@ class KernelProblem:
         return np.array([0.0 if c is None else value_of(c) for c in (a.reduced.capacitances[n] for n in self.nodes)])
 
     def time_constants(self, a: Assembled, temperatures: Array, time: float) -> Array:
-        """Return the time constants of the network linearised at temperatures (nodes,), longest first. [s]"""
+        """Return the time constants (masses,) of the network linearised at temperatures (nodes,), longest first. [s]
+
+        They are -1 / the real parts of the eigenvalues of C^-1/2 K C^-1/2, K [W/K] the Jacobian of the heat into nodes with massless ones
+        eliminated; infinite where nothing returns. `time` [s] is that of the inputs.
+        """
         _, jacobian, _ = self.rhs(a, temperatures, time)
         capacity = self.capacities(a)
         sampled = [state.name for p in self.wiring.structure.factors for state in p.row.states if state.factor is not None]

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from thermid.base.errors import ScenarioError, errors_at, nearest, refuse_unknown
+from thermid.base.errors import ScenarioError, errors_at, nearest, refuse_first, refuse_unknown
 from thermid.base.units import TEMPERATURE, Array, Dual, Memo, Number, gradient_of, require, value_of, values_of
 from thermid.model.tree import (
     COMPLEMENT,
@@ -838,7 +838,7 @@ class Wiring:
         return PlacedControl(row.control, index[row.sensor], places, row.name)
 
     def _loads(self, numbers: Numbers, make: _Builder, index: Mapping[str, int], values: Mapping[str, Number]) -> tuple[PlacedLoad, ...]:
-        """Add the coefficients of all loads into free nodes, and return where each stands."""
+        """Add the coefficients of all loads into free nodes, and return where each stands; `index` is node -> its position."""
         out, controls = [], [row.name for row in self._controlled(numbers)]
         for row, position in _numbered(numbers.loads):
             if row.node in self.network.boundaries:
@@ -1004,7 +1004,8 @@ def check_start(start: Start, cycle: float | None, changing: Sequence[str], scen
     ScenarioError
     """
     seconds, period, open_ = scenario.seconds, cycle or 0.0, start.kind == PERIODIC and not cycle
-    for broken, message, code in (
+    refuse_first(
+        f"{scenario.title}, start",
         (
             start.time > seconds > 0.0,
             f"it takes the inputs at {start.time:g} s, after the end of the run at {seconds:g} s.",
@@ -1026,13 +1027,14 @@ def check_start(start: Start, cycle: float | None, changing: Sequence[str], scen
             "period may be at most 1000 times the shortest.",
             "run.no-periodic-state",
         ),
-    ):
-        if broken:
-            raise ScenarioError(message, f"{scenario.title}, start", code=code)
+        error=ScenarioError,
+    )
 
 
 def level_instants(signals: Mapping[str, Signal], length: float, title: str, most: int) -> list[float]:
     """Return one instant for each combination of levels that signals take from zero to `length` [s], in order of time. [s]
+
+    The instants are middles of the stretches between knots of the signals; of equal combinations the first.
 
     Raises
     ------

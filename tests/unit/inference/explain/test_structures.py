@@ -15,8 +15,8 @@ import pytest
 import thermid as td
 from by_code import of_code
 from thermid.base.errors import code_of
-from thermid.fit.calibration import Request, fit
-from thermid.inference._explain.candidates import Fitted, plain_lacks
+from thermid.fit.calibration import Request, SensorTrace, fit
+from thermid.inference._explain.candidates import Fitted, _of_traces, plain_lacks
 from thermid.inference._explain.structures import TIE, FittedStructure, StructureSearch, fitted_structure, search_structure
 from thermid.inference._explain.weighing import CauseScore
 from unit.fit.bench import HTC, MASS, box, log
@@ -200,3 +200,13 @@ def test_air_inside_a_housing_is_not_tried_as_a_radiating_part() -> None:
     names = [c.name for c in plain_lacks(Fitted.of_calibration(fit, fit.request))]
     assert of_code(names, "element.radiation", "'case' .*'air'")
     assert not of_code(names, "element.radiation", "'inside'")
+
+
+def test_of_several_records_the_largest_rise_of_a_node_counts() -> None:
+    traces = [
+        SensorTrace(r, "T", "case", np.arange(2.0), np.array([300.0, 300.0 + rise]), np.array([300.0, 300.0 + rise]), 0.1)
+        for r, rise in (("warm", 20.0), ("idle", 1.0))
+    ]
+    rises, misfits = _of_traces(traces)
+    assert rises == {"case": 20.0}
+    assert misfits == {"case": 0.0}
