@@ -133,7 +133,7 @@ class Progress:
         self.text = text
         self.done = 0.0
         self.share: Callable[[], float] = share if share is not None else lambda: self.done
-        self._begun = time.monotonic()
+        self._begun = self._counted_from = time.monotonic()
         self._ended = threading.Event()
         self._thread: threading.Thread | None = None
         self._in_terminal = False
@@ -143,7 +143,8 @@ class Progress:
     def now(self, text: str, done: float | None = None, step: str = "") -> None:
         """Say what is done now, and how much of the whole is finished; texts of one step are one line where there is no terminal."""
         self.text, self._step = text, step or text
-        self.done = self.done if done is None else done
+        if done is not None:  # work of another size begins at less than what was done, and has a pace of its own
+            self._counted_from, self.done = (time.monotonic() if done < self.done else self._counted_from), done
         if time.monotonic() - self._begun >= SECONDS_TO_FIRST_PROGRESS:
             self._tell()
 
@@ -169,9 +170,11 @@ class Progress:
         return f"{self.text}: {spent}{self.time_left()}" if self.text else f"{spent}{self.time_left()}"
 
     def time_left(self) -> str:
-        """Return the time left in words, with a comma before it; empty where nobody knows."""
-        spent, share = time.monotonic() - self._begun, min(max(self.share(), 0.0), 1.0)
-        return f", about {spoken(spent * (1.0 - share) / share)} left" if 0.0 < share < 1.0 else ""
+        """Return the time left in words, with a comma before it; empty where nobody knows, as where work has just begun."""
+        spent, share = time.monotonic() - self._counted_from, min(max(self.share(), 0.0), 1.0)
+        if spent < SECONDS_TO_FIRST_PROGRESS or not 0.0 < share < 1.0:
+            return ""
+        return f", about {spoken(spent * (1.0 - share) / share)} left"
 
     def __enter__(self) -> Self:
         """Begin; a line is drawn, or a text told, beside the work, so that one long step is seen too."""

@@ -67,7 +67,9 @@ def qualification_report(q: Qualification, *, to: str | os.PathLike[str]) -> Pat
     outcomes = [t.passed for t in q.trials] + [m.passed for m in q.margins]
     failed, open_ = outcomes.count(False), outcomes.count(None)
     summary = f"{counted(len(q.trials), 'test')}, {counted(len(q.margins), 'margin')}" + (f"; {open_} not decided" if open_ else "")
-    missed = [t.test.name for t in q.trials if t.passed is False] + [f"margin of {m.point}, {m.side}" for m in q.margins if m.passed is False]
+    missed = [t.test.name for t in q.trials if t.passed is False] + [
+        f"margin of {m.point}, {m.side}" for m in q.margins if m.passed is False
+    ]
     summary = f"{', '.join(missed)}; {summary}" if missed else summary
     summary += f"; {len(q.waived)} waived" if q.waived else ""
     summary += f"; smallest margin: {worst}" if worst is not None else ""

@@ -217,11 +217,26 @@ def test_folded_lines_hang_and_lose_nothing() -> None:
     assert folded("", 50) == [""]
 
 
+def test_work_that_begins_anew_has_a_time_left_of_its_own(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A second search of 6,000 runs said '19 h 44 min left' after its first run: the time before counted for it."""
+    now = [0.0]
+    monkeypatch.setattr(screen.time, "monotonic", lambda: now[0])
+    progress = screen.Progress("search")
+    now[0] = 60.0
+    progress.now("first", 0.5)
+    assert "1 min left" in progress.time_left()
+    progress.now("second", 1 / 6000)
+    assert progress.time_left() == ""
+    now[0] = 70.0
+    progress.now("second", 0.25)
+    assert "30 s left" in progress.time_left()
+
+
 def test_time_left_is_in_the_line(monkeypatch: pytest.MonkeyPatch) -> None:
     progress = Progress("work")
     now = time.monotonic()
     monkeypatch.setattr(screen.time, "monotonic", lambda: now + 30.0)
-    progress._begun = now
+    progress._begun = progress._counted_from = now
     assert progress.line() == "work: 30 s"
     progress.now("more", 0.25)
     assert progress.line() == "more: 30 s, about 1 min 30 s left"
