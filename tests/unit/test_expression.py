@@ -106,6 +106,13 @@ def test_a_logarithm_is_natural_with_its_derivative() -> None:
     np.testing.assert_array_equal(expression.evaluate({"x": np.array([1.0, 0.0, -1.0, np.inf])}.__getitem__), [0.0, np.nan, np.nan, np.nan])
 
 
+def test_a_deck_whose_logarithm_has_no_value_is_refused() -> None:
+    """A single number gave NaN, which a network would have taken for a value."""
+    for value in (-1.0, 0.0, Dual(-1.0, np.array([1.0]))):
+        with pytest.raises(ArithmeticError):
+            Expression.parse("2*log(x)").evaluate({"x": value}.__getitem__)
+
+
 def test_arrays_and_duals_go_through() -> None:
     expression = Expression.parse("area*htc**2/2")
     found = expression.evaluate({"area": Dual(3.0, np.array([1.0])), "htc": 2.0}.__getitem__)
@@ -261,6 +268,7 @@ def test_a_decimal_comma_is_shown_with_a_point(text: str) -> None:
     [
         ("sqrt(2)", math.sqrt(2)),
         ("exp(-1.5)", math.exp(-1.5)),
+        ("log(7.5)", math.log(7.5)),
         ("abs(1 - 3) [m]", 2.0),
         ("min(3, 2, 5) [W]", 2.0),
         ("max(3, 2, 5)", 5.0),
@@ -277,6 +285,7 @@ FORMULAS = [
     ("pi*x**2", lambda x, y: math.pi * x**2),
     ("sqrt(x*y)", lambda x, y: (x * y) ** 0.5),
     ("exp(-x/y)", lambda x, y: np.exp(-x / y)),
+    ("log(x/y)**2", lambda x, y: np.log(x / y) ** 2),
     ("abs(x - y)", lambda x, y: (x - y) if x.real > y.real else y - x),
     ("min(x, 2*y, 3 [m])", lambda x, y: min(x, 2 * y, 3.0, key=np.real)),
     ("max(x, y) + 20 [cm]", lambda x, y: max(x, y, key=np.real) + 0.2),
@@ -304,6 +313,7 @@ def test_functions_and_their_derivatives(text: str, formula: Callable[..., Any],
     ("text", "message"),
     [
         ("exp(x)", "'x'"),
+        ("log(x)", "'x'"),
         ("min(x, p)", r"'min\(x, p\)'"),
         ("x + 2 [W]", ""),
     ],
@@ -337,6 +347,8 @@ def test_a_constant_power_of_a_product_beside_a_number_with_a_unit() -> None:
         ("in__word.x + 1", "expression.not-arithmetic", ""),
         ("__quantity0*x + 2 [m]", "expression.not-arithmetic", ""),
         ("exp(1000)", "expression.no-finite-value", ""),
+        ("log(0)", "expression.no-finite-value", ""),
+        ("log(-2)", "expression.no-finite-value", ""),
         ("sqrt(-1)", "expression.no-finite-value", ""),
     ],
 )

@@ -240,12 +240,22 @@ def _exponential(x: Any) -> Any:
 
 
 def _logarithm(x: Any) -> Any:
-    """Return the natural logarithm of x, of a float, a number with derivatives or an array; NaN where x is not above zero, or infinite."""
+    """Return the natural logarithm of x, of a float, a number with derivatives or an array; an array has NaN where it is not above 0 or infinite.
+
+    Raises
+    ------
+    ArithmeticError   Of one number that is not above zero.
+    """
     if type(x) is Dual:
         return Dual(_logarithm(x.value), x.gradient / x.value)
+    if isinstance(x, float):
+        if x <= 0.0:
+            raise ArithmeticError("only a positive number has a logarithm")
+        return math.log(x)
+    if not isinstance(x, np.ndarray):
+        return np.log(x)
     with np.errstate(divide="ignore", invalid="ignore"):
-        value = np.where((np.asarray(x) > 0.0) & np.isfinite(x), np.log(x), np.nan)
-    return float(value) if value.ndim == 0 else value
+        return np.where((x > 0.0) & np.isfinite(x), np.log(x), np.nan)
 
 
 def _chosen(choose: Callable[[Any, Any], Any], *values: Any) -> Any:

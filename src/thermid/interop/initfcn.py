@@ -470,7 +470,7 @@ def _expression(written: str, where: str, constants: Mapping[str, str]) -> str:
             shown = "" if rest == written else f"'{_shortened(written)}': "
             raise ExpressionError(
                 f"{shown}'{_shortened(rest, 20)}' cannot be read. Use single numbers, earlier names, pi, Inf, + - * "
-                "/ ^, sqrt, exp, abs, min, max and parentheses; no texts, ranges, matrices or other calls.",
+                "/ ^, sqrt, exp, log, abs, min, max and parentheses; no texts, ranges, matrices or other calls.",
                 where,
                 code="import.not-understood",
             )

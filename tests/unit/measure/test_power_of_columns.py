@@ -135,6 +135,14 @@ def test_counts_of_a_thermistor_are_a_temperature(log: Path) -> None:
         td.read_record(log, {"sink": {"node": "sink", "temperature": {"volts": "CNT"}}})
 
 
+def test_counts_of_two_converters_are_looked_at_alike(tmp_path: Path) -> None:
+    """One of them was asked for its unit, since its name is of a sink; degC would have been 541 of them."""
+    path = tmp_path / "counts.csv"
+    path.write_text("time [s],sink_cnt,batt_cnt,ADC1\n" + "".join(f"{k},{541 - k % 3},{559 + k % 4},{700 + k % 5}\n" for k in range(9)))
+    columns = [c for c in td.look(path).columns if c.name != "time"]
+    assert {(c.guess, c.unit, c.why) for c in columns} == {("ignored", "", columns[0].why)}
+
+
 def test_units_may_be_given_where_the_log_has_none(log: Path) -> None:
     found = power(log, {"formula": "V_IN * I_IN * U", "units": {"U": "1"}})
     np.testing.assert_allclose(found.values[0], 12.0)

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import shutil
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -58,16 +59,26 @@ def look(
     first = [lines.pop(0)] if lines and lines[0].startswith("check: ") else []
     parts = [*first, *parts, *(["\n".join(lines)] if lines else [])]
     unread = (
-        f", without {', '.join(bare)}: no unit is known. Write it in the header, such as '{bare[0]} [degC]'"
+        f", without {', '.join(bare)}: no unit is known. A unit in the header takes a column along, [1] that of plain numbers"
         if (bare := [name for file_look in looks for name in file_look.unjoined])
         else ""
     )
-    text = (
-        "\n\n".join(parts) + (f"\npicture: {to}" if to is not None else "") + (f"\njoined log: {join}{unread}" if join is not None else "")
-    )
+    text = "\n\n".join(parts) + (f"\npicture: {to}" if to is not None else "")
+    text += "\n".join([f"\njoined log: {join}{unread}", *([] if offset else _places(clocks))]) if join is not None else ""
     joining = {"clocks": clocks} if clocks else {}
     say(as_json, {"status": "error" if bad else "ok", "logs": [file_look.as_object() for file_look in looks], **joining}, text)
     raise SystemExit(2 if bad else 0)
+
+
+def _places(clocks: Sequence[dict[str, Any]]) -> list[str]:
+    """Return where a joined log has each further log, and what common steps and stamps leave of that; entries as of `clocks_of`."""
+    ranges = [f"; what is known of its clock leaves {' .. '.join(measured.offset_range(c))} s" if "at" in c else "" for c in clocks]
+    places = [measured.stated_offset(c) for c in clocks]
+    return [
+        f"  {c['file']} begins at {late:.6g} s there{wide or ', by its stamps alone'}"
+        for c, late, wide in zip(clocks, places, ranges, strict=True)
+        if late is not None
+    ]
 
 
 def _cut(log: Path, folder: Path) -> list[Path]:

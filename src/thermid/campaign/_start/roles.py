@@ -241,7 +241,9 @@ def roles_of(
     units = {n: c.unit for n, c in columns.items() if n in taken and c.assumed and c.unit}
     used = {n for text in formulas.values() for n in columns if re.search(rf"(?<!\w){re.escape(n)}(?!\w)", text)}
     others = {n: c for n, c in columns.items() if n not in taken | used and c.guess != "time"}
-    rest = {n: "never on" if _idle(c.values) and c.guess in ("power", "duty") else c.why for n, c in others.items()}
+    options = {"temperature": "--temperature", "boundary": "--temperature", "power": "--power", "duty": "--power"}
+    left = {n: f"not named by {options[c.guess]}" if c.guess in options else c.why for n, c in others.items()}
+    rest = {n: "never on" if c.guess in ("power", "duty") and _idle(c.values) else left[n] for n, c in others.items()}
     questions = _questions(others, [columns[p.column].values for p in logged_powers if p.column in columns])
     return Roles(parts, around, logged_powers, units, time, {n: columns[n].why for n in taken if n in columns}, rest, questions=questions)
 

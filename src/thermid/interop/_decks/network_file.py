@@ -698,11 +698,11 @@ class DeckReading:
 
 
 FUNCTIONS: Final[Mapping[str, str]] = {
-    "SQRT": "sqrt", "DSQRT": "sqrt", "EXP": "exp", "DEXP": "exp", "ABS": "abs", "DABS": "abs", "MIN": "min", "MAX": "max", "AMIN1": "min",
-    "AMAX1": "max", "PI": "pi",
+    "SQRT": "sqrt", "DSQRT": "sqrt", "EXP": "exp", "DEXP": "exp", "ALOG": "log", "DLOG": "log", "ABS": "abs", "DABS": "abs", "MIN": "min",
+    "MAX": "max", "AMIN1": "min", "AMAX1": "max", "PI": "pi",
 }  # fmt: skip
 """Function of Fortran -> of an expression here."""
-RESERVED: Final = frozenset({"pi", "sqrt", "exp", "abs", "min", "max"})
+RESERVED: Final = frozenset({"pi", "sqrt", "exp", "log", "abs", "min", "max"})
 _MARK: Final = re.compile(r"^(?:C|#)\s*INCOMPLETE: (.+)$", re.MULTILINE)
 
 

@@ -41,6 +41,7 @@ _ELECTRIC: Final = {
 _SCALES: Final = {"C": "degC", "F": "degF", "K": "K"}
 _DUTY: Final = re.compile(r"duty|pwm|pct|percent|heater|q\d|u\d|throttle", re.IGNORECASE)
 _HUMID: Final = re.compile(r"\brh\b|humid|feucht|umidade", re.IGNORECASE)
+_COUNTS: Final = re.compile(r"(^|[_ ])(cnt|adc)\d*($|[_ ])", re.IGNORECASE)
 _STATE: Final = re.compile(r"alarm|record|status|flag|diag|scan|index|#|count|number|stopped|connected|button|end of file", re.IGNORECASE)
 
 
@@ -166,6 +167,8 @@ def _by_name(name: str, finite: FloatArray, letter: str) -> tuple[str, str, str]
             "",
             CodedText("counts milliseconds" + f", and begins again {counted(again, 'time')}" * (again > 0), "record.counter"),
         )
+    if _COUNTS.search(name):
+        return "ignored", "", "counts of a converter: `temperature` of a channel takes a formula of them, such as that of an NTC"
     ends = CodedText(f"its name ends in {name[-2:].strip()}", "record.unit-by-name")
     if letter in _SCALES:
         return _temperature(name, _SCALES[letter], ends)

@@ -164,6 +164,8 @@ def test_look_shows_the_clocks_of_one_test(tmp_path: Path, call: Call) -> None:
     clocks = call("look", tmp_path / "bench.txt", tmp_path / "supply.csv", "--json").object["clocks"]
     assert [(c["record"], c["offset"], c["at"]["error"]) for c in clocks] == [("supply", 12.0, 100.0)]  # the clocks of two computers
     assert "clocks" not in call("look", tmp_path / "bench.txt", "--json").object
+    joining = call("look", tmp_path / "bench.txt", tmp_path / "supply.csv", "--join", tmp_path / "both.csv").out
+    assert "-288 .. 312 s" in joining.partition("joined log: ")[2]
 
 
 def test_a_form_of_stamps_is_for_the_log_that_has_it(tmp_path: Path, call: Call) -> None:

@@ -192,6 +192,7 @@ def test_a_part_is_named_in_any_case_or_by_its_column_and_what_is_dropped_stands
     for name in ("housingA", "housinga", "housingA_C"):
         assert roles_of(log, powers=[f"P_heater_W={name}"]).powers[0].node == "housinga"
     assert named_part("conv", {"a": "b"}) == "conv"
+    assert "--temperature" in roles_of(log, ["housingA_C"], "22 [degC]", ["P_heater_W"]).ignored["T_room_C"]  # not only that it is one
     rows = log.read_text().splitlines()
     log.write_text("\n".join([f"{rows[0]},alpha", *(f"{row},{k % 7}" for k, row in enumerate(rows[1:]))]) + "\n")
     found = CliRunner().invoke(app, ["init", str(log), "--to", str(tmp_path / "p"), "--evaluations", "12"])
