@@ -240,7 +240,7 @@ def _exponential(x: Any) -> Any:
 
 
 def _logarithm(x: Any) -> Any:
-    """Return the natural logarithm of x, of a float, a number with derivatives or an array; an array has NaN where it is not above 0 or infinite.
+    """Return ln x of a float, a number with derivatives or an array; an array has NaN where it is not above zero, or infinite.
 
     Raises
     ------
