@@ -1,8 +1,8 @@
-"""Arithmetic over names: numbers, names, dotted paths downward, ``+ - * / **``, parentheses, ``pi`` and six functions. It runs no code.
+"""Arithmetic over names: numbers, names, dotted paths downward, ``+ - * / **``, parentheses, ``pi`` and some functions. It runs no code.
 
 A pure-number expression has one unit, at its end: ``"1*(15*0.015) [W]"``. An expression with names, ``"(1 - x)*area"``, takes its dimension
 by algebra; a number in it may have its own unit, ``"area - 2 [cm^2]"``. Pure numbers are computed in fractions and rounded once; roots,
-exponentials, logarithms and ``pi`` are rounded where they stand.
+exponentials and ``pi`` are rounded where they stand.
 
 Values that enter from Python state their unit as a text does (``"24 [degC]"``), by `celsius` or `quantity`, or are a Quantity of pint, a
 pandas Series or an xarray DataArray with a unit; `si_values` is the one door of all of them. A number without a unit is SI where a function
@@ -231,28 +231,31 @@ def _power(base: Any, exponent: Any) -> Any:
     )
 
 
-def _smooth(real: Callable[[float], float], many: Callable[[Any], Any], slope: Callable[[float], float]) -> Callable[[Any], Any]:
-    """Return a function of a float, a number with derivatives or an array, by its value of each kind and its derivative."""
-
-    def value(x: Any) -> Any:
-        """Return the function at x, of the kind of x."""
-        if type(x) is Dual:
-            return Dual(real(x.value), slope(x.value) * x.gradient)
-        return real(x) if isinstance(x, float) else many(x)
-
-    return value
+def _exponential(x: Any) -> Any:
+    """Return e to the power x, of a float, a number with derivatives or an array."""
+    if type(x) is Dual:
+        value = math.exp(x.value)
+        return Dual(value, value * x.gradient)
+    return math.exp(x) if isinstance(x, float) else np.exp(x)
 
 
-def _logarithm(x: float) -> float:
-    """Return the natural logarithm.
+def _logarithm(x: Any) -> Any:
+    """Return ln x of a float, a number with derivatives or an array; an array has NaN where it is not above zero, or infinite.
 
     Raises
     ------
-    ArithmeticError   Of zero and of negative numbers.
+    ArithmeticError   Of one number that is not above zero.
     """
-    if x <= 0.0:
-        raise ArithmeticError("only a positive number has a logarithm")
-    return math.log(x)
+    if type(x) is Dual:
+        return Dual(_logarithm(x.value), x.gradient / x.value)
+    if isinstance(x, float):
+        if x <= 0.0:
+            raise ArithmeticError("only a positive number has a logarithm")
+        return math.log(x)
+    if not isinstance(x, np.ndarray):
+        return np.log(x)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return np.where((x > 0.0) & np.isfinite(x), np.log(x), np.nan)
 
 
 def _chosen(choose: Callable[[Any, Any], Any], *values: Any) -> Any:
@@ -263,13 +266,13 @@ def _chosen(choose: Callable[[Any, Any], Any], *values: Any) -> Any:
 
 FUNCTIONS: dict[str, Callable[..., Any]] = {
     "sqrt": lambda x: _power(x, 0.5),
-    "exp": _smooth(math.exp, np.exp, math.exp),
-    "log": _smooth(_logarithm, np.log, lambda x: 1.0 / x),
+    "exp": _exponential,
+    "log": _logarithm,
     "abs": lambda x: _chosen(np.maximum, x, -x),
     "min": lambda *x: _chosen(np.minimum, *x),
     "max": lambda *x: _chosen(np.maximum, *x),
 }
-"""Functions of an expression, `log` the natural one; the last two take several values."""
+"""Functions of an expression; the last two take several values."""
 SEVERAL = ("min", "max")
 CONSTANTS = {"pi": math.pi}
 RESERVED = ("inf", *CONSTANTS)
@@ -440,7 +443,7 @@ def _dimension(node: ast.expr, lookup: Callable[[str], Dimension], text: str) ->
 
 
 def _function_dimension(node: ast.Call, of: list[Dimension], text: str) -> Dimension:
-    """Return the dimension of a function: a root halves it, exp and log take plain numbers, the others keep one dimension."""
+    """Return the dimension of a function: a root halves it, exponentials and logarithms take plain numbers, the others keep one."""
     name = _function(node)
     if name == "sqrt":
         return tuple(dimension / 2 for dimension in of[0])

@@ -28,7 +28,7 @@ class Binding:
     role, target : str      As of `Channel`.
     full_scale              Power of a load in per cent at 100 %.
     power                   Formula or table by which a power is computed from columns.
-    temperature             Formula by which a temperature is, such as the mean of several thermometers, or a table of it with units.
+    temperature             Formula by which a temperature is, such as the mean of several thermometers.
     part, certificate       Of its sensor.
     """
 
@@ -158,9 +158,8 @@ def _check_kinds(written: Any, where: str) -> None:
             code="value.wrong-kind",
         )
     refuse_unknown(written, _KEYS, where)
-    for word in ("column", *ROLES, "gain", "unit", "temperature"):
-        formula = word == "temperature" and isinstance(written.get(word), Mapping)
-        if word in written and not formula and not (isinstance(written[word], str) and written[word].strip()):
+    for word in ("column", *ROLES, "gain", "unit"):
+        if word in written and not (isinstance(written[word], str) and written[word].strip()):
             raise RecordError(f"{word} = {written[word]!r} must be text in quotes, and not empty.", where, code="value.wrong-kind")
     for word in ("full_scale", "noise", "accuracy", "resolution"):
         if word in written and (isinstance(written[word], bool) or not isinstance(written[word], str | int | float)):
@@ -267,10 +266,16 @@ def channel_schema() -> dict[str, Any]:
 
     units = {"units": {"type": "object"}}
     table_of_power = {"type": "object", "properties": {**dict.fromkeys(POWER_KEYS, text), **units}}
+    table_of_temperature = {
+        "type": "object",
+        "properties": {"formula": text, **units},
+        "required": ["formula"],
+        "additionalProperties": False,
+    }
     nested = {
         "prompt": {"type": "boolean"},
         "power": {"anyOf": [text, table_of_power]},
-        "temperature": {"anyOf": [text, {"type": "object", "properties": {"formula": text, **units}, "required": ["formula"]}]},
+        "temperature": {"anyOf": [text, table_of_temperature]},
         "samples": {"enum": list(SAMPLES)},
         "interpolation": {"enum": list(INTERPOLATIONS)},
         "lead": table(("conductance", "to"), ("conductance", "to")),
