@@ -98,6 +98,13 @@ def test_names_in_order_once() -> None:
     assert Expression.parse("(1 - x)*skin.area + x*b").names == ("x", "skin.area", "b")
 
 
+def test_a_logarithm_of_one_number_that_is_not_positive_is_refused() -> None:
+    """Not NaN, which a network would take for a value."""
+    for value in (-1.0, 0.0, Dual(-1.0, np.array([1.0]))):
+        with pytest.raises(ArithmeticError):
+            Expression.parse("2*log(x)").evaluate({"x": value}.__getitem__)
+
+
 def test_arrays_and_duals_go_through() -> None:
     expression = Expression.parse("area*htc**2/2")
     found = expression.evaluate({"area": Dual(3.0, np.array([1.0])), "htc": 2.0}.__getitem__)

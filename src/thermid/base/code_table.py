@@ -233,7 +233,7 @@ CODES: Final[Mapping[str, CodeMeaning]] = {
     ),
     "expression.mixed-dimensions": CodeMeaning(
         "error",
-        "Quantities of different kinds are added or compared, or `exp()` has an argument with a unit.",
+        "Quantities of different kinds are added or compared, or `exp()` or `log()` has an argument with a unit.",
         "Check which parameter has the wrong unit.",
     ),
     "expression.no-finite-value": CodeMeaning(

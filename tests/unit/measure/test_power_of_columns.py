@@ -126,6 +126,9 @@ def test_an_ntc_in_counts_is_a_formula_with_a_logarithm(log: Path, role: str) ->
     expected = [1.0 / (1.0 / 298.15 + np.log(c / (1023.0 - c)) / 3950.0) for c in (541.0, 352.0)]
     np.testing.assert_allclose(found.values[:2], expected)
     assert list(found.valid) == [True, True, False, False, False]
+    with raises_code("expression.mixed-dimensions") as plain:
+        td.read_record(log, {"sink": {role: "sink", "temperature": ntc["formula"]}})
+    assert "units = { CNT = '1' }" in str(plain.value)
     for wrong in ({"volts": "CNT"}, {**ntc, "volts": "CNT"}, {**ntc, "units": {"CNT": "V"}}, {}, " ", 3):
         with pytest.raises(ThermidError):
             td.read_record(log, {"sink": {role: "sink", "temperature": wrong}})

@@ -155,7 +155,12 @@ def _of_formula(text: str, column: ColumnOf, units: Mapping[str, str], times: Fl
         raise RecordError(f"'{text}' names no column. State a constant in the deck or in the scenario.", code="value.wrong-kind")
     usual = {**(dict.fromkeys((*quoted.values(), *expression.names), "degC") if key == "temperature" else {}), **units}
     readings = {name: _column_with_unit(quoted.get(name, name), column, usual) for name in expression.names}
-    dimension = expression.dimension(lambda name: readings[name][1].dimension)
+    try:
+        dimension = expression.dimension(lambda name: readings[name][1].dimension)
+    except ExpressionError as error:
+        bare = [n for n in expression.names if key == "temperature" and n not in units and column(quoted.get(n, n))[1] is None]
+        rule = f" A column without a unit is in degC here: state that of counts or volts, units = {{ {bare[0]} = '1' }}." if bare else ""
+        raise error.reworded(f"{error.message}{rule}") from None
     if dimension != unit("K" if key == "temperature" else "W").dimension:
         raise RecordError(f"'{text}' is {describe(dimension)}, so it is not a {key}.", code="unit.wrong-dimension")
     with np.errstate(divide="ignore", invalid="ignore"):  # of an open or shorted thermometer
