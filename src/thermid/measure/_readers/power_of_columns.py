@@ -60,7 +60,7 @@ def power_readings(entry: object, column: ColumnOf, times: FloatArray, where: st
                             share; energy; or formula with units. Values are columns, or numbers with units.
     column : callable       Name -> readings and unit.
     times : array           [s]
-    where, key : str        For messages; the key. A temperature is a formula, or a table of formula and units.
+    where, key : str        For messages; the key. A temperature is a formula, alone or with units.
 
     Raises
     ------
@@ -72,12 +72,10 @@ def power_readings(entry: object, column: ColumnOf, times: FloatArray, where: st
             return _of_formula(entry, column, {}, times, key)
         if not isinstance(entry, Mapping):
             raise RecordError(f"{entry!r} is neither a formula of columns nor a table.", code="value.wrong-kind")
-        refuse_unknown(entry, (*(POWER_KEYS if key == "power" else ("formula",)), "units"))
-        if key == "temperature" and "formula" not in entry:
-            raise RecordError("a table of a temperature needs its formula.", code="value.incomplete")
-        if "formula" in entry:
+        refuse_unknown(entry, (*POWER_KEYS, "units"))
+        if "formula" in entry or key == "temperature":
             refuse_unknown(entry, ("formula", "units"), refusal="'{}' does not go with a formula, which takes {known}.")
-            return _of_formula(str(entry["formula"]), column, dict(entry.get("units", {})), times, key)
+            return _of_formula(str(entry.get("formula", "")), column, dict(entry.get("units", {})), times, key)
         if "energy" in entry:
             refuse_unknown(entry, ("energy", "share"), refusal="'{}' does not go with a counter of energy, which takes {known}.")
             return _of_counter(_slot("energy", entry, column), _slot("share", entry, column), times)
@@ -138,6 +136,8 @@ def _column_with_unit(name: str, column: ColumnOf, usual: Mapping[str, str]) -> 
 def _of_formula(text: str, column: ColumnOf, units: Mapping[str, str], times: FloatArray, key: str = "power") -> PowerReadings:
     """Return the value of a formula of columns, each in SI by its unit: by `units` where the log has none, or degC in a temperature. [W, K]
 
+    A temperature of 0 K or below, as that of counts at an end of their range, is no reading.
+
     Raises
     ------
     RecordError   When it names no column, or is of another quantity.
@@ -158,16 +158,14 @@ def _of_formula(text: str, column: ColumnOf, units: Mapping[str, str], times: Fl
     try:
         dimension = expression.dimension(lambda name: readings[name][1].dimension)
     except ExpressionError as error:
-        counted = [n for n in expression.names if key == "temperature" and units.get(n) is None and column(quoted.get(n, n))[1] is None]
-        rule = (
-            f" A column without a unit is in degC here: state that of counts or volts, units = {{ {counted[0]} = '1' }}." if counted else ""
-        )
+        bare = [n for n in expression.names if key == "temperature" and n not in units and column(quoted.get(n, n))[1] is None]
+        rule = f" A column without a unit is in degC here: state that of counts or volts, units = {{ {bare[0]} = '1' }}." if bare else ""
         raise error.reworded(f"{error.message}{rule}") from None
     if dimension != unit("K" if key == "temperature" else "W").dimension:
         raise RecordError(f"'{text}' is {describe(dimension)}, so it is not a {key}.", code="unit.wrong-dimension")
-    with np.errstate(divide="ignore", invalid="ignore"):  # a divider at its end is no reading
-        values = expression.evaluate({name: in_si(v, of) for name, (v, of) in readings.items()}.__getitem__)
-    return PowerReadings(np.asarray(values, dtype=float), np.zeros(times.shape, dtype=bool))
+    with np.errstate(divide="ignore", invalid="ignore"):  # of an open or shorted thermometer
+        values = np.asarray(expression.evaluate({name: in_si(v, of) for name, (v, of) in readings.items()}.__getitem__), dtype=float)
+    return PowerReadings(np.where(values > 0.0, values, np.nan) if key == "temperature" else values, np.zeros(times.shape, dtype=bool))
 
 
 def _of_counter(joules: FloatArray, share: float, times: FloatArray) -> PowerReadings:
