@@ -15,11 +15,12 @@ from typing import Any, Final
 
 import numpy as np
 
+from thermid import _kernel
 from thermid.base.errors import DeckError, ScenarioError
 from thermid.base.files import FileKinds
 from thermid.base.units import real_power, si_unit, value_of
 from thermid.model.tree import HINGES, Constant, Curve, Drawn, Law, Model, TableSignal
-from thermid.simulation.runs import ANCHOR, SMOOTHING, ConductorRow, Engine, Network, Numbers, Scenario, Wiring, network_for, signal_of
+from thermid.simulation.runs import SMOOTHING, ConductorRow, Engine, Network, Numbers, Scenario, Wiring, network_for, signal_of
 
 IN_WORDS = dict.fromkeys(HINGES.values(), "is a table that depends on parameters") | dict.fromkeys(
     ("gas", "natural"), "is a law of gas that convects or changes in time"
@@ -226,14 +227,7 @@ def wired(model: Model, scenario: Scenario, what: str | Writer) -> Wired:
     numbers, held = _gas_at_rest(numbers, writer)
     _refuse_laws(network, numbers, writer)
     sources = _sources(network, wiring, numbers, writer)
-    for name, curve in (*((row.name, row.curve) for row in numbers.conductors), *((s.load, s.curve) for s in sources)):
-        if curve is not None and not writer.open_tables and not table_points(curve)[2]:
-            raise DeckError(
-                f"'{name}' is a table with outside = 'refuse', which is not written to {writer.name}, where it holds its last value. Use "
-                "outside = 'hold'.",
-                network.title,
-                code="output.not-expressible",
-            )
+    _refuse_open_tables(network, numbers, sources, writer)
     off = [load.name for load in numbers.loads if writer.numbers and not load.fixed and load.name not in {s.load for s in sources}]
     rows = named_rows(row for row in numbers.conductors if row.ends[0] != row.ends[1])
     engine = Engine(wiring)
@@ -272,14 +266,14 @@ def _gas_at_rest(numbers: Numbers, writer: Writer) -> tuple[Numbers, tuple[str, 
             rows.append(row)
             continue
         x, k, _ = row.curve.table
-        y = k / (1.0 + k * np.sqrt(x / ANCHOR) / float(value_of(row.coefficients[1])))  # type: ignore[arg-type]  # a formula is a number
+        y = k / (1.0 + k * np.sqrt(x / _kernel.GAS_ANCHOR) / float(value_of(row.coefficients[1])))  # type: ignore[arg-type]  # a formula is a number
         first = row.coefficients[0]
         if "table" in writer.forms:
             rows.append(replace(row, law=Law("table", (first,)), curve=Curve("temperature", x, y)))
             held.append(f"{row.name}: the share of free molecules in its gas")
         else:
-            rows.append(replace(row, law=Law("linear", (first * float(np.interp(ANCHOR, x, y)),)), curve=None))
-            held.append(f"{row.name}: its gas is at {ANCHOR:g} K")
+            rows.append(replace(row, law=Law("linear", (first * float(np.interp(_kernel.GAS_ANCHOR, x, y)),)), curve=None))
+            held.append(f"{row.name}: its gas is at {_kernel.GAS_ANCHOR:g} K")
     return replace(numbers, conductors=tuple(rows)), tuple(held)
 
 
@@ -303,6 +297,18 @@ def _refuse_laws(network: Network, numbers: Numbers, writer: Writer) -> None:
         if curve is not None and not (curve.film[-1] if curve.film else curve).straight and not writer.smooth:
             raise DeckError(
                 f"'{name}' is a smooth table, which is not written to {writer.name}. Use interpolation = 'linear'.",
+                network.title,
+                code="output.not-expressible",
+            )
+
+
+def _refuse_open_tables(network: Network, numbers: Numbers, sources: Sequence[HeatSource], writer: Writer) -> None:
+    """Refuse tables without values outside their points, where a format would hold the last one."""
+    for name, curve in (*((row.name, row.curve) for row in numbers.conductors), *((s.load, s.curve) for s in sources)):
+        if curve is not None and not writer.open_tables and not table_points(curve)[2]:
+            raise DeckError(
+                f"'{name}' is a table with outside = 'refuse', which is not written to {writer.name}, where it holds its last value. Use "
+                "outside = 'hold'.",
                 network.title,
                 code="output.not-expressible",
             )
