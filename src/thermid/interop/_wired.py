@@ -223,27 +223,24 @@ def wired(model: Model, scenario: Scenario, what: str | Writer) -> Wired:
     numbers = wiring.flowing(with_formulas(network), {})
     laws = [row for row in numbers.conductors if writer.numbers and row.form in ("power", "table") and not row.signal]
     idle = [row for row in laws if value_of(row.coefficients[0]) == 0.0]
-    numbers = replace(numbers, conductors=tuple(row for row in numbers.conductors if row not in idle))
-    numbers, held = _gas_at_rest(numbers, writer)
+    numbers, held = _gas_at_rest(replace(numbers, conductors=tuple(row for row in numbers.conductors if row not in idle)), writer)
     _refuse_laws(network, numbers, writer)
     sources = _sources(network, wiring, numbers, writer)
     _refuse_open_tables(network, numbers, sources, writer)
     off = [load.name for load in numbers.loads if writer.numbers and not load.fixed and load.name not in {s.load for s in sources}]
-    rows = named_rows(row for row in numbers.conductors if row.ends[0] != row.ends[1])
     engine = Engine(wiring)
     start = dict(zip(engine.nodes, engine.started(wiring.assemble(gradients=False)).initial.tolist(), strict=True))
     capacitances: dict[str, Formula | float | None] = dict(numbers.capacitances)  # type: ignore[arg-type]
-    massive = {n: start[n] for n, c in capacitances.items() if c is not None}
     out = Wired(
         network,
         wiring.scenario,
         capacitances,
-        rows,
+        named_rows(row for row in numbers.conductors if row.ends[0] != row.ends[1]),
         sources,
         {b: wiring.signals[f"boundary {b}"] for b in network.boundaries},
         {name: curve.drawn(wiring.scenario.seconds) for name, curve in network.media.signals().items()}
         | {name: curve for name, curve in wiring.signals.items() if name.startswith(signal_of(""))},
-        massive,
+        {n: start[n] for n, c in capacitances.items() if c is not None},
         {} if wiring.schedule is None else {p: s.drawn(wiring.scenario.seconds) for p, s in wiring.schedule.signals.items()},
         tuple(model.missing_parts()),
         tuple(dict.fromkeys([*(f"{row.name} ({row.form} law)" for row in idle), *off])),
@@ -266,7 +263,7 @@ def _gas_at_rest(numbers: Numbers, writer: Writer) -> tuple[Numbers, tuple[str, 
             rows.append(row)
             continue
         x, k, _ = row.curve.table
-        y = k / (1.0 + k * np.sqrt(x / _kernel.GAS_ANCHOR) / float(value_of(row.coefficients[1])))  # type: ignore[arg-type]  # a formula is a number
+        y = k / (1.0 + k * np.sqrt(x / _kernel.GAS_ANCHOR) / float(value_of(row.coefficients[1])))
         first = row.coefficients[0]
         if "table" in writer.forms:
             rows.append(replace(row, law=Law("table", (first,)), curve=Curve("temperature", x, y)))

@@ -358,7 +358,7 @@ def _doubts(campaign: Campaign) -> Part:
     """Return which verdicts failed, in which stages inherited values moved, and how many records were made and not measured."""
     return {
         "missed": [f"{v.model} on {v.record}" for v in campaign.verdicts if v.passed is False],
-        "moved": [c.stage for c in campaign.fits if MOVED in (m.verdict for m in (*c.moved.values, *c.moved.groups))],
+        "moved": [c.stage for c in campaign.fits if c.moved.moved],
         "made": tables.made_records(campaign),
     }
 
