@@ -326,8 +326,8 @@ def _sources(network: Network, wiring: Wiring, numbers: Numbers, writer: Writer)
         if not plain and not writer.loads:
             law = load.control or load.form
             raise DeckError(
-                f"the load '{load.name}' depends on temperature ({law}), which is not written to {writer.name}. Give it a power that "
-                f"stays, --load {load.name}=2 for 2 W; 0 leaves it out.",
+                f"the load '{load.name}' depends on temperature ({law}), which is not written to {writer.name}. Give its power: --load "
+                f"{load.name}=0 leaves it out.",
                 network.title,
                 code="output.not-expressible",
             )
