@@ -323,6 +323,8 @@ def _sources(network: Network, wiring: Wiring, numbers: Numbers, writer: Writer)
         if load.node not in network.nodes or (load.form == "signal" and (signal == Constant(0.0) or float(power) == 0.0)):
             continue
         plain = load.fixed or (writer.load_tables and load.form == "table" and not load.control and load.curve is not None)
+        if not plain and not writer.loads and signal == Constant(0.0):
+            continue
         if not plain and not writer.loads:
             law = load.control or load.form
             raise DeckError(
