@@ -15,11 +15,12 @@ from typing import Any, Final
 
 import numpy as np
 
+from thermid import _kernel
 from thermid.base.errors import DeckError, ScenarioError
 from thermid.base.files import FileKinds
 from thermid.base.units import real_power, si_unit, value_of
 from thermid.model.tree import HINGES, Constant, Curve, Drawn, Law, Model, TableSignal
-from thermid.simulation.runs import ANCHOR, SMOOTHING, ConductorRow, Engine, Network, Numbers, Scenario, Wiring, network_for, signal_of
+from thermid.simulation.runs import SMOOTHING, ConductorRow, Engine, Network, Numbers, Scenario, Wiring, network_for, signal_of
 
 IN_WORDS = dict.fromkeys(HINGES.values(), "is a table that depends on parameters") | dict.fromkeys(
     ("gas", "natural"), "is a law of gas that convects or changes in time"
@@ -222,27 +223,24 @@ def wired(model: Model, scenario: Scenario, what: str | Writer) -> Wired:
     numbers = wiring.flowing(with_formulas(network), {})
     laws = [row for row in numbers.conductors if writer.numbers and row.form in ("power", "table") and not row.signal]
     idle = [row for row in laws if value_of(row.coefficients[0]) == 0.0]
-    numbers = replace(numbers, conductors=tuple(row for row in numbers.conductors if row not in idle))
-    numbers, held = _gas_at_rest(numbers, writer)
+    numbers, held = _gas_at_rest(replace(numbers, conductors=tuple(row for row in numbers.conductors if row not in idle)), writer)
     _refuse_laws(network, numbers, writer)
     sources = _sources(network, wiring, numbers, writer)
     _refuse_open_tables(network, numbers, sources, writer)
     off = [load.name for load in numbers.loads if writer.numbers and not load.fixed and load.name not in {s.load for s in sources}]
-    rows = named_rows(row for row in numbers.conductors if row.ends[0] != row.ends[1])
     engine = Engine(wiring)
     start = dict(zip(engine.nodes, engine.started(wiring.assemble(gradients=False)).initial.tolist(), strict=True))
     capacitances: dict[str, Formula | float | None] = dict(numbers.capacitances)  # type: ignore[arg-type]
-    massive = {n: start[n] for n, c in capacitances.items() if c is not None}
     out = Wired(
         network,
         wiring.scenario,
         capacitances,
-        rows,
+        named_rows(row for row in numbers.conductors if row.ends[0] != row.ends[1]),
         sources,
         {b: wiring.signals[f"boundary {b}"] for b in network.boundaries},
         {name: curve.drawn(wiring.scenario.seconds) for name, curve in network.media.signals().items()}
         | {name: curve for name, curve in wiring.signals.items() if name.startswith(signal_of(""))},
-        massive,
+        {n: start[n] for n, c in capacitances.items() if c is not None},
         {} if wiring.schedule is None else {p: s.drawn(wiring.scenario.seconds) for p, s in wiring.schedule.signals.items()},
         tuple(model.missing_parts()),
         tuple(dict.fromkeys([*(f"{row.name} ({row.form} law)" for row in idle), *off])),
@@ -265,14 +263,14 @@ def _gas_at_rest(numbers: Numbers, writer: Writer) -> tuple[Numbers, tuple[str, 
             rows.append(row)
             continue
         x, k, _ = row.curve.table
-        y = k / (1.0 + k * np.sqrt(x / ANCHOR) / float(value_of(row.coefficients[1])))  # type: ignore[arg-type]  # a formula is a number
+        y = k / (1.0 + k * np.sqrt(x / _kernel.GAS_ANCHOR) / float(value_of(row.coefficients[1])))
         first = row.coefficients[0]
         if "table" in writer.forms:
             rows.append(replace(row, law=Law("table", (first,)), curve=Curve("temperature", x, y)))
             held.append(f"{row.name}: the share of free molecules in its gas")
         else:
-            rows.append(replace(row, law=Law("linear", (first * float(np.interp(ANCHOR, x, y)),)), curve=None))
-            held.append(f"{row.name}: its gas is at {ANCHOR:g} K")
+            rows.append(replace(row, law=Law("linear", (first * float(np.interp(_kernel.GAS_ANCHOR, x, y)),)), curve=None))
+            held.append(f"{row.name}: its gas is at {_kernel.GAS_ANCHOR:g} K")
     return replace(numbers, conductors=tuple(rows)), tuple(held)
 
 
@@ -325,11 +323,13 @@ def _sources(network: Network, wiring: Wiring, numbers: Numbers, writer: Writer)
         if load.node not in network.nodes or (load.form == "signal" and (signal == Constant(0.0) or float(power) == 0.0)):
             continue
         plain = load.fixed or (writer.load_tables and load.form == "table" and not load.control and load.curve is not None)
+        if not plain and not writer.loads and signal == Constant(0.0):
+            continue
         if not plain and not writer.loads:
             law = load.control or load.form
             raise DeckError(
-                f"the load '{load.name}' depends on temperature ({law}), which is not written to {writer.name}. Give it a power that "
-                f"stays, --load {load.name}=2 for 2 W; 0 leaves it out.",
+                f"the load '{load.name}' depends on temperature ({law}), which is not written to {writer.name}. Give its power: --load "
+                f"{load.name}=0 leaves it out.",
                 network.title,
                 code="output.not-expressible",
             )

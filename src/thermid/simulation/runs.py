@@ -18,7 +18,6 @@ from thermid.simulation._network.linear import modes as modes, state_space as st
 from thermid.simulation._network.medium import VACUUM_LIMIT as VACUUM_LIMIT, Media as Media
 from thermid.simulation._network.network import Network as Network, Numbers as Numbers, compile_network as compile_network
 from thermid.simulation._network.rows import (
-    ANCHOR as ANCHOR,
     SMOOTHING as SMOOTHING,
     ConductorRow as ConductorRow,
     conductance as conductance,

@@ -333,16 +333,16 @@ def _written(path: Path, stage: str, before: Request, after: Request, delays: Se
 
 def with_basis(model: Model, stage: str) -> Model:
     """Return a model whose values that fits laid over its deck are derived ones, on the basis of fit and deck."""
-    table = replace(model, layers=()).parameter_table()
+    given = {path: entry.parameter for path, entry in replace(model, layers=()).parameter_table().items()}
 
-    def derived(path: str, laid: Parameter) -> Parameter:
-        """Return a laid value with its source."""
-        old = table[path].parameter if path in table else laid
-        parts = [f"fit of {laid.note or repr(stage)}", *(w for w in (old.source, old.basis) if w)]
-        return replace(laid, source="derived", basis="; ".join(parts))
+    def derived(path: str, fitted: Parameter) -> Parameter:
+        """Return a fitted value with its source."""
+        parameter = given.get(path, fitted)
+        basis = filter(None, (f"fit of {fitted.note or repr(stage)}", parameter.source, parameter.basis))
+        return replace(fitted, source="derived", basis="; ".join(basis))
 
-    layers = (replace(x, values={p: v if v.source else derived(p, v) for p, v in x.values.items()}) for x in model.layers)
-    return replace(model, layers=tuple(layers))
+    values = ({p: v if v.source else derived(p, v) for p, v in layer.values.items()} for layer in model.layers)
+    return replace(model, layers=tuple(replace(layer, values=v) for layer, v in zip(model.layers, values, strict=True)))
 
 
 def with_part(deck: Path, decks: dict[Path, Path]) -> Path:

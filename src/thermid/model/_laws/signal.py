@@ -302,6 +302,10 @@ class TableSignal:
         times[change] -= 0.5 * (self.times[change] - self.times[change - 1])
         return self.retimed(lambda _: times)
 
+    def jumps_at(self, time: float) -> bool:
+        """Return whether it is held and has another value from a time on than before. [s]"""
+        return self.hold and time in self.corners()[1:]
+
     def with_row_later(self, row: int, by: float) -> TableSignal:
         """Return the signal with one row later by some time, and those that it would pass right behind it. [s]"""
         order = JUMP_TIME * np.arange(self.times.size)

@@ -243,7 +243,7 @@ def _network(decisive: Decisive, run: Solution | None) -> Plot | None:
     model = decisive.fit.model
     flat = Flat.of_model(model)
     nodes = [n.path for n in flat.nodes]
-    if run is None or len(nodes) < 2:
+    if run is None or len(nodes) == 1:
         return None
     inside = {*nodes, *flat.names.boundaries}  # a sensor that lags has a node in the run, and none in the model
     k = hottest_moment(run, nodes)
@@ -332,9 +332,7 @@ def report(
         to,
         title=campaign.title,
         campaign=campaign,
-        missed=[f"{v.model} on {v.record}" for v in campaign.verdicts if v.passed is False],
-        moved=[c.stage for c in campaign.fits if MOVED in (m.verdict for m in (*c.moved.values, *c.moved.groups))],
-        made=tables.made_records(campaign),
+        **_doubts(campaign),
         notes=[p for p in (campaign.note, *paragraphs, *map("NOT PREDICTED: '{0[0]}': {0[1]}".format, failed.items())) if p],
         verdicts=replace(tables.verdicts(campaign, audience == "summary"), key=VERDICTS_TABLE) if campaign.verdicts else None,
         held_out=_held_out(campaign, audience) if audience != "summary" else None,
@@ -354,6 +352,15 @@ def report(
         sheets=sheets,
         seen=glance(campaign, places, named),
     )
+
+
+def _doubts(campaign: Campaign) -> Part:
+    """Return which verdicts failed, in which stages inherited values moved, and how many records were made and not measured."""
+    return {
+        "missed": [f"{v.model} on {v.record}" for v in campaign.verdicts if v.passed is False],
+        "moved": [c.stage for c in campaign.fits if c.moved.moved],
+        "made": tables.made_records(campaign),
+    }
 
 
 JOINED = (

@@ -122,7 +122,7 @@ def scatter(measured: Sequence[Array], predicted: Sequence[Array]) -> Graphic:
     x = np.concatenate(measured) - ICE_POINT
     y = x + ICE_POINT - np.concatenate(predicted)
     bands = _bands_in_view(y)
-    (left, right), far = widened(float(x.min()), float(x.max())), widened(0.0, max(float(np.abs(y).max()), *(k for k, _ in bands), 0.0))[1]
+    (left, right), far = widened(float(x.min()), float(x.max())), widened(0.0, max([float(np.abs(y).max()), *(k for k, _ in bands)]))[1]
     box = BOX
 
     def at(v: float, w: float) -> tuple[float, float]:

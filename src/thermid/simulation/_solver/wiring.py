@@ -740,7 +740,7 @@ class Wiring:
         time = float(getattr(self.scenario, jump.table)[jump.path].times[jump.row])
         scheduled, of_load = jump.table == "schedule", (f"load {jump.path}", f"curve {jump.path}")
         mine = {n: self.signals[n] for n in self.used if ("schedule " in n if scheduled else n in of_load)}
-        there = [n for n, t in mine.items() if isinstance(t, TableSignal) and t.hold and time in t.corners()[1:]]
+        there = [n for n, t in mine.items() if isinstance(t, TableSignal) and t.jumps_at(time)]
         return [(self.used[n], time, jump.later) for n in there]
 
     def _conductors(self, rows: Sequence[ConductorRow], make: _Builder, index: Mapping[str, int]) -> tuple[PlacedConductor, ...]:
