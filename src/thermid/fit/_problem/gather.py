@@ -79,6 +79,8 @@ def with_idle_ranges(request: Request) -> Request:
     RecordError, IdentificationError    As `build_problem`.
     SolverError                         When a record cannot be run.
     """
+    if not request.prior:
+        return request
     problem = build_problem(request)
     before = known_before(request, problem.unknowns)
     names = {s.name for s, rows, held in zip(before.sources, before.rows.T, before.held, strict=True) if held and rows.any()}
