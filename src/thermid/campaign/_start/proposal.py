@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from thermid.base.errors import DeckError, IdentificationError, ThermidError, refuse_unknown
-from thermid.base.units import amount, duration_text, value_of
+from thermid.base.units import amount, duration_text, short, value_of
 from thermid.campaign._start.roles import ACCURACY, JOIN, SURROUNDINGS, Power, Roles, noise_of, part_name, with_noise
 from thermid.fit.calibration import MOST_EVALUATIONS, Calibration, LocalSpec, Request, first_reading, fit
 from thermid.inference.criticism import (
@@ -418,10 +418,19 @@ class Proposal:
         values = self.chosen.values
         return 1.0 - sum(values[n] for n in power.rest) if power.rest else values.get(power.share, 1.0)
 
+    def _share_text(self, power: Power) -> str:
+        """Return the share of a power with its standard error, both in per cent: of what other parts leave, 1 - sum s +- (1'C 1)^0.5."""
+        fit, names = self.first_fit.calibration, [*(power.rest or (power.share,))]
+        if fit is None or not set(names) <= set(fit.values):
+            return f"{100 * self.share(power):.3g} %"
+        total = sum(fit.expected[n][0] if n in fit.expected else fit[n].value for n in names)
+        error = float(np.sum(fit.store.covariance(names))) ** 0.5
+        return f"{100 * (1.0 - total if power.rest else total):.3g} +- {short(100 * error, 2)} %"
+
     @property
     def shares_text(self) -> str:
-        """How columns are shared among parts, as the search found it; empty for none."""
-        shares = [f"{100 * self.share(p):.3g} % of {p.column} heats '{p.node}'" for p in self.roles.powers if p.share]
+        """How columns are shared among parts, by the first fit with its errors, else as the search found it; empty for none."""
+        shares = [f"{self._share_text(p)} of {p.column} heats '{p.node}'" for p in self.roles.powers if p.share]
         return f"Shares: {', '.join(shares)}; the campaign fits them." if shares else ""
 
     def __str__(self) -> str:
