@@ -45,8 +45,8 @@ CHANGES: dict[str, tuple[Any, str]] = {
     "options": (Options(error=4e-5), "free and fixed"),
     "hand": (BELOW, "values by hand"),
 }
-NONE = {"name", "seen", "remarks", "key", "adequate", "accepted", "of_logs"}
-"""What no end of a search depends on."""
+NONE = {"name", "seen", "remarks", "key", "adequate", "accepted", "of_logs", "idle_ranges"}
+"""What no end of a search depends on, or what a fit finds from the others."""
 
 
 def plain() -> Request:

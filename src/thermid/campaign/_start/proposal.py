@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from thermid.base.errors import DeckError, IdentificationError, ThermidError, refuse_unknown
-from thermid.base.units import amount, duration_text, short, value_of
+from thermid.base.units import amount, duration_text, value_of
 from thermid.campaign._start.roles import ACCURACY, JOIN, SURROUNDINGS, Power, Roles, noise_of, part_name, with_noise
 from thermid.fit.calibration import MOST_EVALUATIONS, Calibration, LocalSpec, Request, first_reading, fit
 from thermid.inference.criticism import (
@@ -420,12 +420,11 @@ class Proposal:
 
     def _share_text(self, power: Power) -> str:
         """Return the share of a power with its standard error, both in per cent: of what other parts leave, 1 - sum s +- (1'C 1)^0.5."""
-        fit, names = self.first_fit.calibration, [*(power.rest or (power.share,))]
-        if fit is None or not set(names) <= set(fit.values):
-            return f"{100 * self.share(power):.3g} %"
-        total = sum(fit.expected[n][0] if n in fit.expected else fit[n].value for n in names)
-        error = float(np.sum(fit.store.covariance(names))) ** 0.5
-        return f"{100 * (1.0 - total if power.rest else total):.3g} +- {short(100 * error, 2)} %"
+        fit, names, sizes = self.first_fit.calibration, [*(power.rest or (power.share,))], [self.share(power)]
+        if fit is not None and set(names) <= set(fit.values):
+            total = sum(fit.expected[n][0] if n in fit.expected else fit[n].value for n in names)
+            sizes = [1.0 - total if power.rest else total, float(np.sqrt(np.sum(fit.store.covariance(names))))]
+        return " +- ".join(f"{100 * size:.2g}" for size in sizes) + " %"
 
     @property
     def shares_text(self) -> str:

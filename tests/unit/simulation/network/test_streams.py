@@ -10,7 +10,7 @@ import pytest
 import thermid as td
 from by_code import raises_code
 from thermid.base.errors import code_of
-from thermid.interop._wired import wired as wire
+from thermid.interop._wired import Writer, wired as wire
 from thermid.model._tree.rules import findings
 from thermid.physics.gas import GASES
 
@@ -313,7 +313,7 @@ def test_the_slope_with_the_inlet_holds_its_density() -> None:
 def test_an_export_has_the_density_of_the_source(inlet: Any) -> None:
     """What is written to Octave carries what the run carries, in time too; SPICE, which has no signals for it, refuses."""
     model, scenario = bay(fan=stream("inlet", "gas")), run(boundaries={"inlet": inlet}, **at(60e3))
-    found = wire(model, scenario, "Octave")
+    found = wire(model, scenario, Writer("Octave", gas=True))
     row = next(row for _, row in found.conductors if row.name == "fan")
     shape = found.gas[row.signal].at(np.array([600.0]))[0] if row.signal else 1.0
     assert float(row.coefficients[0]) * shape == pytest.approx(THIRTY * 60e3 / (R_AIR * (303.15 if row.signal else 313.15)) * CP, rel=1e-5)
