@@ -482,7 +482,6 @@ class Campaign(Named[Calibration]):
 
         Parameters
         ----------
-        campaign : Campaign  Its stages as they were fitted, before any verdict; the joint fit where there is one.
         folder : path       A results folder, which knows of earlier looks at hold-out records; this look is noted there.
         notice : callable   Called with the name of each record that is judged, before it is.
 

@@ -134,7 +134,6 @@ class Plan(Result):
 
         Parameters
         ----------
-        plan : Plan
         predictions : dict  Predictions of each test before any log, as plain numbers.
         date : str          The day; today by default.
         """
