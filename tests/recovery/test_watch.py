@@ -6,7 +6,20 @@ import numpy as np
 import pytest
 from scipy.stats import beta
 
-from recovery.watch_cases import Outcome, alarmed, drawn, hiding, named, off_by_a_tenth, quiet, stop_of, told_alike, watched
+from recovery.watch_cases import (
+    Outcome,
+    alarmed,
+    drawn,
+    hiding,
+    named,
+    not_measured,
+    off_as_assumed,
+    off_by_a_tenth,
+    quiet,
+    stop_of,
+    told_alike,
+    watched,
+)
 
 CASES, HIDDEN, FAULTS, QUIET, OFF = 1000, 200, 40, 40, 20
 LOOKS = (300.0, 600.0, 1200.0)
@@ -29,6 +42,21 @@ def test_a_hidden_slow_mass_is_declined() -> None:
 @pytest.mark.parametrize("seed", [3])
 def test_a_planted_fault_is_named(seed: int) -> None:
     assert named(seed)
+
+
+def test_the_band_of_a_node_without_a_sensor_holds_what_the_readings_leave_open() -> None:
+    """Decks as far off as is assumed: without the errors of the fitted values the half-width was .026 K for errors of .4 K, none inside."""
+    errors, halves = np.array([not_measured(off_as_assumed(seed), 2400.0) for seed in range(6)]).T
+    assert np.count_nonzero(np.abs(errors) <= halves) >= 5
+    assert 1.0 <= float(np.sqrt(np.mean(halves**2) / np.mean(errors**2))) <= 4.0
+
+
+@pytest.mark.campaign
+def test_bands_of_a_node_without_a_sensor() -> None:
+    errors, halves = np.array([not_measured(off_as_assumed(seed), t) for seed in range(40) for t in (1200.0, 4800.0)]).T
+    inside = int(np.count_nonzero(np.abs(errors) <= halves))
+    print(f"{inside} of {errors.size} inside, RMS {np.sqrt(np.mean(errors**2)):.3f} K, median half {np.median(halves):.3f} K")
+    assert beta.ppf(0.975, inside + 1, errors.size - inside) >= 0.95
 
 
 def test_what_is_named_does_not_depend_on_how_often_one_looks() -> None:

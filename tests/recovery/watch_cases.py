@@ -140,6 +140,24 @@ def off_by_a_tenth(seed: int) -> Case:
     return replace(case, kind="each value off by 10 %", deck=deck_of(**seen))
 
 
+def off_as_assumed(seed: int) -> Case:
+    """Return a test whose deck is as far off as a watch assumes: conductances and films by 30 %, capacitances by 10 %, its power right."""
+    case, r = drawn(seed, KINDS[0]), np.random.default_rng(310_000 + seed)
+    true = {n: float(case.truth["parameters"][n].partition(" ")[0]) for n in VALUES}
+    seen = {n: f"{v * (1.0 if n == 'watts' else float(np.exp(0.3 * r.normal())))} [{VALUES[n][1]}]" for n, v in true.items()}
+    deck = deck_of(**seen)
+    for node in deck["nodes"].values():
+        node["capacitance"] = f"{float(node['capacitance'].partition(' ')[0]) * float(np.exp(0.1 * r.normal()))} [J/K]"
+    return replace(case, kind="off as assumed", deck=deck)
+
+
+def not_measured(case: Case, seconds: float) -> tuple[float, float]:
+    """Return error and 95 % half-width of the lid, which has no sensor, at one look. [K]"""
+    courses = run(model_from_dict(case.truth), seconds, {"start": "22 [degC]"}, case.every)
+    lid = next(n for n in watcher(case).look(log_of(case, courses)).nodes if n.name == "lid")
+    return lid.value - float(courses["lid"][-1]), lid.half
+
+
 @dataclass(frozen=True)
 class Stop:
     """When a stop is advised, or None, whether a channel then ends elsewhere than forecast, and when readings meet the rule. [s]"""

@@ -129,6 +129,7 @@ class LiveFit:
     ----------
     values : dict           Unknown -> its deviation from the model, of the logarithm for positive values. [-], [K]
     wander : dict           Sensor -> factor on its noise, where its residuals are correlated.
+    variances : dict        Node -> variance of its temperature at the end of the record by the errors of all values. [K^2]
     """
 
     def __init__(self, model: Model, scenario: Scenario | None) -> None:
@@ -136,6 +137,7 @@ class LiveFit:
         self.model, self.scenario = model, scenario
         self.values: dict[str, float] = {}
         self.wander: dict[str, float] = {}
+        self.variances: dict[str, float] = {}
         self._last: tuple[float, tuple[str, ...], _Fit | None] | None = None
 
     def fit(self, record: Record, channels: Sequence[str]) -> None:
@@ -151,6 +153,7 @@ class LiveFit:
             new_fit.run()
             self.values = new_fit.deviations()
             self.wander = new_fit.wander
+            self.variances = new_fit.variances_of_nodes()
         self._last = (float(record.times[-1]), tuple(channels), new_fit)
 
     def _until(self, record: Record) -> Scenario | None:
@@ -277,6 +280,22 @@ class _Fit:
             self.worth += worth
             if worth < MIN_INDEPENDENT_SHARE * r.size:
                 self.wander[self.sensors[k].sensor] = max(self.sizes[k] / self.sensors[k].sigma({self.sensors[k].sensor: MIN_NOISE}), 1.0)
+
+    def variances_of_nodes(self) -> dict[str, float]:
+        """Return node -> variance s'Cs of its temperature at the last reading. [K^2]
+
+        s are its derivatives by the free values, C their covariance.
+        """
+        x, scale = self._values(self.z)
+        engine, nodes = self.bench.engine, self.experiment.network.nodes
+        a = engine.started(self.bench.wiring.assemble(x, True), True)
+        times = np.array([0.0, float(self.experiment.times[-1])])
+        kept = kept_for(a, tuple(nodes))
+        answer = engine.integrate(a, times, kept, float(times[-1]), Options(), True)
+        traces = Traces(self.bench.wiring, a, times, kept, answer.temperatures, answer.sensitivities)
+        of_values = self.inverse[: scale.size, : scale.size]
+        slopes = {n: traces.slope(n)[-1] * scale for n in nodes}
+        return {n: float(slope @ of_values @ slope) for n, slope in slopes.items()}
 
     def ends(self, rule: StabilityRule, within: float, level: float) -> dict[str, ModelForecast]:
         """Return sensor -> forecast of its end, declined where the half-width of its interval exceeds `within` [K].

@@ -497,7 +497,7 @@ class Watcher:
                 return f
             window = self._window(self._without_broken(record, read).trim(f.time, "end"), f.belief)
             f.take(window, now)
-            self._nodes = window.nodes()
+            self._nodes = window.nodes({} if self.stopping.settling is None else self.stopping.settling.variances)
         return f
 
     def _after_gap(self, f: _Filter, record: Record) -> _Filter:
@@ -632,11 +632,15 @@ class _Window:
         suspects = (*(s for s in suspect_values(experiment.network) if s.kind != "power" or s.whose not in off), *ambients)
         return cls(dynamics, suspects, values_of, passing, passed.beliefs, i.errors[:, 0], i.variances[:, 0], i.times, i.sensors)
 
-    def nodes(self) -> tuple[NodeBand, ...]:
-        """Return every node at the end with its 95 % half-width."""
+    def nodes(self, of_values: Mapping[str, float]) -> tuple[NodeBand, ...]:
+        """Return every node at the end with its 95 % half-width.
+
+        The variance is the filter's at the fitted values, and `of_values`, node -> that by the errors of these values [K^2] (law of total
+        variance): what the readings leave open of a contact or film moves a node that no sensor reads.
+        """
         last = self.beliefs[-1]
         read = {o.seat for o in self.dynamics.experiment.observations}
-        sd = np.sqrt(last.variance[0])
+        sd = np.sqrt(last.variance[0] + [of_values.get(n, 0.0) for n in self.dynamics.states])
         return tuple(
             NodeBand(n, float(m), HALF_WIDTH_95 * float(s), n in read)
             for n, m, s in zip(self.dynamics.states, last.mean[0], sd, strict=True)
