@@ -60,8 +60,9 @@ class Inputs:
         else:
             self.metered.append(path)
             self.tables["loads"][path] = signal if errors is None else signal.scaled(1.0 - errors.get(channel.name, 0.0))
-        if channel.accuracy and power > 0.0:
-            self.shared[channel.name] = (free, channel.accuracy / power)
+        share = channel.part.gain_accuracy if channel.part else 0.0
+        if (channel.accuracy or share) and power > 0.0:
+            self.shared[channel.name] = (free, math.hypot((channel.accuracy or 0.0) / power, share))
 
 
 def in_gas_of(record: Record, scenario: Scenario) -> Scenario:
@@ -1026,7 +1027,7 @@ def _driving(channel: Channel, role: str, record: Record) -> str:
     RecordError   When its sensor has what only one on a node can have.
     """
     part = channel.part
-    if part is not None and (part.touches or part.gain_accuracy or part.correlation_time):
+    if part is not None and (part.touches or (part.gain_accuracy and channel.quantity != "power") or part.correlation_time):
         what = "a lag, a heat capacity, leads, an error of its scale or a correlation of its noise"
         raise RecordError(
             f"its sensor has {what}, but its readings are the input of a {role}, where these cannot be modelled. Give it an accuracy "

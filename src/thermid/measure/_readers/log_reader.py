@@ -10,7 +10,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from thermid.base.errors import NameNotFoundError, RecordError, errors_at, refuse_unknown
+from thermid.base.errors import NameNotFoundError, RecordError, UnitError, errors_at, refuse_unknown
 from thermid.base.units import amount, from_si, in_si, require, unit
 from thermid.measure._readers.bindings import Binding, bindings, full_scale, unit_and_quantity
 from thermid.measure._readers.columns import NumberColumn, decimal_sign, find_column, kelvin_sized, numbers
@@ -213,9 +213,8 @@ def _channel(cells: Cells, binding: Binding, parsed: list[FloatArray | int], tim
     difference = "K" if quantity == "temperature" else unit_text
 
     # errors and the step of the column; one in per cent is a share of the full scale
-    stated_sizes = {word: getattr(binding, word) for word in STATED_SIZES}
-    stated_sizes["resolution"] = binding.resolution or cells.resolution.get(column)
-    sizes: dict[str, Any] = {word: amount(v, difference, f"{where}, {word}") * scale for word, v in stated_sizes.items() if v is not None}
+    with_step = replace(binding, resolution=binding.resolution or cells.resolution.get(column))
+    sizes = {word: size * scale for word, size in _stated_sizes(with_step, difference, where).items()}
     is_si = (scale, in_si(0.0, unit_text), in_si(1.0, unit_text)) == (1.0, 0.0, 1.0)
     values = samples if is_si else in_si(samples, unit_text) * scale
     channel = Channel(
@@ -235,6 +234,26 @@ def _channel(cells: Cells, binding: Binding, parsed: list[FloatArray | int], tim
         interpolation=binding.interpolation,
     )
     return _masked(channel, cells.reasons.get(column, {}))
+
+
+def _stated_sizes(binding: Binding, of: str, where: str) -> dict[str, Any]:
+    """Return noise, accuracy and resolution of a channel as far as its table states them, in SI, each by its name.
+
+    Raises
+    ------
+    UnitError   When one has not the unit `of` the readings.
+    """
+    out = {}
+    for word in STATED_SIZES:
+        if (written := getattr(binding, word)) is None:
+            continue
+        try:
+            out[word] = amount(written, of, f"{where}, {word}")
+        except UnitError as error:
+            if word != "accuracy" or "%" not in str(written):
+                raise
+            raise error.reworded(f"{error.message} An error in per cent of the reading is gain_accuracy = '{written}'.") from None
+    return out
 
 
 def _samples(cells: Cells, parsed: list[FloatArray | int], at: int) -> FloatArray:
@@ -268,9 +287,6 @@ def _computed(cells: Cells, binding: Binding, parsed: list[FloatArray | int], ti
 
     quantity, of = ("power", "W") if binding.temperature is None else ("temperature", "K")
     read = power_readings(binding.temperature or binding.power, column, times, where, quantity)
-    sizes: dict[str, Any] = {
-        word: amount(written, of, f"{where}, {word}") for word in STATED_SIZES if (written := getattr(binding, word)) is not None
-    }
     return Channel(
         binding.name,
         read.values,
@@ -284,7 +300,7 @@ def _computed(cells: Cells, binding: Binding, parsed: list[FloatArray | int], ti
         samples=binding.samples or read.samples,
         interpolation=binding.interpolation,
         masks={RESTARTED: read.restarted} if read.restarted.any() else {},
-        **sizes,
+        **_stated_sizes(binding, of, where),
     )
 
 

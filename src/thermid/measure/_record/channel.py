@@ -408,13 +408,17 @@ def with_sensor(channel: Channel, part: SensorPart | None, certificate: SensorCe
 
     Raises
     ------
-    RecordError   When the channel holds no temperature, or all of its readings lie outside the range.
+    RecordError   When the channel holds no temperature, or all of its readings lie outside the range; a power may have `gain_accuracy`.
     """
     if part is None and certificate is None:
         return channel, []
+    if channel.quantity == "power" and part is not None and replace(part, gain_accuracy=0.0) == SensorPart():
+        return replace(channel, part=part), []
     if channel.quantity != "temperature":
         raise RecordError(
-            f"it holds a {channel.quantity}; {', '.join(KEYS)} apply to temperature sensors only.", where, code="record.does-not-apply"
+            f"it holds a {channel.quantity}; {', '.join(KEYS)} apply to temperature sensors only, and gain_accuracy to powers too.",
+            where,
+            code="record.does-not-apply",
         )
     notes = []
     if part is not None:

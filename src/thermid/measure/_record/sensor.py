@@ -96,7 +96,7 @@ class SensorPart:
 
     Parameters
     ----------
-    gain_accuracy : float           Standard deviation of the relative error of its scale. [-]
+    gain_accuracy : float           Standard deviation of the relative error of its scale, or of a power meter's reading. [-]
     gain_about : temperature        Temperature at which that error is zero: ``td.celsius(0)`` or a text; kept in kelvin.
     correlation_time : float        Of its noise, whose correlation falls as ``exp(-t / time)``. [s]
     lag, lag_accuracy : float       Time constant with which it follows its node, and standard deviation of that. [s]
