@@ -382,9 +382,11 @@ def _check_order(source: CampaignSource, stages: Sequence[StageTable], verdicts:
                 source.where(f"stages.{k}.values"),
                 code="value.excludes-another",
             )
-        if not (stage.values or stage.records):
+        if not (stage.values or stage.records or stage.inherit):
             raise DeckError(
-                "a stage needs `records` to fit, or a file of `values` tuned by hand.", source.where(f"stages.{k}"), code="campaign.refused"
+                "a stage needs `records` to fit, a file of `values` tuned by hand, or stages to `inherit` from before its own test.",
+                source.where(f"stages.{k}"),
+                code="campaign.refused",
             )
         for part, inherit in stage.inherit.items():
             for below in (name for name in inherit.stages if name not in done):

@@ -48,9 +48,9 @@ from thermid.fit.error_model import Keeping
 from thermid.fit.power import SHAPES, PowerCourse
 from thermid.inference.criticism import Mistakes, find_mistakes, mistakes_of
 from thermid.measure.records import Record, stray_readings
-from thermid.model.tree import Model, ParameterSet, Standing, definition_of, literal, outside
+from thermid.model.tree import Model, ParameterSet, Standing, StatedRange, definition_of, literal, outside
 from thermid.simulation.runs import STEADY, KeptTasks, Scenario, Workers, in_tasks
-from thermid.values.store import Store, graft, hand_values
+from thermid.values.store import Store, graft, hand_values, stated_values
 
 if TYPE_CHECKING:
     from thermid.campaign._schema import InheritTable, StageTable, VerdictTable
@@ -116,6 +116,8 @@ def request_of(source: CampaignSource, stage: StageTable, k: int, done: Mapping[
         hand = hand_values(resolve_inside(source.path.parent, stage.values, f"{where}.values"), model, stage.name, f"{where}.values")
         gone = [f"'{d.path}' {d.text} by {d.origin} does not apply: {d.why}." for d in hand.dropped]
         return Request(model, (), store=store, name=stage.name, seen=store.seen, hand=hand, remarks=(*remarks, *hidden, *gone))
+    if not stage.records:
+        return _joined_request(model, stage, store, moving, (*remarks, *hidden), where)
     records = tuple(source.bound(n, stage) for n in source.pick(stage.records, where))
     scenario = scenario_of(stage.scenario, stage.name)
     points, settled = steady_points(source, stage, records, scenario, where)
@@ -153,6 +155,28 @@ def request_of(source: CampaignSource, stage: StageTable, k: int, done: Mapping[
         structural_errors=stage.structural_errors,
     )
     return with_courses(request, stage, where)
+
+
+def _joined_request(model: Model, stage: StageTable, store: Store, moving: Sequence[str], remarks: tuple[str, ...], where: str) -> Request:
+    """Return the request of a stage before its own test: what stages below found and its priors are all that is known of its values.
+
+    A first line says which values no stage fitted, and which of the free ones count as exact, since nothing states their range.
+    """
+    shared = {} if stage.untie is True else shared_paths(model)
+    store, free, prior = _free_here(model, stage, store, moving, shared, where)
+    priors = priors_of(model, {p: t if isinstance(t, str) else (t.mean, t.sd) for p, t in stage.priors.items()}, where)
+    values = ParameterSet(model)
+    rows = {
+        p: {"value": mean or values.table[p].parameter.text, "sd": sd}
+        for p, (mean, sd) in priors.items()
+        if not isinstance(sd, StatedRange)
+    }
+    exact = [p for p in free if p not in {*rows, *prior, *values.stated_ranges}]
+    below = quoted(sorted({name for i in stage.inherit.values() for name in i.stages}))
+    words = f"{FIRST}no log of this stage is fitted: its values are what {below} found and the deck's, with their stated ranges and priors"
+    words += f". Without a range or prior and counted as exact: {quoted(exact)}" if exact else ""
+    hand = stated_values(rows, model, stage.name)
+    return Request(model, (), store=store, name=stage.name, seen=store.seen, hand=hand, remarks=(f"{words}.", *remarks))
 
 
 def with_courses(request: Request, stage: StageTable, where: str) -> Request:

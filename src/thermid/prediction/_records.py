@@ -34,7 +34,7 @@ from thermid.measure.records import Record
 from thermid.model.tree import UNJUDGED, Constant, Standing, literal
 from thermid.prediction._budget import AVERAGED, Budget, as_built, budget_of, first_line, in_order
 from thermid.prediction._known import Knowledge, rows_of
-from thermid.prediction._predict import between_ways, parted, predicted, shares
+from thermid.prediction._predict import Prediction, between_ways, parted, predicted, shares
 from thermid.prediction._setting import Setting, prepared
 from thermid.simulation.runs import Scenario
 from thermid.values.store import LeftOut, error_table_of
@@ -305,15 +305,37 @@ def record_bands(calibration: Calibration, shown: Calibration, without: Sequence
     # value -> how it follows the sources of a budget
     used = np.flatnonzero(below.gain.any(axis=0))
     named = ((n, t, row[used]) for t, row in zip(below.targets, below.gain, strict=True) for n in (t.name, *t.also))
-    bands = _banded(calibration, shown, local, laws, {n: BesideRow(row, t.form == "log") for n, t, row in named if row.any()}, without)
     run = {b.sensor: b.predicted for b in shown.blocks}
-    bands = _switched(bands, budget, run) if e.network.switches else bands
+    left_out = tuple(x for x in budget.omitted if not x.listed)
+    if calibration.problem is None:
+        as_scenario = predicted(budget, [b.node for b in shown.blocks], times=np.unique(np.concatenate([b.times for b in shown.blocks])))
+        bands, left_out = _untested(calibration, as_scenario, shown), as_scenario.left_out
+    else:
+        bands = _banded(calibration, shown, local, laws, {n: BesideRow(row, t.form == "log") for n, t, row in named if row.any()}, without)
+        bands = _switched(bands, budget, run) if e.network.switches else bands
     listed = (
         [LeftOut(f"the temperature of {', '.join(open_)}, which is assumed: no fit shows how it differs between runs")] if open_ else []
     )
-    omitted = in_order((*(x for x in budget.omitted if not x.listed), *listed))
+    omitted = in_order((*left_out, *listed))
     locally = tuple(dict.fromkeys(i.name for i in shown.local))
     return RecordPrediction(calibration.stage, e.record.name, bands, locally, budget.remarks, omitted, calibration.standing)
+
+
+def _untested(calibration: Calibration, as_scenario: Prediction, shown: Calibration) -> dict[str, SensorBand]:
+    """Return the bands of readings of a run by a stage without a fit: its scenario's prediction, noise and error of each instrument."""
+    out = {}
+    assert shown.problem is not None
+    observed = {o.sensor: o for o in shown.problem.experiments[0].observations}
+    for b in shown.blocks:
+        of_node, o, name = as_scenario[b.node], observed[b.sensor], f"sensor {b.sensor}"
+        moved = np.interp(b.times, of_node.times, of_node.kelvin - of_node.simulated)
+        parts = {c: np.interp(b.times, of_node.times, v) for c, v in of_node.parted.parts.items() if v.any()}
+        instrument = calibration.store.error(name) if name in calibration.store.states else o.accuracy or 0.0
+        of_reading = {READING: o.sigma(shown.problem.noise) ** 2, BandCause.INSTRUMENT: instrument**2}
+        for cause, variance in of_reading.items():
+            parts[cause] = parts.get(cause, 0.0) + np.full(b.times.size, variance)
+        out[b.sensor] = SensorBand(b.sensor, b.node, b.times, b.predicted + b.residuals, b.predicted + moved, parts)
+    return out
 
 
 def _switched(bands: dict[str, SensorBand], budget: Budget, run: Mapping[str, Array]) -> dict[str, SensorBand]:

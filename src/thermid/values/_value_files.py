@@ -59,6 +59,12 @@ def hand_values(path: Path, model: Model, stage: str, where: str) -> Store:
         return _store(tables, model, ValueOrigin("hand", stage, (), key))
 
 
+def stated_values(rows: Mapping[str, Mapping[str, Any]], model: Model, stage: str) -> Store:
+    """Return the store of values that a stage states in its own table, path -> { value, sd } or { low, high }."""
+    key = hashlib.sha256(json.dumps([stage, rows], sort_keys=True, default=str).encode()).hexdigest()
+    return _store(rows, model, ValueOrigin("hand", stage, (), key))
+
+
 def _as_table(name: str, row: Any, where: str) -> Mapping[str, Any]:
     """Return a row of a hand-written file as a table with `value`, or with `low` and `high`; refuse any other row."""
     table = {"value": row} if isinstance(row, str) else row

@@ -47,4 +47,4 @@ from thermid.values._store import (
     structural_under as structural_under,
     uniforms as uniforms,
 )
-from thermid.values._value_files import Filed as Filed, hand_values as hand_values
+from thermid.values._value_files import Filed as Filed, hand_values as hand_values, stated_values as stated_values

@@ -168,11 +168,20 @@ def filled_model(model: Model, values: Path, keep: bool | None = False, at: str 
     try:
         filled = Filed.read(Path(file), model, at=part or at, keep=bool(keep))
     except NameNotFoundError as error:
-        name = next((n for n in model.submodels if not (part or at)), "")
+        name = next((n for n in model.submodels if not (part or at) and _is_of_part(Path(file), model, n)), "")
         raise error.reworded(f"{error.message} If they are of a part, name it: --values {name}={file}.") if name else error from None
     for line in (*(f"{gone}{' --keep-values keeps it.' * (keep is not None)}" for gone in filled.gone), *filled.hidden):
         show(f"{Path(file).name}: {line}", err=True)
     return filled
+
+
+def _is_of_part(file: Path, model: Model, part: str) -> bool:
+    """Return whether a submodel has every value of a values file."""
+    try:
+        Filed.read(file, model, at=part)
+    except NameNotFoundError:
+        return False
+    return True
 
 
 def judged_model(

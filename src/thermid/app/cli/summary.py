@@ -254,7 +254,9 @@ def _block(campaign: Campaign, name: str, fit: Calibration, printed: set[str]) -
     """Return the table of a stage; advice that was `printed` for an earlier stage is left out, and other advice is added to that."""
     fitted = [v for v in fit.estimates.values() if v.kind in ("parameter", "level")]
     worst = max(fit.sensors.items(), key=lambda item: item[1].rmse, default=None)
-    sensor = f"worst sensor {worst[0]}, RMSE {short(worst[1].rmse, 2)} K" if worst is not None else "tuned by hand"
+    sensor = (
+        f"worst sensor {worst[0]}, RMSE {short(worst[1].rmse, 2)} K" if worst is not None else "tuned by hand" if fitted else "not fitted"
+    )
     elsewhere = {*_questions_to_owner(campaign), *_common(campaign)}
     notes = []
     for warning in (w for w in fit.warnings if w.startswith(FIRST) and not {w, _clause(w)} & elsewhere):
