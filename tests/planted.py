@@ -94,10 +94,12 @@ scenario = { start = "air" }
 inherit = { pair = { stage = "pair", only = ["foot_x.conductance"] } }
 free = ["bolts.conductance"]
 """
+_TWIN = {"skin.effective_htc": "5.6 [W/(m^2 K)]", "case.capacitance": "1040 [J/K]"}
 TRUTH = {
     "part": {"skin.effective_htc": "6.3 [W/(m^2 K)]", "case.capacitance": "1040 [J/K]"},
-    "pair": {"x.skin.effective_htc": "5.6 [W/(m^2 K)]", "x.case.capacitance": "1040 [J/K]", "foot_x.conductance": "1.1 [W/K]"},
-    "whole": {"pair.x.case.capacitance": "1040 [J/K]", "pair.foot_x.conductance": "1.1 [W/K]", "bolts.conductance": "0.35 [W/K]"},
+    "pair": {f"{part}.{name}": text for part in "xy" for name, text in _TWIN.items()} | {"foot_x.conductance": "1.1 [W/K]"},
+    "whole": {"pair.x.case.capacitance": "1040 [J/K]", "pair.y.case.capacitance": "1040 [J/K]", "pair.foot_x.conductance": "1.1 [W/K]"}
+    | {"bolts.conductance": "0.35 [W/K]"},
 }
 OFFSETS = {"T1": 4.0, "T_X": 1.7, "T_PLATE": 0.1, "T_BASE": 0.1, "T_ROOM": 0.15}
 """Constant error of each sensor. [K]"""

@@ -36,7 +36,7 @@ def test_the_unit_qualified_on_one_page(tmp_path: Path) -> None:
     found = td.qualify.run_plan(tmp_path / "examples" / "sisnav" / "qualification" / "plan.toml")
     assert all(t.within for t in found.trials)
     assert found.worst is not None
-    assert found.worst[:2] == ("FOG_x", "thermal vacuum")
+    assert (found.worst.point, found.worst.test) == ("FOG_x", "thermal vacuum")
     logged = [t for t in found.trials if t.correlation is not None]
     assert {t.test.kind for t in logged} == {"thermal cycling", "thermal vacuum", "humidity"}
     assert all(t.correlation.passed("ECSS") for t in logged if t.correlation is not None and "ECSS" in t.correlation.verdicts)

@@ -119,6 +119,20 @@ def test_a_method_and_a_constructor_say_what_they_take(call: Any, code: str, mat
         call()
 
 
+def test_a_factor_on_a_power_is_bounded_by_zero_and_a_temperature_is_not() -> None:
+    heated = td.model_from_dict(
+        {
+            "title": "Part",
+            "needs": ["air"],
+            "nodes": {"case": {"capacitance": "9 [J/K]"}},
+            "loads": {"heater": {"into": "case", "power": "1 [W]"}},
+        }
+    )
+    prepared = td.prepare(heated, WARM, ["scale.heater", "initial.case"])
+    assert prepared.bounds("scale.heater") == (0.0, float("inf"))
+    assert prepared.bounds("initial.case") == (float("-inf"), float("inf"))
+
+
 HTC = ("1 [W]", "0.01 [m^2]", "24 [degC]", "20 [degC]", "0.1 [m]")
 HERE = td.site.Site(45.0, 5.0, timezone=1.0)
 

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import shutil
 import sys
-from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -47,9 +46,9 @@ def calibrated(folder: Path) -> None:
         loads["electronics"]["temperature_coefficient"] = {"value": f"{slope:.5f} [1/K]", **measured}  # type: ignore[index]
         parameters["power"] = {"value": f"{level:.4f} [W]", **measured}  # type: ignore[index]
         (decks / f"{gyro}.toml").write_text(tomlkit.dumps(deck), encoding="utf-8")
-    found = campaign["m_Sd"].values
-    rounded = np.array([[float(f"{x:.7g}") for x in row] for row in found.covariance])
-    replace(found, covariance=rounded, weights=None).save(HERE / "m_Sd.values.toml")
+    values = HERE / "m_Sd.values.toml"
+    values.unlink(missing_ok=True)
+    campaign["m_Sd"].values.save(values)
 
 
 def logs() -> None:

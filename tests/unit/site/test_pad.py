@@ -101,6 +101,15 @@ def test_without_weather_the_sky_is_clear_and_the_air_is_given() -> None:
     assert set(run.load_powers) == {"face.sun"}
 
 
+def test_a_sky_that_begins_later_follows_the_same_weather(weather: td.site.Weather) -> None:
+    """At 12:00, six hours on, the weather's 800 and 150 W/m^2: a clear sky would give another sun."""
+    made = td.site.pad_scenario(SITE, weather, duration="12 [h]")
+    late = made.begun(6 * 3600.0)
+    run = td.simulate(skin(facing={"tilt": 0}), late, times=[0.0])
+    up = np.cos(np.radians(SITE.sun("2026-03-21 12:00", 0.0).zenith[0]))
+    assert run.load_powers["face.sun"][0] == pytest.approx(0.3 * 2.0 * (800.0 * up + 150.0), rel=1e-3)
+
+
 def test_a_boundary_may_be_the_sky(weather: td.site.Weather) -> None:
     deck = {"title": "skin", "needs": ["ambient", "above"], "nodes": {"skin": {"capacitance": "9 [kJ/K]"}}}
     face = {"of": "skin", "to": "ambient", "area": "2 [m^2]", "htc": "5 [W/(m^2 K)]", "emissivity": 0.9, "radiates_to": "above"}

@@ -33,6 +33,11 @@ def trace(rmse: float = 0.05, lag_one: float = 0.0, **more: Any) -> TraceCritici
     return TraceCriticism(**{**plain, "noise": 0.05, "statistics": statistics, "slopes": {}, **more})
 
 
+def test_a_path_is_within_a_factor_of_twenty_of_what_the_part_loses() -> None:
+    """95 % of a logarithm with this spread lies within its 1.96 fold."""
+    assert np.exp(1.96 * SIZES["path"].spread) == pytest.approx(20.0, rel=0.1)
+
+
 class TestWhatATraceIsCalled:
     def test_loud_is_three_deviations_of_a_mean_square_of_white_noise(self) -> None:
         spread = np.sqrt(2.0 / 200)
