@@ -360,7 +360,7 @@ def test_a_column_that_ends_before_the_run_is_refused(tmp_path: Path) -> None:
 PULSED = {"h": {"into": "core", "power": "60 [W]", "periodic": {"period": "600 [s]", "duty": 0.2}}}
 
 
-def pulsed() -> td.Model:
+def pulsed(**loads: Any) -> td.Model:
     deck: dict[str, Any] = {
         "title": "pulsed",
         "needs": ["air"],
@@ -369,7 +369,7 @@ def pulsed() -> td.Model:
             "a": {"kind": "conduction", "between": ["core", "lid"], "conductance": "2 [W/K]"},
             "b": {"kind": "conduction", "between": ["lid", "air"], "conductance": "2 [W/K]"},
         },
-        "loads": PULSED,
+        "loads": {**PULSED, **loads},
     }
     return td.model_from_dict(deck)
 
@@ -399,6 +399,19 @@ def test_the_periodic_state_by_hand() -> None:
     assert settled["core"] - 293.15 == pytest.approx(12.0, abs=1e-3)
     assert settled.lowest["core"] - 293.15 == pytest.approx(low, abs=1e-3)
     assert settled.highest["core"] - 293.15 == pytest.approx(found["core"].kelvin[1] - 293.15, abs=1e-3)
+
+
+@pytest.mark.parametrize("off", ["in the deck", "in the scenario"])
+def test_a_thermostat_of_a_heater_without_power_is_no_obstacle_to_a_periodic_state(off: str) -> None:
+    """Survival heaters are at 0 W in the hot case."""
+    power, more = ("0 [W]", {}) if off == "in the deck" else ("5 [W]", {"loads": {"heater": "0 [W]"}})
+    model = pulsed(heater={"into": "core", "power": power, "thermostat": {"on_below": "0 [degC]", "off_above": "5 [degC]"}})
+    found = td.simulate(model, plain(start="periodic", duration="600 [s]", **more), times=[0.0, 600.0])
+    alone = td.simulate(pulsed(), plain(start="periodic", duration="600 [s]"), times=[0.0])
+    assert found["core"].kelvin == pytest.approx(alone["core"].kelvin[0], abs=1e-4)
+    if off == "in the scenario":
+        with raises_code("run.no-periodic-state"):
+            td.simulate(model, plain(start="periodic", duration="600 [s]"), times=[0.0])
 
 
 def test_a_periodic_start_of_laws_that_bend_comes_back() -> None:

@@ -860,7 +860,8 @@ def _periodic(engine: Engine, a: Assembled, guess: Array, slopes: Array, gradien
     from scipy.linalg import expm
 
     period, where = engine.wiring.cycle or 0.0, engine.title
-    thermostat = any(row.control == "thermostat" for row in a.numbers.loads)
+    heaters = [row.name for row in a.numbers.loads if row.control == "thermostat"]
+    thermostat = any(engine.wiring.power(name, a.numbers).levels.any() for name in heaters)  # one of 0 W switches nothing
     if thermostat or engine.machines:
         switch = "a thermostat" if thermostat else f"the control '{engine.machines[0]}'"
         raise SolverError(
