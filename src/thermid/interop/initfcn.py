@@ -3,7 +3,8 @@
 Read is arithmetic on numbers: earlier names, ``pi``, ``Inf``, the functions of expressions in decks, ``+ - * / ^`` and parentheses; fields
 of structures (``acc.m`` becomes ``acc_m``) and vectors (``k = [1 2]``, or ``k(1) = 1``, becomes ``k_1`` and ``k_2``); continuation by three
 points, several statements on a line, comments, block comments. A name may be set again: its last value is kept. Commands that set no value,
-such as ``clc`` and ``disp``, are passed over. Everything else is refused, every fault with its line: nothing is run. As in MATLAB, the
+such as ``clc`` and ``disp``, are passed over, and so are blocks (``if``, ``for`` ... ``end``), each with the names that it would set. Everything else
+is refused, every fault with its line: nothing is run. As in MATLAB, the
 arithmetic is on plain numbers, and the comment says what unit the result is in.
 """
 
@@ -12,7 +13,7 @@ from __future__ import annotations
 import math
 import os
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from itertools import accumulate
@@ -20,7 +21,7 @@ from keyword import iskeyword
 from pathlib import Path
 from typing import Any
 
-from thermid.base.errors import ExpressionError, ThermidError, UnitError, cap, raising, refuse_first
+from thermid.base.errors import ExpressionError, ThermidError, UnitError, cap, quoted, raising, refuse_first
 from thermid.base.files import read_text
 from thermid.base.results import Shown
 from thermid.base.units import DIMENSIONLESS, Dimension, Expression, counted, describe, in_si, unit
@@ -40,6 +41,10 @@ _NO_VALUE = re.compile(
     r"\b[^=]*)\Z"
 )
 """Commands of MATLAB that set no value, and a number alone, with which a script of Octave may begin."""
+_BLOCK = re.compile(r"(if|for|parfor|while|switch|try)\b(?!\s*=)")
+_IN_BLOCK = re.compile(r"(elseif|else|case|otherwise|catch)\b(?!\s*=)")
+_END = re.compile(r"end(if|for|parfor|while|switch|_try_catch|function)?\Z")
+_FUNCTION = re.compile(r"function\b(?!\s*=)")
 _TEXT = re.compile(r"[%#].*|(?<![\w)\]}'.])'(?:[^']|'')*'|\"[^\"]*\"")
 """A comment, or a text in quotes."""
 ROLES = {
@@ -143,6 +148,7 @@ class _Reader:
             return
         if unknown:
             late = "it is set in a later line" if unknown[0] in s.later else "no earlier line sets it"
+            late = "a block that is not read sets it" if unknown[0] in s.blocked else late
             raise ExpressionError(
                 f"'{s.name}' needs '{unknown[0]}', and {late}. Use only earlier names, numbers, pi and Inf.",
                 where,
@@ -318,6 +324,7 @@ class Statement:
     brackets : tuple        What stands in brackets in its comment.
     doubt : str             Why the comment's brackets could not be given to it; empty where that is no question.
     later : tuple of str    Names that are set further down.
+    blocked : frozenset     Names that blocks would set, which are not read.
     """
 
     line: int
@@ -329,6 +336,7 @@ class Statement:
     brackets: tuple[str, ...] = ()
     doubt: str = ""
     later: tuple[str, ...] = ()
+    blocked: frozenset[str] = frozenset()
 
 
 def statements(
@@ -349,7 +357,7 @@ def statements(
     ExpressionError   When a comment or a statement does not end.
     """
     assignments: list[Statement] = []
-    vectors, passed = set[str](), list[str]()
+    vectors, passed, blocks = set[str](), list[str](), list[_Block]()
     lines = text.splitlines()
     numbered = [re.match(r"\s*(\d+)(?:\s|$)", line) for line in lines if line.strip()]
     if [int(m[1]) for m in numbered if m is not None] == list(range(1, len(numbered) + 1)):  # as a printed listing has them in front
@@ -358,6 +366,14 @@ def statements(
         parts = _parts(code)
         assignments_of_part: list[list[Statement]] = []
         for part in parts:
+            if _FUNCTION.match(part) or (_END.match(part) and not (blocks and blocks[-1].depth)):
+                continue
+            if blocks and blocks[-1].depth:
+                blocks[-1].take(part, number)
+                continue
+            if _BLOCK.match(part):
+                blocks.append(_Block(part, number))
+                continue
             try:
                 if _NO_VALUE.match(part) and not (part.startswith("clear") and (assignments or assignments_of_part)):
                     passed.append(re.split(r"\W", part)[0])
@@ -372,10 +388,43 @@ def statements(
             if alone
             else _commented([s for m in assignments_of_part for s in m], comment)
         )
+    if blocks and blocks[-1].depth:
+        raise ExpressionError(f"'{blocks[-1].head}' has no end.", f"{file}:{blocks[-1].first}", code="import.not-understood")
+    remarks += [block.remark({s.name for s in assignments}) for block in blocks]
     if passed:
         remarks.append(f"passed over, because they set no value: {', '.join(dict.fromkeys(passed))}")
+    blocked = frozenset(n for block in blocks for n in block.names)
     for k, statement in enumerate(assignments):
-        yield replace(statement, later=tuple(s.name for s in assignments[k + 1 :]))
+        yield replace(statement, later=tuple(s.name for s in assignments[k + 1 :]), blocked=blocked)
+
+
+@dataclass
+class _Block:
+    """Statements that run under a condition or several times, from its first line to its end; they are not read."""
+
+    head: str
+    first: int
+    last: int = 0
+    depth: int = 1
+    names: dict[str, None] = field(default_factory=dict)
+
+    def take(self, part: str, line: int) -> None:
+        """Take one statement of it."""
+        self.last = line
+        self.depth += 1 if _BLOCK.match(part) else -1 if _END.match(part) else 0
+        head = None if _IN_BLOCK.match(part) else re.match(r"([A-Za-z]\w*(?:\.\w+)*)(?:\([^=]*\))?\s*=(?!=)", part)
+        self.names |= {} if head is None else {_name(head[1].replace(".", "_")): None}
+
+    def remark(self, others: Collection[str]) -> str:
+        """Return what is not read, and which names that leaves without a value, or with the one that other lines give."""
+        place = f"line {self.first} is" if self.first == self.last else f"lines {self.first} to {self.last} are"
+        words = f"{place} not read, because '{_shortened(self.head)}' is no value"
+        for names, state in (
+            ([n for n in self.names if n in others], "as the other lines set it: check that it holds"),
+            ([n for n in self.names if n not in others], "not set: write its value into the deck"),
+        ):
+            words += f"; {quoted(names)} {'is' if len(names) == 1 else 'are'} {state}" if names else ""
+        return words
 
 
 def _parts(code: str) -> list[str]:
