@@ -3,9 +3,9 @@
 Read is arithmetic on numbers: earlier names, ``pi``, ``Inf``, the functions of expressions in decks, ``+ - * / ^`` and parentheses; fields
 of structures (``acc.m`` becomes ``acc_m``) and vectors (``k = [1 2]``, or ``k(1) = 1``, becomes ``k_1`` and ``k_2``); continuation by three
 points, several statements on a line, comments, block comments. A name may be set again: its last value is kept. Commands that set no value,
-such as ``clc`` and ``disp``, are passed over, and so are blocks (``if``, ``for`` ... ``end``), each with the names that it would set. Everything else
-is refused, every fault with its line: nothing is run. As in MATLAB, the
-arithmetic is on plain numbers, and the comment says what unit the result is in.
+such as ``clc`` and ``disp``, are passed over, and so are blocks (``if``, ``for`` ... ``end``), each with the names that it would set.
+Everything else is refused, every fault with its line: nothing is run. As in MATLAB, the arithmetic is on plain numbers, and the comment
+says what unit the result is in.
 """
 
 from __future__ import annotations
