@@ -165,8 +165,8 @@ def _network(file: Path, units: str = "") -> NetworkFile | None:
         return read_sinda(file, units)
     if head.startswith(("PK\x03\x04", "\xd0\xcf\x11\xe0")):  # a zip archive, or an OLE file
         raise DeckError(
-            "this is a workbook or an archive, and no deck or script. A sheet of masses, areas and powers becomes a deck by the few lines of "
-            "'Coming from a spreadsheet' in the documentation; a sheet of readings is a log: `thermid look`.",
+            "this is a workbook or an archive, and no deck or script. A sheet of masses, areas and powers becomes a deck by the few lines "
+            "of 'Coming from a spreadsheet' in the documentation; a sheet of readings is a log: `thermid look`.",
             str(file),
             code="file.another-kind",
         )

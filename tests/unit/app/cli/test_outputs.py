@@ -58,7 +58,7 @@ def laboratory(folder: Path) -> None:
     (folder / "pair_warm.toml").write_text(SCENARIO.format("room"), encoding="utf-8")
     (folder / "hold.toml").write_text(QUESTION, encoding="utf-8")
     save_model(read_sinda(folder / "knobs.cc").model(), folder / "knobs.toml")
-    for deck in (folder / "knobs.toml", folder / "MAIN.toml"):
+    for deck in (folder / name for name in ("knobs.toml", "MAIN.toml", "unit.toml")):
         deck.write_text("# changed by hand\n" + deck.read_text(encoding="utf-8"), encoding="utf-8")
 
 
