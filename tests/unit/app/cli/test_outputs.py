@@ -32,7 +32,7 @@ file     = "logs/box_bench.csv"
 time     = "time_s"
 channels = {{ T_A = {{ node = "case", noise = "0.05 [K]", accuracy = "0.3 [K]" }}, ROOM = {{ boundary = "air" }} }}
 """
-STAGE = '\n[[stages]]\nname = "box"\nmodel = "box.toml"\nrecords = ["p"]\nfree = ["skin.effective_htc"]\n\n[fleet.units]\n'
+STAGE = '\n[[stages]]\nname = "box"\nmodel = "box.toml"\nrecords = ["p", "q", "r"]\nfree = ["skin.effective_htc"]\n\n[fleet.units]\n'
 FLEET = "\n".join(['title = "boxes"', *map(UNIT.format, "pqr"), STAGE, *(f'{n} = {{ records = ["{n}"] }}' for n in "pqr"), ""])
 FREE = {
     "limits.toml": '[limits.processor]\nnode = "case"\noperating = ["-20 [degC]", "70 [degC]"]\n',
@@ -41,6 +41,7 @@ FREE = {
     "weather.csv": "time,dry_bulb\n2026-03-21T06:00,20\n2026-03-21T07:00,21\n2026-03-21T08:00,22\n",
     "tune.m": SCRIPT,
     "by_hand.values.toml": 'schema = 1\nstage = "box"\n',
+    "again.csv": "time_s,T [degC]\n0,20\n10,21\n20,22\n0,20\n10,21\n20,22\n",
     "notes.txt": "what I saw in the laboratory\n",
     "net.cc": SINDA,
     "fleet.toml": FLEET,
@@ -102,7 +103,7 @@ OUTPUTS = {
     "deliver": ["deliver", "box.toml", "--scenario", "warm.toml", "--to"],
     "log": ["log", "--for", "2 [s]"],
     "look": ["look", "logs/pair_one.csv", "--svg"],
-    "look --cut": ["look", "logs/pair_one.csv", "--cut"],
+    "look --cut": ["look", "again.csv", "--cut"],
     "look --join": ["look", "logs/pair_one.csv", "logs/box_bench.csv", "--offset", "0", "--join"],
     "import --scenario": ["import", "net.cc", "--scenario"],
     "write-back": ["write-back", "knobs.cc", "knobs.toml", "--param", "mcp=90", "--to"],
