@@ -132,8 +132,7 @@ class _Reader:
     def skip(self, s: Statement) -> None:
         """Leave out what a branch sets: an earlier value of it may not be the last."""
         for name in [n for n in self.numbers if s.name in (n, _vector(n))]:
-            self.parameters.pop(name, None)
-            self.numbers.pop(name)
+            del self.parameters[name], self.numbers[name]
         self.open_names[s.name] = None
 
     def take(self, s: Statement) -> None:
@@ -151,9 +150,8 @@ class _Reader:
         except ThermidError as error:
             raise ExpressionError(error.message, where, code=error.code) from None
         unknown = [n for n in expression.names if n not in self.numbers]
-        if any(n in self.open_names or _vector(n) in self.open_names for n in unknown):
-            self.skip(s)
-            return
+        if self.open_names.keys() & {*unknown, *map(_vector, unknown)}:
+            return self.skip(s)
         if self.failed & {*unknown}:  # its own fault is listed
             self.failed.add(s.name)
             return
@@ -392,13 +390,14 @@ def statements(
         assignments_of_part: list[list[Statement]] = []
         for part in parts:
             if blocks or _OPENS.match(part):
-                assignments += _of_branch(part, number, vectors)
-                if _OPENS.match(part):
-                    blocks.append(number)
-                elif _CLOSES.match(part):
-                    begin = blocks.pop()
-                    if not blocks:
-                        remarks.append(f"lines {begin} to {number} are a branch or a loop, of which nothing is read")
+                for several, one, index in _SETS.findall(_FIELD.sub(r"\1_", part)):
+                    names = re.findall(r"\w+", several or one)
+                    assignments += [Statement(number, _name(n), n, part, "", branch=True) for n in names]
+                    vectors.update(names if index else [])
+                blocks += [number] if _OPENS.match(part) else []
+                begin = blocks.pop() if _CLOSES.match(part) else 0
+                if not blocks:
+                    remarks.append(f"lines {begin} to {number} are a branch or a loop, of which nothing is read")
                 continue
             try:
                 if _NO_VALUE.match(part) and not (part.startswith("clear") and (assignments or assignments_of_part)):
@@ -422,15 +421,6 @@ def statements(
         remarks.append(f"passed over, because they set no value: {', '.join(dict.fromkeys(passed))}")
     for k, statement in enumerate(assignments):
         yield replace(statement, later=tuple(s.name for s in assignments[k + 1 :]))
-
-
-def _of_branch(part: str, number: int, vectors: set[str]) -> list[Statement]:
-    """Return what a statement of a branch or a loop sets, without values; a name with an index joins `vectors`."""
-    names = list[str]()
-    for several, one, index in _SETS.findall(_FIELD.sub(r"\1_", part)):
-        names += re.findall(r"\w+", several) if several else [one]
-        vectors.update([one] if index else [])
-    return [Statement(number, _name(n), n, part, "", branch=True) for n in names]
 
 
 def _parts(code: str) -> list[str]:
