@@ -3,9 +3,9 @@
 Read is arithmetic on numbers: earlier names, ``pi``, ``Inf``, the functions of expressions in decks, ``+ - * / ^`` and parentheses; fields
 of structures (``acc.m`` becomes ``acc_m``) and vectors (``k = [1 2]``, or ``k(1) = 1``, becomes ``k_1`` and ``k_2``); continuation by three
 points, several statements on a line, comments, block comments. A name may be set again: its last value is kept. Commands that set no value,
-such as ``clc`` and ``disp``, are passed over, and so are blocks (``if``, ``for`` ... ``end``), each with the names that it would set.
-Everything else is refused, every fault with its line: nothing is run. As in MATLAB, the arithmetic is on plain numbers, and the comment
-says what unit the result is in.
+such as ``clc`` and ``disp``, are passed over. So are branches and loops: what they set, and every value that depends on it, is left out and
+listed. Everything else is refused, every fault with its line: nothing is run. As in MATLAB, the arithmetic is on plain numbers, and the
+comment says what unit the result is in.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from __future__ import annotations
 import math
 import os
 import re
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from itertools import accumulate
@@ -21,7 +21,7 @@ from keyword import iskeyword
 from pathlib import Path
 from typing import Any
 
-from thermid.base.errors import ExpressionError, ThermidError, UnitError, cap, quoted, raising, refuse_first
+from thermid.base.errors import ExpressionError, ThermidError, UnitError, cap, raising, refuse_first
 from thermid.base.files import read_text
 from thermid.base.results import Shown
 from thermid.base.units import DIMENSIONLESS, Dimension, Expression, counted, describe, in_si, unit
@@ -41,10 +41,10 @@ _NO_VALUE = re.compile(
     r"\b[^=]*)\Z"
 )
 """Commands of MATLAB that set no value, and a number alone, with which a script of Octave may begin."""
-_BLOCK = re.compile(r"(if|for|parfor|while|switch|try)\b(?!\s*=)")
-_IN_BLOCK = re.compile(r"(elseif|else|case|otherwise|catch)\b(?!\s*=)")
-_END = re.compile(r"end(if|for|parfor|while|switch|_try_catch|function)?\Z")
-_FUNCTION = re.compile(r"function\b(?!\s*=)")
+_OPENS = re.compile(r"(?:if|for|parfor|while|switch|try)\b")
+_CLOSES = re.compile(r"end(?:if|for|parfor|while|switch|_try_catch)?\Z")
+_SETS = re.compile(r"(?:\[([\w\s,~]*)\]|(?<!\w)([A-Za-z]\w*)(\([^()]*\))?)\s*=(?!=)")
+"""What a statement of a branch sets: a list of names, or one name, perhaps with an index."""
 _TEXT = re.compile(r"[%#].*|(?<![\w)\]}'.])'(?:[^']|'')*'|\"[^\"]*\"")
 """A comment, or a text in quotes."""
 ROLES = {
@@ -107,11 +107,11 @@ class InitFcn(Shown):
         }
 
     def __str__(self) -> str:
-        """Every value with its comment, then the remarks."""
+        """The remarks, then every value with its comment."""
         wide = max((len(n) for n in self.parameters), default=0)
         values = max((len(p.text) for p in self.parameters.values()), default=0)
         lines = [f"{n:{wide}}  {p.text:{values}}  {p.note}".rstrip() for n, p in self.parameters.items()]
-        return "\n".join([*lines, *(f"remark: {r}" for r in self.remarks)])
+        return "\n".join([*(f"remark: {r}" for r in self.remarks), *lines])
 
 
 @dataclass
@@ -127,6 +127,13 @@ class _Reader:
     dimensions: dict[str, Dimension] = field(default_factory=dict)
     remarks: list[str] = field(default_factory=list)
     failed: set[str] = field(default_factory=set)
+    open_names: dict[str, None] = field(default_factory=dict)
+
+    def skip(self, s: Statement) -> None:
+        """Leave out what a branch sets: an earlier value of it may not be the last."""
+        for name in [n for n in self.numbers if s.name in (n, _vector(n))]:
+            del self.parameters[name], self.numbers[name]
+        self.open_names[s.name] = None
 
     def take(self, s: Statement) -> None:
         """Add one statement."""
@@ -143,12 +150,13 @@ class _Reader:
         except ThermidError as error:
             raise ExpressionError(error.message, where, code=error.code) from None
         unknown = [n for n in expression.names if n not in self.numbers]
+        if self.open_names.keys() & {*unknown, *map(_vector, unknown)}:
+            return self.skip(s)
         if self.failed & {*unknown}:  # its own fault is listed
             self.failed.add(s.name)
             return
         if unknown:
             late = "it is set in a later line" if unknown[0] in s.later else "no earlier line sets it"
-            late = "a block that is not read sets it" if unknown[0] in s.blocked else late
             raise ExpressionError(
                 f"'{s.name}' needs '{unknown[0]}', and {late}. Use only earlier names, numbers, pi and Inf.",
                 where,
@@ -165,6 +173,7 @@ class _Reader:
             self.remarks.append(f"line {s.line}: '{s.name}' is set again. Its last value is kept; lines above it use the value before")
             self.scales.discard(s.name)
         self.parameters[s.name], self.numbers[s.name] = value, number
+        self.open_names.pop(s.name, None)
         self.si[s.name] = float(value.expression.evaluate(lambda name: self.si[name]))
         self.dimensions[s.name] = value.expression.dimension(lambda name: self.dimensions[name])
         literal = value.expression.literal
@@ -198,10 +207,11 @@ class _Reader:
         final = not {*names} & {s.name, *s.later}  # a deck has the last value of a name
         plain = f"{number!r} [{of}]" if of is not None else repr(number)
         if of is None:
-            if derived is not None and final:
+            question = _hint(s.comment)
+            if derived is not None and final and not question:
                 return s.text, ""
             self.remarks.append(
-                f"line {s.line}: '{s.name}' has no unit in its comment, and '{s.written}' gives none, "
+                f"line {s.line}: '{s.name}' has no unit in its comment{question}, and '{s.written}' gives none, "
                 f"so its {number:.10g} is taken as a plain number. Add the unit to the comment"
             )
             return plain, f"{s.written} in the script"
@@ -226,6 +236,11 @@ class _Reader:
             return dimension, float(expression.evaluate(lambda name: self.si[name]))
         except (ThermidError, ArithmeticError):
             return None
+
+
+def _vector(name: str) -> str:
+    """Return the name of the vector that an element's name is made of: P of P_2."""
+    return re.sub(r"_\d+\Z", "", name)
 
 
 def _unit_text(bracket: str) -> str:
@@ -279,7 +294,7 @@ def read_initfcn(source: str | os.PathLike[str]) -> InitFcn:
     reader, faults = _Reader(file), list[ThermidError]()
     for statement in statements(text, file, {"pi": PI, "Inf": "inf"}, faults, reader.failed, reader.remarks):
         try:
-            reader.take(statement)
+            (reader.skip if statement.branch else reader.take)(statement)
         except ThermidError as error:
             faults.append(error)
             reader.failed.add(statement.name)
@@ -290,9 +305,17 @@ def read_initfcn(source: str | os.PathLike[str]) -> InitFcn:
                 f"{first.message} {counted(len(rest), 'more statement')} cannot be read either.", first.where, code=first.code
             )
         raise type(first)("\n  ".join([first.message, *(f"{e.where}: {e.message}" for e in rest)]), first.where, code=first.code)
+    if reader.open_names:
+        reader.remarks.insert(
+            0,
+            f"left out, because a branch or a loop sets them or what they depend on: {', '.join(reader.open_names)}. "
+            "Write their values outside of it",
+        )
     if not reader.parameters:
         raise ExpressionError(
-            "the script sets no name. It needs lines such as 'Acc_m = 0.054; % Mass [kg].'", file, code="import.not-understood"
+            "the script sets no name outside of branches and loops. It needs lines such as 'Acc_m = 0.054; % Mass [kg].'",
+            file,
+            code="import.not-understood",
         )
     return InitFcn(reader.parameters, reader.numbers, tuple(reader.remarks), file)
 
@@ -324,7 +347,7 @@ class Statement:
     brackets : tuple        What stands in brackets in its comment.
     doubt : str             Why the comment's brackets could not be given to it; empty where that is no question.
     later : tuple of str    Names that are set further down.
-    blocked : frozenset     Names that blocks would set, which are not read.
+    branch : bool           Whether it stands in a branch or a loop, of which nothing is read but the name.
     """
 
     line: int
@@ -336,7 +359,7 @@ class Statement:
     brackets: tuple[str, ...] = ()
     doubt: str = ""
     later: tuple[str, ...] = ()
-    blocked: frozenset[str] = frozenset()
+    branch: bool = False
 
 
 def statements(
@@ -357,7 +380,7 @@ def statements(
     ExpressionError   When a comment or a statement does not end.
     """
     assignments: list[Statement] = []
-    vectors, passed, blocks = set[str](), list[str](), list[_Block]()
+    vectors, passed, blocks = set[str](), list[str](), list[int]()
     lines = text.splitlines()
     numbered = [re.match(r"\s*(\d+)(?:\s|$)", line) for line in lines if line.strip()]
     if [int(m[1]) for m in numbered if m is not None] == list(range(1, len(numbered) + 1)):  # as a printed listing has them in front
@@ -366,13 +389,15 @@ def statements(
         parts = _parts(code)
         assignments_of_part: list[list[Statement]] = []
         for part in parts:
-            if _FUNCTION.match(part) or (_END.match(part) and not (blocks and blocks[-1].depth)):
-                continue
-            if blocks and blocks[-1].depth:
-                blocks[-1].take(part, number)
-                continue
-            if _BLOCK.match(part):
-                blocks.append(_Block(part, number))
+            if blocks or _OPENS.match(part):
+                for several, one, index in _SETS.findall(_FIELD.sub(r"\1_", part)):
+                    names = re.findall(r"\w+", several or one)
+                    assignments += [Statement(number, _name(n), n, part, "", branch=True) for n in names]
+                    vectors.update(names if index else [])
+                blocks += [number] if _OPENS.match(part) else []
+                begin = blocks.pop() if _CLOSES.match(part) else 0
+                if not blocks:
+                    remarks.append(f"lines {begin} to {number} are a branch or a loop, of which nothing is read")
                 continue
             try:
                 if _NO_VALUE.match(part) and not (part.startswith("clear") and (assignments or assignments_of_part)):
@@ -388,43 +413,14 @@ def statements(
             if alone
             else _commented([s for m in assignments_of_part for s in m], comment)
         )
-    if blocks and blocks[-1].depth:
-        raise ExpressionError(f"'{blocks[-1].head}' has no end.", f"{file}:{blocks[-1].first}", code="import.not-understood")
-    remarks += [block.remark({s.name for s in assignments}) for block in blocks]
+    if blocks:
+        faults.append(
+            ExpressionError("the branch or loop that begins here has no 'end'.", f"{file}:{blocks[0]}", code="import.not-understood")
+        )
     if passed:
         remarks.append(f"passed over, because they set no value: {', '.join(dict.fromkeys(passed))}")
-    blocked = frozenset(n for block in blocks for n in block.names)
     for k, statement in enumerate(assignments):
-        yield replace(statement, later=tuple(s.name for s in assignments[k + 1 :]), blocked=blocked)
-
-
-@dataclass
-class _Block:
-    """Statements that run under a condition or several times, from its first line to its end; they are not read."""
-
-    head: str
-    first: int
-    last: int = 0
-    depth: int = 1
-    names: dict[str, None] = field(default_factory=dict)
-
-    def take(self, part: str, line: int) -> None:
-        """Take one statement of it."""
-        self.last = line
-        self.depth += 1 if _BLOCK.match(part) else -1 if _END.match(part) else 0
-        head = None if _IN_BLOCK.match(part) else re.match(r"([A-Za-z]\w*(?:\.\w+)*)(?:\([^=]*\))?\s*=(?!=)", part)
-        self.names |= {} if head is None else {_name(head[1].replace(".", "_")): None}
-
-    def remark(self, others: Collection[str]) -> str:
-        """Return what is not read, and which names that leaves without a value, or with the one that other lines give."""
-        place = f"line {self.first} is" if self.first == self.last else f"lines {self.first} to {self.last} are"
-        words = f"{place} not read, because '{_shortened(self.head)}' is no value"
-        for names, state in (
-            ([n for n in self.names if n in others], "as the other lines set it: check that it holds"),
-            ([n for n in self.names if n not in others], "not set: write its value into the deck"),
-        ):
-            words += f"; {quoted(names)} {'is' if len(names) == 1 else 'are'} {state}" if names else ""
-        return words
+        yield replace(statement, later=tuple(s.name for s in assignments[k + 1 :]))
 
 
 def _parts(code: str) -> list[str]:

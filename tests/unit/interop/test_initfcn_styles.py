@@ -61,6 +61,16 @@ READ: dict[str, tuple[str, dict[str, float]]] = {
     ),
     "elements one by one": ("q.P(1) = 3; % [W]\nq.P(2) = q.P(1)*1.5; % [W]\nt = q.P(1)+q.P(2); % [W]", {"q_P_2": 4.5, "t": 7.5}),
     "a script with global names": ("%% Init\nclear all; close all; clc\nglobal m c\n%% Box\nm = 1.2; % [kg]", {"m": 1.2}),
+    "comments in German": (
+        "% Kennwerte des Gehäuses\nm_Gehaeuse = 1.2; % Masse des Gehäuses [kg], gewogen\nc = 9e2; % spez. Wärme [J/(kg K)]\n"
+        "C = m_Gehaeuse ...  % Kapazität\n  * c; % [J/K]",
+        {"m_Gehaeuse": 1.2, "C": 1080.0},
+    ),
+    "comments in Portuguese": (
+        "clear; clc;\n%% Parâmetros\nmassa = 850e-3; % massa do dissipador [kg]\narea = 1.5e-2; % área de convecção [m^2]\n"
+        "fprintf('área: %g\\n', area);\nPot = 12; % potência [W]",
+        {"massa": 0.85, "area": 0.015, "Pot": 12.0},
+    ),
     "one element": ("P = [3]; % [W]\nQ = P(1)*2 % [W]", {"P_1": 3.0, "Q": 6.0}),
 }
 ASKED: dict[str, tuple[str, str]] = {
@@ -69,6 +79,7 @@ ASKED: dict[str, tuple[str, str]] = {
     "a unit with parentheses": ("sigma = 5.67e-8; % radiation, W/(m^2*K^4)", "(is it [W/(m^2*K^4)]?)"),
     "degrees in a ratio": ("R = 1.5; % [°C/W]", "'[°C/W]' "),
     "no unit": ("n = 3;", "1: 'n' "),
+    "a product of plain numbers": ("n = 2; % [-]\nC = 3*n; % capacity, J/K", "(is it [J/K]?)"),
     "a unit that is none": ("m = 2; % [kilo]", "'[kilo]' "),
 }
 REFUSED: dict[str, tuple[str, list[str]]] = {
@@ -87,6 +98,11 @@ REFUSED: dict[str, tuple[str, list[str]]] = {
         "if ~exist('m', 'var')\n  m = 3;\nend\nload('a.mat');\nk = interp1(T, k, 3);\nf = @(x) x + 1;\nS = struct(1);\n[a, b] = size(S);",
         [f"script:{line}: " for line in (4, 5, 6, 7, 8)],
     ),
+    "a branch that does not end": (
+        "a = sind(1);\nm = 1; % [kg]\nfor k = 1:3\n  if k > 1, m = 2; end\n",
+        ["script:1: ", "script:3: the branch or loop that begins here has no 'end'"],
+    ),
+    "an end too many": ("m = 1; % [kg]\nif m > 2, m = 2; end\nend", ["script:3: 'end' is not of the form"]),
     "clear too late": ("a = 1;\nn = 2;\nclear a\nb = sind(2);", ["script:3: 'clear a' is not of the form", "script:4: "]),
 }
 
@@ -113,30 +129,40 @@ def test_what_is_done_with_a_value_before_it_is_set_again_is_said() -> None:
     assert [r for r in found.remarks if "4: 'h' is set" in r]
 
 
-BLOCKS = {
-    "a condition on one line": ("m = 2; % [kg]\nif m > 1, c = 9; else c = 8; end", "line 2 is not read", "'c' is not set"),
-    "a value from outside": ("P = 1; % [W]\nif hot\n  P = 3;\nend", "lines 2 to 4", "'P' is as the other lines set it"),
-    "blocks within blocks": (
-        "a = 1; % [kg]\nswitch n\n case 1\n  for i = 1:4\n   q(i) = i;\n  end\nend\nb = a;",
-        "lines 2 to 7",
-        "'q' is not set",
+BRANCHES: dict[str, tuple[str, str, dict[str, float], list[str]]] = {
+    "exist": (
+        "m = 1; % [kg]\nc = 900; % [J/(kg K)]\nC0 = m*c; % [J/K]\nif exist('hot', 'var') && hot == 1\n  m = 2; % [kg]\nelse\n"
+        "  if c > 3, c1 = interp1(x, y, 3); end\nend\nC = m*c; % [J/K]\nD = C + c1;",
+        "lines 4 to 8 ",
+        {"c": 900.0, "C0": 900.0},
+        ["m", "c1", "C", "D"],
     ),
-    "a function around all": ("function init()\na = 1; % [kg]\nwhile a > 3\n s.x = 2;\nend\nend", "lines 3 to 5", "'s_x' is not set"),
-    "names that begin as a word of a block": (
-        "a = 1; % [kg]\nforce = 2; % [N]\nif a\n endless = 1;\nend",
-        "lines 3 to 5",
-        "'endless' is not",
+    "a loop over a vector": (
+        "P = [1 2]; % [W]\nfor k = 1:2\n  P(k) = 2*k;\nend\nq = P(1); % [W]\nm = 1; % [kg]",
+        "lines 2 to 4 ",
+        {"m": 1.0},
+        ["k", "P", "q"],
     ),
+    "set again below": ("if a == 1, b = 2; end\nb = 3; % [W]\nq = 2*b; % [W]", "lines 1 to 1 ", {"b": 3.0, "q": 6.0}, []),
+    "a choice by name": (
+        "p.h = 5; % [W/(m^2 K)]\nswitch mode\n  case {'fan', 'duct'}\n    [p.h, v] = deal(20, 3);\n  otherwise\n    p.h = 6;\nendswitch\n"
+        "A = 0.1; % [m^2]\nG = p.h*A; % [W/K]",
+        "lines 2 to 7 ",
+        {"A": 0.1},
+        ["p_h", "v", "G"],
+    ),
+    "a field with an index": ("q.P(2) = 3; % [W]\nwhile x < 2\n  q.P(2) = 4;\nend\nn = 2; % [-]", "lines 2 to 4 ", {"n": 2.0}, ["q_P"]),
 }
 
 
-@pytest.mark.parametrize("style", BLOCKS)
-def test_a_block_is_not_read_and_what_it_would_set_is_named(style: str) -> None:
-    script, place, names = BLOCKS[style]
+@pytest.mark.parametrize("style", BRANCHES)
+def test_what_depends_on_a_branch_is_left_out_and_listed(style: str) -> None:
+    script, lines, numbers, names = BRANCHES[style]
     found = read_initfcn(script)
-    assert found.numbers[next(iter(found.numbers))] in (1.0, 2.0)
-    assert found.remarks[0].startswith(place)
-    assert names in found.remarks[0]
+    assert found.numbers == pytest.approx(numbers)
+    assert found.parameters.keys() == numbers.keys()
+    assert [r for r in found.remarks if r.startswith(lines)]
+    assert [r for r in found.remarks if f": {', '.join(names)}. Write" in r] == ([found.remarks[0]] if names else [])
 
 
 @pytest.mark.parametrize("style", REFUSED)

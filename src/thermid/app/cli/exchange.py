@@ -159,17 +159,16 @@ def write_back(
 def _network(file: Path, units: str = "") -> NetworkFile | None:
     """Return the network of a deck, None of a script; its content tells which tool wrote it."""
     head = read_bytes(file)[:1_000_000].decode("latin-1") if file.is_file() else ""
+    if head.startswith("PK"):
+        raise DeckError(
+            "it is a workbook or another archive, which has no deck in it. Make a deck of the rows: docs/from/spreadsheet.md.",
+            str(file),
+            code="file.another-kind",
+        )
     if re.search(r"^\s*\$MODEL\b", head, re.MULTILINE | re.IGNORECASE):
         return read_esatan(file)
     if not head or re.search(r"^\s*(?:HEADER\s+\w+|BCD\s+3)", head, re.MULTILINE | re.IGNORECASE):
         return read_sinda(file, units)
-    if head.startswith(("PK\x03\x04", "\xd0\xcf\x11\xe0")):  # a zip archive, or an OLE file
-        raise DeckError(
-            "this is a workbook or an archive, and no deck or script. A sheet of masses, areas and powers becomes a deck by the few lines "
-            "of 'Coming from a spreadsheet' in the documentation; a sheet of readings is a log: `thermid look`.",
-            str(file),
-            code="file.another-kind",
-        )
     return None
 
 

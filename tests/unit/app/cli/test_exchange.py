@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import subprocess
+import zipfile
 from pathlib import Path
 
 import numpy as np
@@ -67,18 +68,20 @@ def test_an_import_does_not_write_over_a_deck(call: Call, script: Path) -> None:
     assert deck.read_text(encoding="utf-8") == "title = 'mine'\n"
 
 
-def test_a_workbook_is_no_script(call: Call, tmp_path: Path) -> None:
-    (tmp_path / "box.xlsx").write_bytes(b"PK\x03\x04 xl/workbook.xml = 1")
-    said = call("import", tmp_path / "box.xlsx")
-    assert (said.code, said.codes) == (2, ("file.another-kind",))
-    assert "thermid look" in said.err
-
-
 def test_a_line_that_is_not_understood_is_named(call: Call, script: Path) -> None:
     script.write_text(SCRIPT + "x = magic(2);\n", encoding="utf-8")
     said = call("import", script)
     assert said.code == 2
     assert "Acc.m:9: 'magic(2)': 'magic(2)'" in said.err
+
+
+def test_a_workbook_is_named_as_one(call: Call, tmp_path: Path) -> None:
+    book = tmp_path / "box.xlsx"
+    with zipfile.ZipFile(book, "w") as file:
+        file.writestr("xl/workbook.xml", "<workbook/>")
+    said = call("import", book)
+    assert (said.code, said.codes) == (2, ("file.another-kind",))
+    assert "spreadsheet.md" in said.err
 
 
 def test_a_model_goes_to_octave(call: Call, accelerometer: Path, tmp_path: Path) -> None:
