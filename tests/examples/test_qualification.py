@@ -47,9 +47,9 @@ def test_the_unit_qualified_on_one_page(tmp_path: Path) -> None:
     (cycles,) = (r for r in found["thermal cycling"].remarks if "the clause requires 20 cycles in all" in r)
     assert cycles.endswith("the profile runs 16 and other tests of the plan 4")  # none is missing
     assert [max(p.cycle for p in found[t].course.phases) for t in ("thermal cycling", "thermal vacuum")] == [16, 4]
-    assert found.demonstration.startswith("demonstration: 56 assumed parameters, synthetic data")
+    assert found.demonstration.startswith("demonstration: 53 assumed parameters, synthetic data")
     text = td.reporting.qualification_report(found, to=tmp_path / "page.html").read_text(encoding="utf-8")
-    assert "DEMONSTRATION: 56 ASSUMED PARAMETERS, SYNTHETIC DATA" in text
+    assert "DEMONSTRATION: 53 ASSUMED PARAMETERS, SYNTHETIC DATA" in text
     assert "EXTRAPOLATION" in text
     without_script(text)
     assert faults(text) == []

@@ -21,6 +21,8 @@ from thermid.campaign.stages import check_campaign
 from thermid.measure.records import Channel
 from thermid.model.tree import TableSignal, load_model
 
+pytestmark = pytest.mark.usefixtures("values_alone")
+
 ZERO = 273.15
 NOISE = 0.05
 STEP = 20.0

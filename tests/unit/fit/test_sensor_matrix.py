@@ -27,6 +27,8 @@ from thermid.values.store import error_table_of
 from unit.fit.bench import HTC, box, log, pair
 from unit.fit.project import COOL, write_log
 
+pytestmark = pytest.mark.usefixtures("values_alone")
+
 KEYS = {
     "none": "",
     "offset": 'accuracy = "0.3 [K]"',
