@@ -468,7 +468,7 @@ def _start(block: Block, scenario: Scenario, network: SparseNetwork, options: Op
         return *settle_large(network, start.time, where), held_inputs(changing, start.time)
     still = _stilled(network, mean_span(changing, cycle, scenario))
     kelvin, statistics = settle_large(still, 0.0, where)
-    if start.kind == MEAN:
+    if start.kind == MEAN or not cycle:  # constant inputs: their steady state comes back after any time
         return kelvin, statistics, held_means(changing, cycle, scenario)[1]
     return *_periodic(network, still, kelvin, cycle or 0.0, options, where, block.name), ""
 

@@ -452,8 +452,10 @@ def test_a_steady_start_names_its_instant_and_others_can_be_asked_for() -> None:
     ):
         with raises_code(code, match=match):
             begun(start)
-    with raises_code("run.no-periodic-state", ScenarioError):
-        begun("periodic", loads={"h": "5 [W]"})
+    for power in ("5 [W]", "0 [W]"):  # constant inputs repeat after any time, so their periodic state is the steady one
+        assert begun("periodic", loads={"h": power})["core"].kelvin == pytest.approx(
+            begun("steady", loads={"h": power})["core"].kelvin, abs=1e-9
+        )
     with raises_code("run.no-periodic-state", ScenarioError):
         begun("periodic", boundaries={"air": TableSignal(np.array([0.0, 600.0]), np.array([290.0, 300.0]))})
 

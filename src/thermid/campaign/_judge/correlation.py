@@ -235,13 +235,12 @@ class Correlation(Result):
         return {"standing": self.standing.to_dict(), **judged}
 
     def __str__(self) -> str:
-        """Return verdicts, then deviations, as text."""
+        """Return verdicts and the deviations that they rest on as text."""
         lines = [self.title]
         for name, passed in self.verdicts.items():
             lines.append(f"  {name}: {VERDICTS[passed]}")
             lines += [f"    {g}" for g in self.gates if g.criteria == name]
-        lines += [*(f"  {d}" for d in self.deviations), *(f"  remark: {r}" for r in self.remarks)]
-        return self.standing.over("\n".join(lines))
+        return self.standing.over("\n".join([*lines, *(f"  remark: {r}" for r in self.remarks), *(f"  {d}" for d in self.deviations)]))
 
     def _as_rows(self) -> list[Row]:
         """Return every sensor of every case with its deviations. [K]"""

@@ -869,6 +869,8 @@ def _periodic(engine: Engine, a: Assembled, guess: Array, slopes: Array, gradien
             where,
             code="run.no-periodic-state",
         )
+    if not period:  # constant inputs: their steady state comes back after any time
+        return guess, slopes
     capacity = engine.capacities(a)
     massive = capacity > 0.0
     # a step s at the start comes back as exp(P C^-1 J) s, so (1 - exp(P C^-1 J)) s = T(P) - T(0) closes the period

@@ -1003,7 +1003,7 @@ def check_start(start: Start, cycle: float | None, changing: Sequence[str], scen
     ------
     ScenarioError
     """
-    seconds, period, open_ = scenario.seconds, cycle or 0.0, start.kind == PERIODIC and not cycle
+    seconds, period, open_ = scenario.seconds, cycle or 0.0, start.kind == PERIODIC and cycle is None
     refuse_first(
         f"{scenario.title}, start",
         (
@@ -1015,11 +1015,6 @@ def check_start(start: Start, cycle: float | None, changing: Sequence[str], scen
             start.kind != STEADY and period > seconds * (1.0 + 1e-9),
             f"the inputs have a period of {period:g} s, and the run lasts {seconds:g} s. Extend the run to at least one period.",
             "value.outside-range",
-        ),
-        (
-            open_ and not changing,
-            "a periodic start needs inputs that change in time, and none does. Write start = 'steady'.",
-            "run.no-periodic-state",
         ),
         (
             open_,

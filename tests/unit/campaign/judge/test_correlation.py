@@ -61,6 +61,7 @@ def test_several_sets_at_once_each_with_its_verdict() -> None:
     assert steady.sensor == "T1"
     assert steady.outside == ("T1", "T3")
     assert "NOT met" in str(found)
+    assert str(found).index("NOT met") < str(found).index("T1, steady: measured"), "the verdict comes before what it rests on"
 
 
 def test_a_case_too_warm_does_not_make_up_for_one_too_cold() -> None:
