@@ -126,6 +126,15 @@ def test_intervals_end_where_the_restricted_likelihood_has_fallen() -> None:
     assert together.low < found.omega[0, 1] / found.sizes.prod() < together.high
 
 
+def test_units_that_are_one_log_have_no_spread() -> None:
+    """Three copies of a unit: the fit began at a spread of 1e-22 and ended at an infinite one."""
+    said = Summaries(np.full((3, 1, 1), 54098.4), np.full((3, 1), -0.3038), np.ones((3, 1, 1)))
+    found = PopulationFit.fitted(said, np.ones((1, 1), dtype=bool))
+    assert np.isfinite(found.at.log)
+    assert found.sizes[0] < 0.01 / np.sqrt(54098.4)
+    assert found.at.beta == pytest.approx([-0.3038 / 54098.4], rel=1e-6)
+
+
 def test_a_spread_of_one_value_ends_where_twice_the_logarithm_of_its_likelihood_has_fallen_by_that_of_95_per_cent() -> None:
     """Twice a logarithm of a likelihood ratio is distributed as chi-square with one degree of freedom: 3.841 by 95 %."""
     said, _ = summaries(40, 1, 7)

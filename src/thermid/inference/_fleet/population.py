@@ -295,7 +295,9 @@ def _begun(summaries: Summaries, together: Bools) -> Array:
     middle = np.sum(diagonal * apart, axis=0) / np.maximum(diagonal.sum(axis=0), 1e-300)
     weight = np.minimum(diagonal, np.quantile(diagonal, 0.75, axis=0))
     wide = np.sum(weight * (apart - middle) ** 2, axis=0) / np.maximum(weight.sum(axis=0), 1e-300)
-    omega = np.diag(np.maximum(wide, 1e-8 * np.maximum(wide.max(), 1e-300))) * np.eye(size)
+    # no spread begins below 1e-4 of the largest, or of what the units' own readings leave: units that are one log have none
+    least = np.maximum(wide.max(), 1.0 / np.maximum(weight.mean(axis=0), 1e-300))
+    omega = np.diag(np.maximum(wide, 1e-8 * least)) * np.eye(size)
     for _ in range(EM_STEPS):
         step = omega @ RestrictedLikelihood.at(summaries, np.asarray(np.linalg.cholesky(omega))).slope @ omega / len(summaries.score)
         omega = omega + np.where(together | np.eye(size, dtype=bool), step, 0.0)
@@ -322,11 +324,11 @@ def maximise(summaries: Summaries, form: RootForm, omega: Array) -> tuple[Array,
         while True:
             step = np.linalg.solve(information + np.diag(damping * scale), gradient)
             there = RestrictedLikelihood.at(summaries, form.root(t + step))
-            if there.log >= at.log or damping > 1e8:
+            if (np.isfinite(there.log) and there.log >= at.log) or damping > 1e8:
                 break
             damping *= 8.0
         gain = there.log - at.log
-        if gain <= 0.0:
+        if not gain > 0.0:
             break
         t, at, damping = t + step, there, max(damping / 8.0, 1e-10)
         root = form.root(t)
