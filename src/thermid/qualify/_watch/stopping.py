@@ -290,9 +290,9 @@ class _Fit:
         engine, nodes = self.bench.engine, self.experiment.network.nodes
         a = engine.started(self.bench.wiring.assemble(x, True), True)
         times = np.array([0.0, float(self.experiment.times[-1])])
-        kept = kept_for(a, tuple(nodes))
-        answer = engine.integrate(a, times, kept, float(times[-1]), Options(), True)
-        traces = Traces(self.bench.wiring, a, times, kept, answer.temperatures, answer.sensitivities)
+        nodes_kept = kept_for(a, tuple(nodes))
+        answer = engine.integrate(a, times, nodes_kept, float(times[-1]), Options(), True)
+        traces = Traces(self.bench.wiring, a, times, nodes_kept, answer.temperatures, answer.sensitivities)
         of_values = self.inverse[: scale.size, : scale.size]
         slopes = {n: traces.slope(n)[-1] * scale for n in nodes}
         return {n: float(slope @ of_values @ slope) for n, slope in slopes.items()}

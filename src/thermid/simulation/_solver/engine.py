@@ -850,6 +850,24 @@ def _no_steady(problem: KernelProblem, a: Assembled) -> CodedText:
     return CodedText(f"no steady state exists: the equations are singular. Look for a {look}.", "run.no-steady-state")
 
 
+def _refuse_own_periods(engine: Engine, a: Assembled) -> None:
+    """Refuse a periodic state where a thermostat or a control switches; a thermostat of a heater of 0 W switches nothing.
+
+    Raises
+    ------
+    SolverError
+    """
+    heaters = [row.name for row in a.numbers.loads if row.control == "thermostat"]
+    thermostat = any(engine.wiring.power(name, a.numbers).levels.any() for name in heaters)
+    if thermostat or engine.machines:
+        switch = "a thermostat" if thermostat else f"the control '{engine.machines[0]}'"
+        raise SolverError(
+            f"{switch} switches at its own period, so no state is periodic with the inputs. Simulate, and use a late part of the run.",
+            engine.title,
+            code="run.no-periodic-state",
+        )
+
+
 def _periodic(engine: Engine, a: Assembled, guess: Array, slopes: Array, gradients: bool) -> tuple[Array, Array]:
     """Return the state x (nodes,) that comes back after every period P of the inputs [K], and its derivatives (nodes, free).
 
@@ -860,15 +878,7 @@ def _periodic(engine: Engine, a: Assembled, guess: Array, slopes: Array, gradien
     from scipy.linalg import expm
 
     period, where = engine.wiring.cycle or 0.0, engine.title
-    heaters = [row.name for row in a.numbers.loads if row.control == "thermostat"]
-    thermostat = any(engine.wiring.power(name, a.numbers).levels.any() for name in heaters)  # one of 0 W switches nothing
-    if thermostat or engine.machines:
-        switch = "a thermostat" if thermostat else f"the control '{engine.machines[0]}'"
-        raise SolverError(
-            f"{switch} switches at its own period, so no state is periodic with the inputs. Simulate, and use a late part of the run.",
-            where,
-            code="run.no-periodic-state",
-        )
+    _refuse_own_periods(engine, a)
     if not period:  # constant inputs: their steady state comes back after any time
         return guess, slopes
     capacity = engine.capacities(a)
