@@ -5,6 +5,7 @@ from __future__ import annotations
 import gc
 import sys
 from collections.abc import Iterator
+from contextlib import nullcontext
 from typing import Any
 
 import pytest
@@ -23,6 +24,24 @@ def values_alone() -> Iterator[None]:
         yield
 
 
+@pytest.fixture(scope="module", params=["values alone", pytest.param("in full", marks=pytest.mark.campaign)])
+def errors_in_turn(request: pytest.FixtureRequest) -> Iterator[str]:
+    """As `values_alone` in `make test`; the same tests run with the product's own models of error where `make test-all` runs them."""
+    from plain_errors import errors_of_values_alone
+
+    with errors_of_values_alone() if request.param == "values alone" else nullcontext():
+        yield request.param
+
+
+@pytest.fixture
+def errors_in_full_here() -> Iterator[None]:
+    """For a test of such a module that is about models of error: it has the product's in `make test` too."""
+    from plain_errors import errors_in_full
+
+    with errors_in_full():
+        yield
+
+
 class _Documented:
     """Examples in docstrings are looked for in files that hold some; the others are not imported and searched for them."""
 
@@ -36,6 +55,13 @@ def pytest_configure(config: pytest.Config) -> None:
     """Thousands of tests and syntax trees of the whole package are kept: the garbage collector need not look at them again and again."""
     gc.set_threshold(20_000, 20, 50)
     config.pluginmanager.register(_Documented())
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """What runs in the campaign only has the product's models of error there, and runs once."""
+    of_values = [i for i in items if "errors_in_turn" in getattr(i, "fixturenames", ()) and "values alone" in i.name]
+    twice = {i for i in of_values if i.get_closest_marker("campaign")}
+    items[:] = [i for i in items if i not in twice]
 
 
 def pytest_collection_finish() -> None:

@@ -9,7 +9,7 @@ import pytest
 
 import thermid as td
 
-pytestmark = pytest.mark.document
+pytestmark = [pytest.mark.document, pytest.mark.usefixtures("errors_in_turn")]
 DECKS = Path(__file__).parents[2] / "examples" / "sisnav"
 LEVELS = ("Acc", "FOG_h", "FOG_l", "EleGFO", "ProcSISNAV", "m_PrE", "m_AccS", "m_IMU", "m_Sd")
 BENCH = td.Scenario("bench", boundaries={"cv": "24 [degC]"}, start="24 [degC]", duration="5 [h]")

@@ -10,7 +10,7 @@ import pytest
 
 from recovery.noise_cases import CONSUMERS, KINDS, Cell, campaign
 
-pytestmark = pytest.mark.recovery
+pytestmark = [pytest.mark.recovery, pytest.mark.usefixtures("errors_in_turn")]
 ROOT = Path(__file__).parents[2]
 QUICK = {"fit": 1, "profile": 1, "next_test": 1, "steady point": 2, "energy_balance": 1}
 SEED = 20261122

@@ -21,6 +21,8 @@ from thermid.model.tree import Model, identities, load_model
 from unit.fit.bench import log
 from unit.fit.project import write_log
 
+pytestmark = pytest.mark.usefixtures("errors_in_turn")
+
 FOOT, PLATE = "foot_conductivity", "plate_skin.effective_htc"
 HTC = "skin.effective_htc"
 NODES = {"T_X": "x.case", "T_Y": "y.case", "T_P": "plate"}
@@ -128,7 +130,7 @@ def project(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="module")
-def campaign(project: Path) -> Campaign:
+def campaign(project: Path, errors_in_turn: str) -> Campaign:
     return td.run_stages(project / "campaign.toml")
 
 

@@ -16,6 +16,8 @@ from thermid.model.tree import ParameterSet, identities, load_model
 from unit.fit.project import write_log
 from unit.fit.trees import Part, joined, leaf, record_of, record_table, stage_table, write_decks, write_logs
 
+pytestmark = pytest.mark.usefixtures("errors_in_turn")
+
 G, POWER = "g.conductance", "heat.power"
 
 

@@ -18,7 +18,7 @@ from thermid.model.tree import Dropped, load_model
 from thermid.values.store import Cut, Normal, Source, State, Store, Uniform, ValueOrigin, graft, load_store, load_values, save_store
 from unit.fit.trees import joined, leaf, record_table, stage_table, write_decks, write_logs
 
-pytestmark = pytest.mark.usefixtures("values_alone")
+pytestmark = pytest.mark.usefixtures("errors_in_turn")
 
 COMPONENT = leaf("component", 0.20)
 PAIR = joined("pair", {"p": COMPONENT}, (0.30, 0.30))

@@ -14,6 +14,8 @@ from thermid.campaign._stages import run_stages
 from thermid.values.store import Store, load_store
 from unit.fit.trees import Part, joined, leaf, record_table, stage_table, write_decks, write_logs
 
+pytestmark = pytest.mark.usefixtures("errors_in_turn")
+
 
 @dataclass
 class Given:

@@ -24,6 +24,8 @@ from thermid.values.store import FittedValue, FittedValues
 from unit.fit.bench import BOX, HTC, box, deck, log, metered
 from unit.fit.project import make_project, write_log
 
+pytestmark = pytest.mark.usefixtures("errors_in_turn")
+
 CAMPAIGN = """title = "box"
 
 [records.bench]
@@ -134,6 +136,7 @@ def test_a_power_that_departures_make_up_for_is_named(factor: float, state: str)
     assert [*fit.contradicted] == ["METER error"] * (factor > 1.0)
 
 
+@pytest.mark.usefixtures("errors_in_full_here")
 @pytest.mark.parametrize("exponent", [0.25, 0.6])
 def test_a_fit_and_its_verdict_stand_on_expected_values(exponent: float) -> None:
     """A stated exponent of 0.6 for 0.25 shifts all fitted errors of sensors together; expected values and their curves hold."""

@@ -23,6 +23,8 @@ from thermid.measure.records import Record
 from thermid.simulation.runs import Options, Scenario
 from unit.fit.bench import AREA, HTC, MASS, box, log, metered, pair
 
+pytestmark = pytest.mark.usefixtures("errors_in_turn")
+
 BARE = {"surfaces/skin/effective_htc": "6 [W/(m^2 K)]", "nodes/case/mass": "1.5 [kg]"}
 """Without bounds, so that no bound refuses before the reason under test does."""
 

@@ -21,6 +21,8 @@ from thermid.values.store import FittedValue, FittedValues, Store
 from unit.fit.bench import HTC, MASS, box, log, pair
 from unit.fit.project import make_project, write_log
 
+pytestmark = pytest.mark.usefixtures("errors_in_turn")
+
 FREE = ("a.power", "b.power")
 LINEAR = {"parameters/power/min": 0}
 
@@ -38,7 +40,7 @@ def bench(stack: Model, seed: int, watts: float = 4.4) -> Record:
 
 
 @pytest.fixture(scope="module")
-def below(stack: Model) -> Calibration:
+def below(stack: Model, errors_in_turn: str) -> Calibration:
     return fit(Request(stack, (bench(stack, 1),), FREE, name="below"))
 
 
@@ -92,6 +94,7 @@ def test_a_value_that_moved_and_its_neighbour_that_did_not(stack: Model, below: 
     assert re_power(other.moved["a.power"])
 
 
+@pytest.mark.usefixtures("errors_in_full_here")
 def test_a_value_far_from_what_a_stage_below_found_is_not_adequate(stack: Model, below: Calibration) -> None:
     """What the logs alone ask for counts: where its prior holds a value is near, and such fits were credible however far they disagreed."""
     near, *far = (above(stack, below, bench(stack, 3, watts), fixed) for watts, fixed in ((4.4, False), (5.0, False), (5.0, True)))

@@ -13,6 +13,8 @@ from thermid.fit._calibration import Calibration
 from thermid.fit._problem.experiment import InputNoise
 from thermid.fit._uncertainty.noise import Binned, answers_to_inputs, score_of_inputs
 
+pytestmark = pytest.mark.usefixtures("errors_in_turn")
+
 DECK = """
 title = "heated plate under a cover"
 needs = ["room"]

@@ -13,6 +13,8 @@ from thermid.fit._uncertainty.noise import TraceNoise, binned_trace, covariance_
 from thermid.measure.records import blur_of, shared_rounding
 from unit.fit.bench import HTC, MASS, box, log, metered
 
+pytestmark = pytest.mark.usefixtures("errors_in_turn")
+
 STEP = 0.5
 
 

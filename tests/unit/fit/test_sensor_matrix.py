@@ -27,7 +27,7 @@ from thermid.values.store import error_table_of
 from unit.fit.bench import HTC, box, log, pair
 from unit.fit.project import COOL, write_log
 
-pytestmark = pytest.mark.usefixtures("values_alone")
+pytestmark = pytest.mark.usefixtures("errors_in_turn")
 
 KEYS = {
     "none": "",
@@ -304,7 +304,7 @@ ALONE = [pytest.param((key,), id=f"{key} alone", marks=pytest.mark.campaign) for
 
 
 @pytest.fixture(scope="module")
-def cells(tmp_path_factory: pytest.TempPathFactory) -> Callable[[tuple[str, ...]], Cell]:
+def cells(tmp_path_factory: pytest.TempPathFactory, errors_in_turn: str) -> Callable[[tuple[str, ...]], Cell]:
     """The cell of some keys, made once."""
     return cache(lambda keys: Cell(keys, tmp_path_factory.mktemp("sensor")))
 
@@ -317,6 +317,15 @@ def test_every_key_is_asked() -> None:
 @pytest.mark.parametrize("check", [c for c in CHECKS if c not in SLOW])
 def test_every_key_of_a_sensor_with_every_result(cells: Callable[[tuple[str, ...]], Cell], keys: tuple[str, ...], check: str) -> None:
     CHECKS[check](cells(keys))
+
+
+@pytest.mark.usefixtures("errors_in_full_here")
+@pytest.mark.parametrize("keys", [pytest.param(TOGETHER[name], id=name) for name in ("lag", "nodes of its own")])
+def test_every_key_of_a_sensor_with_the_model_of_error(keys: tuple[str, ...], tmp_path: Path) -> None:
+    cell = Cell(keys, tmp_path)
+    cell.campaign = td.run_stages(cell.path, only={"box"})
+    for check in ("predict", "discrepancy"):
+        CHECKS[check](cell)
 
 
 @pytest.mark.parametrize("keys", [pytest.param(("lag",), id="lag"), *ALONE])

@@ -21,6 +21,8 @@ from thermid.prediction._budget import STATED_RANGES, budget_of
 from thermid.simulation.runs import compile_network
 from thermid.values.store import RANGE_OF, RangedValue
 
+pytestmark = pytest.mark.usefixtures("errors_in_turn")
+
 STEEL, PLAIN = "stainless steel 304", "0 [s]"
 HTC = {"value": "6 [W/(m^2 K)]", "min": 4.5, "max": 8.0, "source": "datasheet"}
 ROOM = td.Scenario("bench", boundaries={"air": "22 [degC]"}, start="22 [degC]", duration="3 [h]")
@@ -200,7 +202,7 @@ def test_two_parts_of_one_material_are_one_source() -> None:
 
 
 @pytest.fixture(scope="module")
-def below() -> Calibration:
+def below(errors_in_turn: str) -> Calibration:
     return fit(Request(box(), [log(box())], ["a_skin.htc", "joint.conductance"], name="below", scenarios={"*": BESIDE}))
 
 

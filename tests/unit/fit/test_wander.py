@@ -24,6 +24,8 @@ from thermid.model.tree import load_model
 from thermid.simulation.runs import Scenario, simulate
 from unit.fit.bench import HTC, MASS, box, log, room
 
+pytestmark = pytest.mark.usefixtures("errors_in_turn")
+
 NOISE, SLOW, TIME = 0.05, 0.15, 900.0
 TRUTH = {HTC: 5.0, MASS: 1.7}
 
@@ -120,7 +122,7 @@ def test_a_short_record_says_nothing_about_wandering() -> None:
 
 
 @pytest.fixture(scope="module")
-def biased() -> Calibration:
+def biased(errors_in_turn: str) -> Calibration:
     data = wandering(4)
     return fit(Request(box(), (data.with_channels(replace(data["T"], accuracy=0.5)),), (HTC, MASS), name="below"))
 
@@ -260,6 +262,7 @@ def lagging_box(noise: float | None) -> Record:
     return Record.from_arrays("bench", times, {"T": case, "ROOM": air})
 
 
+@pytest.mark.usefixtures("errors_in_full_here")
 @pytest.mark.parametrize("noise", [0.05, None, 0.15])
 def test_a_structure_that_lacks_a_mass_is_not_credible_or_its_interval_holds(noise: float | None) -> None:
     """Errors and limits that stood on a noise three times too large said 'credible' of a mass that was errors off."""

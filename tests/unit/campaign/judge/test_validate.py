@@ -16,6 +16,8 @@ from thermid.measure.records import Record
 from thermid.model.tree import Standing
 from unit.fit.bench import HTC, MASS, box, log, metered
 
+pytestmark = pytest.mark.usefixtures("errors_in_turn")
+
 
 def run(name: str, seed: int, **more: object) -> Record:
     bias = {"T": 0.6}
@@ -24,7 +26,7 @@ def run(name: str, seed: int, **more: object) -> Record:
 
 
 @pytest.fixture(scope="module")
-def found() -> Calibration:
+def found(errors_in_turn: str) -> Calibration:
     return calibrate(
         box(), [run("a", 1), run("b", 2, loads={"heat": 4.0}, start="45 [degC]")], [HTC, MASS], priors={MASS: ("1.5 [kg]", "1 [%]")}
     )
