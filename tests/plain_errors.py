@@ -3,6 +3,9 @@
 How elements depart from their laws takes a fit several times as long as its search: some .4 to 1.4 s each. Modules that read neither bands
 nor errors nor what the structure may lack take the errors of the fitted values instead, as the product does where no element can be
 followed. Everything else is the product's: what is asked, kept, written, read and handed up.
+
+`values_alone` is for modules that read nothing else; with `errors_in_turn` the same tests also run in the campaign with the product's
+models of error. A test that is about them takes `errors_in_full_here`.
 """
 
 from __future__ import annotations

@@ -300,7 +300,10 @@ def read_initfcn(source: str | os.PathLike[str]) -> InitFcn:
             reader.failed.add(statement.name)
     if faults:
         first, *rest = sorted(faults, key=lambda e: int(e.where.rpartition(":")[2]))
-        if len(faults) > len(reader.parameters) and not re.search(r";\s*(%.*)?$", text, re.MULTILINE):  # a file of another kind
+        at, begin = next((n, s) for n, line in enumerate(text.splitlines(), 1) if (s := line.strip()) and s[0] not in "%#")
+        foreign = first.where == f"{file}:{at}" and not _HEAD.match(begin)
+        # a file of another kind
+        if len(faults) > len(reader.parameters) and (foreign or not re.search(r";\s*(%.*)?$", text, re.MULTILINE)):
             raise type(first)(
                 f"{first.message} {counted(len(rest), 'more statement')} cannot be read either.", first.where, code=first.code
             )

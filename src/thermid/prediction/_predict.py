@@ -353,7 +353,7 @@ class Prediction(Named[Band]):
         """Return the end of the run as a table, and what the variance comes from."""
         width = max([4, *(len(n) for n in self.bands)])
         lines = [f"{self.title}, {self.scenario}: temperature +- one standard error, and the 95 % band"]
-        lines = [*(x for x in (self.explanation, self.not_counted) if x), *lines]
+        lines = [*(x for x in (self.explanation, self.not_counted) if x), *lines, *(f"  warning: {w}" for w in self.warnings)]
         for name, band in self.bands.items():
             e = band.final
             steady = self.settled.get(name)
@@ -364,7 +364,7 @@ class Prediction(Named[Band]):
         lines += [f"  {name}: {duty}" for name, duty in self.duty_cycles.items()]
         lines += [f"  {words}" for words in [self.centre] if words]
         lines += [f"  {cause}: {text}" for cause, text in self.causes.items()]
-        return self.standing.over("\n".join([*lines, *(f"  warning: {w}" for w in self.warnings)]))
+        return self.standing.over("\n".join(lines))
 
     @property
     def centre(self) -> str:

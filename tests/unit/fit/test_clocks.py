@@ -18,6 +18,8 @@ from thermid.fit._problem.request import Request
 from thermid.fit.calibration import blame_of
 from thermid.model.tree import TableSignal
 
+pytestmark = pytest.mark.usefixtures("errors_in_turn")
+
 DECK = {
     "title": "Box",
     "needs": ["air"],
@@ -220,6 +222,7 @@ def open_clock(offset: float, rate: float, seed: int = 3) -> td.Record:
 FREE = ["case.capacitance", "out.conductance"]
 
 
+@pytest.mark.usefixtures("errors_in_full_here")
 def test_a_fit_finds_a_clock_beside_its_values() -> None:
     fit = td.calibrate(BOX, open_clock(130.0, 1.08), FREE, scenario=AIR)
     clock = {i.name: i for i in fit.local}

@@ -22,6 +22,8 @@ from thermid.model.tree import Constant, Model, TableSignal, model_from_dict
 from thermid.simulation.runs import Scenario, simulate
 from unit.fit.bench import HTC, ICE, MASS, box, log, metered, pair, room
 
+pytestmark = pytest.mark.usefixtures("errors_in_turn")
+
 
 @pytest.fixture(scope="module")
 def model() -> Model:

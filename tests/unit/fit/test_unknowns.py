@@ -25,6 +25,8 @@ from thermid.simulation.runs import Scenario
 from thermid.values.store import FittedValue, FittedValues, Normal, Source, State, Store, ValueOrigin
 from unit.fit.bench import AREA, HTC, MASS, PAIR, box, log, metered, pair
 
+pytestmark = pytest.mark.usefixtures("errors_in_turn")
+
 
 def unknown(value: Any, text: str) -> Unknown:
     given = Parameter.read(value)

@@ -165,6 +165,14 @@ def test_what_depends_on_a_branch_is_left_out_and_listed(style: str) -> None:
     assert [r for r in found.remarks if f": {', '.join(names)}. Write" in r] == ([found.remarks[0]] if names else [])
 
 
+@pytest.mark.parametrize("first", ["function [t, T] = f(t, p)", 'package box "Box"', '<svg class="map">'])
+def test_a_file_of_another_kind_is_refused_in_one_sentence(first: str) -> None:
+    with pytest.raises(td.ThermidError) as caught:
+        read_initfcn(f"% written\n{first};\nx = zeros(3);\n[y, z] = size(x);\nmodel q;")
+    assert str(caught.value).startswith("script:2: ")
+    assert "\n" not in str(caught.value)
+
+
 @pytest.mark.parametrize("style", REFUSED)
 def test_every_fault_of_a_script_is_named_in_one_run(style: str) -> None:
     script, places = REFUSED[style]

@@ -16,6 +16,8 @@ from thermid.fit.error_model import BandCause
 from thermid.prediction.advice import AGAIN, PUMPED_DOWN, Option
 from unit.fit.bench import HTC, MASS, box, log, metered, pair
 
+pytestmark = pytest.mark.usefixtures("errors_in_turn")
+
 TRUE = {HTC: "5 [W/(m^2 K)]"}
 BENCH = td.Scenario("bench", boundaries={"air": "24 [degC]"}, duration="4 [h]")
 JOINT = "stack.contact_conductance"
@@ -27,7 +29,7 @@ def first(seed: int = 1, hours: float = 2.0) -> td.Record:
 
 
 @pytest.fixture(scope="module")
-def fit() -> td.Calibration:
+def fit(errors_in_turn: str) -> td.Calibration:
     return td.calibrate(box(), first(), [HTC, MASS])
 
 
@@ -118,6 +120,7 @@ BLACK = {"surfaces/skin/emissivity": {"value": "0.85", "min": 0.7, "max": 0.95}}
 FAR = td.Scenario("pumped", duration="40 [h]").vacuum()
 
 
+@pytest.mark.usefixtures("errors_in_full_here")
 def test_without_gas_it_counts_what_a_prediction_counts() -> None:
     """What of a coefficient is radiation decides there: no planned test is credited with what it tells of that, and the advice says so."""
     fit = td.calibrate(box(BLACK), log(box(BLACK), {}, {"T": "case"}, noise=0.05, accuracy=0.2, samples=121), [HTC, MASS])
@@ -130,6 +133,7 @@ def test_without_gas_it_counts_what_a_prediction_counts() -> None:
     assert "'extrapolation': one in the gas" in str(advice).splitlines()[-1]
 
 
+@pytest.mark.usefixtures("errors_in_full_here")
 def test_without_gas_a_joint_is_as_doubtful_as_in_a_prediction() -> None:
     model = pair(first=box(BLACK), second=box({**BLACK, "parameters/power/value": "1 [W]", "title": "Cool"}))
     data = log(model, {}, {"A": "a.case", "B": "b.case"}, boundary="room", noise=0.05, accuracy=0.2, samples=121)
@@ -145,7 +149,9 @@ def test_without_gas_a_joint_is_as_doubtful_as_in_a_prediction() -> None:
     assert pumped.error < 0.95 * advice.now
 
 
-def test_what_else_a_prediction_has_is_said(fit: td.Calibration) -> None:
+@pytest.mark.usefixtures("errors_in_full_here")
+def test_what_else_a_prediction_has_is_said() -> None:
+    fit = td.calibrate(box(), first(), [HTC, MASS])
     hot = td.Scenario("hot", boundaries={"air": "60 [degC]"}, loads={"heat": "8 [W]"}, duration="20 [h]")
     parts = td.predict(fit, hot)["case"].parts
     advice = td.design.next_test(fit, td.design.Aim(hot, "case"), scenario=BENCH)
