@@ -41,8 +41,10 @@ _NO_VALUE = re.compile(
     r"\b[^=]*)\Z"
 )
 """Commands of MATLAB that set no value, and a number alone, with which a script of Octave may begin."""
+_FUNCTION = re.compile(r"function\s+\w+\s*(\(\s*\))?\Z")
+"""The head of a function around a script, which takes and gives nothing."""
 _OPENS = re.compile(r"(?:if|for|parfor|while|switch|try)\b")
-_CLOSES = re.compile(r"end(?:if|for|parfor|while|switch|_try_catch)?\Z")
+_CLOSES = re.compile(r"end(?:if|for|parfor|while|switch|_try_catch|function)?\Z")
 _SETS = re.compile(r"(?:\[([\w\s,~]*)\]|(?<!\w)([A-Za-z]\w*)(\([^()]*\))?)\s*=(?!=)")
 """What a statement of a branch sets: a list of names, or one name, perhaps with an index."""
 _TEXT = re.compile(r"[%#].*|(?<![\w)\]}'.])'(?:[^']|'')*'|\"[^\"]*\"")
@@ -383,7 +385,7 @@ def statements(
     ExpressionError   When a comment or a statement does not end.
     """
     assignments: list[Statement] = []
-    vectors, passed, blocks = set[str](), list[str](), list[int]()
+    vectors, passed, blocks, wrapped = set[str](), list[str](), list[int](), False
     lines = text.splitlines()
     numbered = [re.match(r"\s*(\d+)(?:\s|$)", line) for line in lines if line.strip()]
     if [int(m[1]) for m in numbered if m is not None] == list(range(1, len(numbered) + 1)):  # as a printed listing has them in front
@@ -392,6 +394,9 @@ def statements(
         parts = _parts(code)
         assignments_of_part: list[list[Statement]] = []
         for part in parts:
+            if _FUNCTION.match(part) or (not blocks and wrapped and _CLOSES.match(part)):
+                wrapped = True
+                continue
             if blocks or _OPENS.match(part):
                 for several, one, index in _SETS.findall(_FIELD.sub(r"\1_", part)):
                     names = re.findall(r"\w+", several or one)
@@ -400,7 +405,8 @@ def statements(
                 blocks += [number] if _OPENS.match(part) else []
                 begin = blocks.pop() if _CLOSES.match(part) else 0
                 if not blocks:
-                    remarks.append(f"lines {begin} to {number} are a branch or a loop, of which nothing is read")
+                    place = f"line {number} is" if begin == number else f"lines {begin} to {number} are"
+                    remarks.append(f"{place} a branch or a loop, of which nothing is read")
                 continue
             try:
                 if _NO_VALUE.match(part) and not (part.startswith("clear") and (assignments or assignments_of_part)):

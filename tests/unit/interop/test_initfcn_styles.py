@@ -143,7 +143,7 @@ BRANCHES: dict[str, tuple[str, str, dict[str, float], list[str]]] = {
         {"m": 1.0},
         ["k", "P", "q"],
     ),
-    "set again below": ("if a == 1, b = 2; end\nb = 3; % [W]\nq = 2*b; % [W]", "lines 1 to 1 ", {"b": 3.0, "q": 6.0}, []),
+    "set again below": ("if a == 1, b = 2; end\nb = 3; % [W]\nq = 2*b; % [W]", "line 1 is ", {"b": 3.0, "q": 6.0}, []),
     "a choice by name": (
         "p.h = 5; % [W/(m^2 K)]\nswitch mode\n  case {'fan', 'duct'}\n    [p.h, v] = deal(20, 3);\n  otherwise\n    p.h = 6;\nendswitch\n"
         "A = 0.1; % [m^2]\nG = p.h*A; % [W/K]",
@@ -163,6 +163,12 @@ def test_what_depends_on_a_branch_is_left_out_and_listed(style: str) -> None:
     assert found.parameters.keys() == numbers.keys()
     assert [r for r in found.remarks if r.startswith(lines)]
     assert [r for r in found.remarks if f": {', '.join(names)}. Write" in r] == ([found.remarks[0]] if names else [])
+
+
+@pytest.mark.parametrize("end", ["end", "endfunction", ""])
+def test_a_function_around_a_script_takes_nothing_from_it(end: str) -> None:
+    found = read_initfcn(f"function init()\na = 2; % [kg]\nif a\n b = 3;\nend\nc = 2*a; % [kg]\n{end}\n")
+    assert found.numbers == {"a": 2.0, "c": 4.0}
 
 
 @pytest.mark.parametrize("first", ["function [t, T] = f(t, p)", 'package box "Box"', '<svg class="map">'])
