@@ -386,11 +386,7 @@ def statements(
     """
     assignments: list[Statement] = []
     vectors, passed, blocks, wrapped = set[str](), list[str](), list[int](), False
-    lines = text.splitlines()
-    numbered = [re.match(r"\s*(\d+)(?:\s|$)", line) for line in lines if line.strip()]
-    if [int(m[1]) for m in numbered if m is not None] == list(range(1, len(numbered) + 1)):  # as a printed listing has them in front
-        lines = [re.sub(r"\A\s*\d+(?:\s|$)", "", line) for line in lines]
-    for number, code, comment in _joined(lines, file):
+    for number, code, comment in _joined(_without_numbers(text.splitlines()), file):
         parts = _parts(code)
         assignments_of_part: list[list[Statement]] = []
         for part in parts:
@@ -430,6 +426,14 @@ def statements(
         remarks.append(f"passed over, because they set no value: {', '.join(dict.fromkeys(passed))}")
     for k, statement in enumerate(assignments):
         yield replace(statement, later=tuple(s.name for s in assignments[k + 1 :]))
+
+
+def _without_numbers(lines: list[str]) -> list[str]:
+    """Return the lines of a script without their numbers, which a printed listing has in front."""
+    numbered = [re.match(r"\s*(\d+)(?:\s|$)", line) for line in lines if line.strip()]
+    if [int(m[1]) for m in numbered if m is not None] != list(range(1, len(numbered) + 1)):
+        return lines
+    return [re.sub(r"\A\s*\d+(?:\s|$)", "", line) for line in lines]
 
 
 def _parts(code: str) -> list[str]:
