@@ -740,7 +740,7 @@ def _within(roles: Roles, facts: StatedFacts) -> Any:
         barred = [*UNSAID, *tips]  # a sensor touches its part and nothing else
         able = (c for c in structure.changes() if (c.nodes <= room or c.name in lags) and not any(w in c.name for w in barred))
         able = (c for c in able if not facts.paths or _joined(c.request.model, measured) <= _joined(structure.request.model, measured))
-        return [_weighed(_fixed_sensors(c, structure) if c.name in lags else c, roles, facts) for c in able]
+        return [_weighed(_fixed_sensors(c, structure) if c.name in lags else c, structure, roles, facts) for c in able]
 
     return changes
 
@@ -763,8 +763,11 @@ def _fixed_sensors(lag: MissingElement, structure: Fitted) -> MissingElement:
     return replace(lag, judge=judge)
 
 
-def _weighed(change: MissingElement, roles: Roles, facts: StatedFacts) -> MissingElement:
-    """Return a change that is possible only as long as every weighed part has a heat capacity that its weight allows.
+def _weighed(change: MissingElement, structure: Fitted, roles: Roles, facts: StatedFacts) -> MissingElement:
+    """Return a change that is possible only as long as it takes no weighed part farther beyond what its weight allows than it was before.
+
+    A part within its weight has to stay there. One that was beyond it comes back by several changes: each alone was refused, and the
+    search ended at a structure that its weight rules out.
 
     A mass without a sensor that it fixes to a weighed part begins with a prior: a delay of the power would be answered by any mass.
     """
@@ -781,12 +784,16 @@ def _weighed(change: MissingElement, roles: Roles, facts: StatedFacts) -> Missin
     def judge(fitted: Any) -> tuple[str, bool]:
         """Return what a change says of a fit, and whether it is possible: no part is heavier or lighter than it can be."""
         text, possible = change.judge(fitted)
-        values = {path: fitted[path].value for path in fitted if path.rpartition(".")[2] in ("capacitance", "conductance")}
-        wrong = [c for c in weights(change.request.model, values, roles, facts.masses) if c.verdict != "possible"]
+        wrong = [
+            c
+            for c in weights(change.request.model, {p: v.value for p, v in fitted.items()}, roles, facts.masses)
+            if not min(c.low, before[c.path]) <= c.value <= max(c.high, before[c.path])
+        ]
         return "; ".join([text, *(f"{c.path} is {c.verdict}" for c in wrong)]), possible and not wrong
 
     if not facts.masses:
         return change
+    before = {c.path: c.value for c in weights(structure.request.model, structure.values, roles, facts.masses)}
     return replace(change, request=light(change.request), make=lambda request: light(change.make(request)), judge=judge)
 
 

@@ -127,6 +127,21 @@ def test_a_late_power_does_not_make_one_body_of_a_box_and_its_plate(hour: Module
     assert 1 / 3 < found["contact"] / bench.contact < 3
 
 
+def test_a_weighed_part_beyond_its_weight_comes_back_by_several_changes(hour: ModuleType, tmp_path: Path) -> None:
+    """The parts alone made a box of 1.75 of its heat; each change was refused because the box was still too heavy, and nothing proposed."""
+    bench = hour.varied(11)
+    log, weight = hour.faulty_log(bench, tmp_path / "box.csv", 11), f"box={bench.capacities['box'] / 896.0:.3f} [kg]"
+    _, made = said("init", str(log), "--to", str(tmp_path / "p"), "--mass", weight, "--material", "box=aluminium 6061")
+    assert made["not_physical"] == []
+    assert made["masses"] == 3
+    nodes = tomllib.loads((tmp_path / "p" / "box.toml").read_text())["nodes"]
+    found = {name: float(node["capacitance"].split()[0]) for name, node in nodes.items()}
+    plate = found.pop("plate")
+    truth = dict(bench.capacities)
+    assert plate == pytest.approx(truth.pop("plate"), rel=0.15)
+    assert sum(found.values()) == pytest.approx(sum(truth.values()), rel=0.15)
+
+
 def test_the_answer_is_the_same_under_a_clock_that_jumps(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     log = plate(tmp_path / "log.csv", offset=0.6)
     first = CliRunner().invoke(app, ["init", str(log), "--to", str(tmp_path / "p"), "--evaluations", "150"])
